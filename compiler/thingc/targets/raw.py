@@ -92,7 +92,7 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
     cut = {joint.path for robot in robots for closure in robot.closures for joint in closure.joints}
     if not files or (path[0] == "joint" and in_files(path[1]) in map(safe, cut)):
         return None
-    known = {element.attributes["name"] for file in files for element in file.walk() if element.tag == path[0]}
+    known = {element.get("name") for file in files for element in file.walk() if element.tag == path[0]}
     return f"`{target}` has no {path[0]} `{path[1]}`", did_you_mean(path[1], known, what=f"{path[0]}s"), 1
 
 
@@ -105,7 +105,7 @@ def _named(file: Element, attribute: RawAttribute) -> list[Element]:
     referring = {id(below) for element in file.walk() if element.tag in REFERRING for below in element.walk() if below is not element}
     return [
         element for element in file.walk()
-        if element.tag == attribute.path[0] and in_files(element.attributes.get("name", "")) == name and id(element) not in referring
+        if element.tag == attribute.path[0] and in_files(element.get("name")) == name and id(element) not in referring
     ]
 
 

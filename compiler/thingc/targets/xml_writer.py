@@ -6,25 +6,28 @@ What simulators write themselves has fewer digits (MuJoCo's `to_xml`: six), and 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from thingc.base.safe_text import escape_control
 from thingc.base.source import Origin
 from thingc.model.resolve.types import RawAttribute
 
+XmlValue = str | float | tuple[float, ...]
+"""What an attribute or an element holds: text, or numbers, which are formatted when the document is written."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawValue:
-    """A raw attribute on an element, and what stood there before it (None: nothing)."""
+    """A raw attribute on an element, and the value that it replaces (None: there was none)."""
 
     attribute: RawAttribute
-    before: str | None
+    before: XmlValue | None
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Element:
-    """An XML element. `text` stands in it in place of children (empty: nothing does); `origin` is what in the documents made it (empty:
+    """An XML element. `text` is its content in place of children (empty: it has none); `origin` is what in the documents made it (empty:
     nothing in particular); `raw` its raw attributes; `opening` its tag with its attributes as text, once that was asked for.
 
     Not frozen: a tree is grown from the top, and raw attributes are laid over it when every name is known. An element that stands
@@ -32,9 +35,9 @@ class Element:
     """
 
     tag: str
-    attributes: dict[str, str] = field(default_factory=dict)
+    attributes: dict[str, XmlValue] = field(default_factory=dict)
     children: list[Element] = field(default_factory=list)
-    text: str = ""
+    text: XmlValue = ""
     origin: Origin = ()
     raw: dict[str, RawValue] = field(default_factory=dict)
     _opening: str | None = field(default=None, init=False, repr=False)
@@ -43,12 +46,17 @@ class Element:
     def opening(self) -> str:
         """`<joint name="yaw"`: the tag and its attributes, escaped, without what closes it."""
         if self._opening is None:
-            values = "".join(self.attributes.values())
-            attributes = self.attributes.items() if _SPECIAL.search(values) is None else (
-                (name, value.translate(_ESCAPES)) for name, value in self.attributes.items()
-            )
-            self._opening = f"<{self.tag}" + "".join([f' {name}="{value}"' for name, value in attributes])
+            self._opening = f"<{self.tag}" + "".join([f' {name}="{_escaped(value)}"' for name, value in self.attributes.items()])
         return self._opening
+
+    def get(self, name: str, default: str = "") -> str:
+        """An attribute as text."""
+        return format_value(self.attributes.get(name, default))
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """All attributes as text."""
+        return {name: format_value(value) for name, value in self.attributes.items()}
 
     def copy(self) -> Element:
         """The same tree, to be changed: of elements that are in no other."""
@@ -63,14 +71,14 @@ class Element:
     def _alone(self) -> Element:
         return Element(tag=self.tag, attributes=dict(self.attributes), text=self.text, origin=self.origin, raw=dict(self.raw))
 
-    def add(self, tag: str, attributes: Mapping[str, str] | None = None, origin: Origin = ()) -> Element:
+    def add(self, tag: str, attributes: Mapping[str, XmlValue] | None = None, origin: Origin = ()) -> Element:
         """A new last child."""
         child = Element(tag=tag, attributes=dict(attributes or {}), origin=origin)
         self.children.append(child)
         return child
 
-    def say(self, tag: str, text: str, attributes: Mapping[str, str] | None = None) -> None:
-        """A new last child that holds a text."""
+    def say(self, tag: str, text: XmlValue, attributes: Mapping[str, XmlValue] | None = None) -> None:
+        """A new last child that holds a text or numbers."""
         self.children.append(Element(tag=tag, attributes=dict(attributes or {}), text=text))
 
     def find(self, tag: str) -> Element | None:
@@ -88,8 +96,7 @@ class Element:
     @property
     def label(self) -> str:
         """What a person would call it: joint `yaw`, or its tag where it has no name."""
-        name = self.attributes.get("name")
-        return f"{self.tag} `{name}`" if name is not None else f"`{self.tag}`"
+        return f"{self.tag} `{self.get('name')}`" if "name" in self.attributes else f"`{self.tag}`"
 
     def lay(self, name: str, attribute: RawAttribute) -> None:
         """Set an attribute to what a document's `raw` says; `lift` undoes it."""
@@ -130,9 +137,15 @@ def number(value: float) -> str:
     return str(whole) if whole is not None and whole == value else repr(float(value))
 
 
-def numbers(values: Iterable[float]) -> str:
-    """Numbers with a space between."""
-    return " ".join(number(value) for value in values)
+def format_value(value: XmlValue) -> str:
+    """A value as text: several numbers with a space between."""
+    if isinstance(value, str):
+        return value
+    return " ".join(map(number, value)) if isinstance(value, tuple) else number(value)
+
+
+def _escaped(value: XmlValue) -> str:
+    return value.translate(_ESCAPES) if isinstance(value, str) else format_value(value)
 
 
 def write(root: Element, heading: str, *, sections: bool = True) -> XmlText:
@@ -151,7 +164,7 @@ def write(root: Element, heading: str, *, sections: bool = True) -> XmlText:
                 text.append(f"{indent}{element.opening}>")
                 under_way.append((iter(element.children), indent + "  ", f"{indent}</{element.tag}>"))
                 break
-            said = f">{element.text.translate(_ESCAPES)}</{element.tag}>" if element.text else "/>"
+            said = f">{_escaped(element.text)}</{element.tag}>" if element.text != "" else "/>"
             text.append(f"{indent}{element.opening}{said}")
         else:
             under_way.pop()
@@ -181,4 +194,3 @@ def unwritable(name: str, value: str) -> str | None:
 
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
 _DASHES = re.compile("-{2,}")  # which XML allows in no comment
-_SPECIAL = re.compile('[&<>"\n\r\t]')

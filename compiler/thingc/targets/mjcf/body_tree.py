@@ -20,7 +20,7 @@ from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.mjcf.drives import NOTHING
 from thingc.targets.mjcf.lowering import base_positions, in_body, is_ball, lowered, positions
 from thingc.targets.mjcf.poses import pose_attributes
-from thingc.targets.xml_writer import Element, number, numbers
+from thingc.targets.xml_writer import Element, XmlValue
 
 FREE_JOINT = BASE
 """The name of the joint of a base that turns as a ball; a planar one has `root_0`, `root_1` and `root_2`."""
@@ -116,12 +116,12 @@ class _Builder:
     def option(self) -> None:
         """Gravity [m/s^2], and how to step: the document's `simulation` with the mode's over it."""
         mode = self.robot.mode
-        attributes: dict[str, str] = {}
-        for name, value in {**self.assembly.definition.simulation, **mode.simulation}.items():
-            text = value if isinstance(value, str) else number(value)
-            attributes[name] = INTEGRATORS.get(text.lower(), text) if name == "integrator" else text
+        attributes: dict[str, XmlValue] = {**self.assembly.definition.simulation, **mode.simulation}
+        if "integrator" in attributes:
+            integrator = str(attributes["integrator"])
+            attributes["integrator"] = INTEGRATORS.get(integrator.lower(), integrator)
         attributes |= adhesion_contacts.option(self.robot, attributes)
-        self.root.add("option", {**attributes, "gravity": numbers(self.robot.gravity)}, mode.origin)
+        self.root.add("option", {**attributes, "gravity": self.robot.gravity}, mode.origin)
 
     def default(self) -> None:
         """Classes. Geoms weigh nothing: the mass of a link is what its `inertial` says."""
@@ -139,7 +139,7 @@ class _Builder:
         section = self.root.add("custom")
         for joint in self.joints.values():
             if joint.limit.velocity is not None:
-                data = number(joint.limit.velocity)
+                data = joint.limit.velocity
                 section.add("numeric", {"name": f"{joint.path}:velocity", "data": data}, joint.origin)
 
     def asset(self) -> None:
@@ -203,11 +203,11 @@ class _Builder:
         for joint in self.joints.values():
             for slide in lowered(joint)[1:]:
                 # The turn depends on the slide: the other way round the slide's share of the constraint is so small that loads slip.
-                polynomial = numbers((0.0, 1.0 / slide.ratio, 0.0, 0.0, 0.0))
+                polynomial: tuple[float, ...] = (0.0, 1.0 / slide.ratio, 0.0, 0.0, 0.0)
                 names = {"name": f"{joint.path}:screw", "joint1": joint.path, "joint2": slide.name}
                 section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.origin)
             if joint.mimic is not None and joint.mimic.joint.path in self.joints:
-                polynomial = numbers((*joint.mimic.polynomial, 0.0, 0.0, 0.0)[:5])
+                polynomial = (*joint.mimic.polynomial, 0.0, 0.0, 0.0)[:5]
                 names = {"name": joint.mimic.name or f"{joint.path}:mimic", "joint1": joint.path, "joint2": joint.mimic.joint.path}
                 section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.mimic.origin)
         closures.equalities(self.robot, section, [link.name for link in self.links])
@@ -234,9 +234,9 @@ class _Builder:
         body_of = {body.link: index for index, body in enumerate(self.robot.bodies)}
         for magnet in self.assembly.adhesions:
             link = self.links[body_of[self.assembly.link_of[magnet.occurrence]]]
-            attributes = {"name": adhesion_name(self.robot, magnet.path), "body": link.name}
-            attributes |= {"ctrlrange": numbers((0.0, max(magnet.force, NOTHING))), "gain": "1"}
-            section.add("adhesion", attributes, self.assembly.occurrences[magnet.occurrence].origin)
+            names = {"name": adhesion_name(self.robot, magnet.path), "body": link.name}
+            bounds = (0.0, max(magnet.force, NOTHING))
+            section.add("adhesion", {**names, "ctrlrange": bounds, "gain": "1"}, self.assembly.occurrences[magnet.occurrence].origin)
 
     def keyframe(self) -> None:
         """Poses of the mode: q and controls; the base stands where the mode puts it, a free one where holds want it."""
@@ -249,7 +249,7 @@ class _Builder:
             ctrl = [self.position(path, frame.q) for path in self.driven]
             ctrl += tendons.controls(self.robot, frame.q)
             ctrl += [self.robot.adhesion.get(magnet.path, 0.0) for magnet in self.assembly.adhesions]
-            values: list[tuple[str, str | tuple[float, ...]]] = [("name", frame.name)]
+            values: list[tuple[str, XmlValue]] = [("name", frame.name)]
             values += [(name, tuple(row)) for name, row in (("qpos", qpos), ("ctrl", ctrl)) if row]
             mocap = [(base.translation, turned)] if self.robot.base == "held" else []
             mocap += [(pose.translation, pose.quaternion()) for pose in closures.anchors(self.robot).values()]

@@ -22,7 +22,7 @@ from thingc.targets.artifact import Loss
 from thingc.targets.capabilities import written
 from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.mjcf.poses import pose_attributes
-from thingc.targets.xml_writer import Element, numbers
+from thingc.targets.xml_writer import Element, XmlValue
 
 STIFFNESS = "0.999 0.9999 0.001"
 """`solimp` of a closure. MuJoCo's equalities give way; its own 0.9 lets a held foot sag by a part of a millimetre."""
@@ -35,14 +35,14 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
     """One `weld` per clamp or rigid loop, one `connect` per point or ball, two per hinge, a `connect` and a `tendon` per universal, as
     stiff as the timestep allows."""
     stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
-    stiff = {"solref": numbers((2.0 * float(stepped), 1.0)), "solimp": STIFFNESS}
+    stiff: dict[str, XmlValue] = {"solref": (2.0 * float(stepped), 1.0), "solimp": STIFFNESS}
     for closure in robot.closures:
         parent = anchor_name(closure) if closure.parent is None else links[closure.parent]
         form = equality(closure)
         match form:
             case "weld":
                 X_PL = NO_POSE if closure.hold else closure.X_PA @ closure.X_CB.inverse()
-                relpose = numbers((*X_PL.translation, *X_PL.quaternion()))
+                relpose = (*X_PL.translation, *X_PL.quaternion())
                 section.add("weld", {
                     "name": equality_name(closure), "body1": parent, "body2": links[closure.child], "relpose": relpose, **stiff,
                 }, closure.origin)
@@ -62,7 +62,7 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
                 longer = math.sqrt(2.0) * _lever(robot, closure) - _at_zero(robot, closure, ends)
                 section.add("tendon", {
                     "name": f"{equality_name(closure)}_1", "tendon1": equality_name(closure),
-                    "polycoef": numbers((longer, 0.0, 0.0, 0.0, 0.0)), **stiff,
+                    "polycoef": (longer, 0.0, 0.0, 0.0, 0.0), **stiff,
                 }, closure.origin)
             case None:
                 pass  # the loop stays open: see `losses`

@@ -5,7 +5,7 @@ from __future__ import annotations
 from thingc.model.assembly.types import ActuatorModel, LinkedTendon
 from thingc.model.resolve.coordinates import Limit
 from thingc.model.robot.types import TreeJoint
-from thingc.targets.xml_writer import number, numbers
+from thingc.targets.xml_writer import XmlValue
 
 UNBOUNDED = 1e6
 """Where a joint is limited on one side only, the other side of its `range` [rad or m]: MuJoCo takes both or none."""
@@ -21,24 +21,24 @@ def joint_range(limit: Limit) -> tuple[float, float] | None:
     return (-UNBOUNDED if limit.lower is None else limit.lower, UNBOUNDED if limit.upper is None else limit.upper)
 
 
-def drive_attributes(joint: TreeJoint | LinkedTendon, drive: ActuatorModel) -> dict[str, str]:
+def drive_attributes(joint: TreeJoint | LinkedTendon, drive: ActuatorModel) -> dict[str, XmlValue]:
     """Gains and ranges: of a position drive the joint's range, of a velocity drive its velocity limit, of a motor its
     effort. The joint's effort limit has the drive's as its default and counts where both are written."""
     effort = joint.limit.effort if joint.limit.effort is not None else drive.effort
     velocity = joint.limit.velocity if joint.limit.velocity is not None else drive.velocity
-    attributes: dict[str, str] = {}
+    attributes: dict[str, XmlValue] = {}
     if drive.kind == "motor":
         attributes["gear"] = "1"
         if effort is not None:
             attributes["ctrlrange"] = both_ways(effort)
         return attributes
     if drive.kind == "position" and drive.kp is not None:
-        attributes["kp"] = number(drive.kp)
+        attributes["kp"] = drive.kp
     if drive.kv is not None:
-        attributes["kv"] = number(drive.kv)
+        attributes["kv"] = drive.kv
     bounds = joint_range(joint.limit)
     if drive.kind == "position" and bounds is not None:
-        attributes["ctrlrange"] = numbers(bounds)
+        attributes["ctrlrange"] = bounds
     elif drive.kind == "velocity" and velocity is not None:
         attributes["ctrlrange"] = both_ways(velocity)
     if effort is not None:
@@ -46,7 +46,7 @@ def drive_attributes(joint: TreeJoint | LinkedTendon, drive: ActuatorModel) -> d
     return attributes
 
 
-def both_ways(bound: float) -> str:
+def both_ways(bound: float) -> tuple[float, float]:
     """A range around 0. MuJoCo reads `0 0` as no limit at all, so that a bound of nothing is almost nothing."""
     wide = max(bound, NOTHING)
-    return numbers((-wide, wide))
+    return (-wide, wide)

@@ -20,7 +20,7 @@ from thingc.targets.mjcf.inertial import inertial
 from thingc.targets.mjcf.limits import is_shell
 from thingc.targets.mjcf.lowering import MujocoJoint, lowered
 from thingc.targets.mjcf.poses import pose_attributes
-from thingc.targets.xml_writer import Element, number, numbers
+from thingc.targets.xml_writer import Element, XmlValue
 
 GRID = 0.1
 """How far [m] the lines of the grid are apart that MuJoCo may draw on a plane; it demands a number."""
@@ -29,16 +29,16 @@ GRID = 0.1
 def made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
     """Elements, and their names as raw attributes have them."""
     elements = make(*inputs)
-    return elements, frozenset(element.attributes.get("name", "").replace(".", "/") for element in elements)
+    return elements, frozenset(element.get("name").replace(".", "/") for element in elements)
 
 
 def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
     """The assets of meshes."""
     elements: list[Element] = []
     for mesh in meshes:
-        attributes = {"name": mesh.name, "file": mesh.file}
+        attributes: dict[str, XmlValue] = {"name": mesh.name, "file": mesh.file}
         if mesh.own is not None and mesh.scale not in (None, (1.0, 1.0, 1.0)):
-            attributes["scale"] = numbers(mesh.scale)
+            attributes["scale"] = mesh.scale
         if is_shell(mesh):
             attributes["inertia"] = "shell"
         elements.append(Element(tag="mesh", attributes=attributes, origin=mesh.origin))
@@ -48,7 +48,7 @@ def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
 def materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
     """The materials of what is drawn."""
     return tuple(
-        Element(tag="material", attributes={"name": name, "rgba": numbers(channels(color))}, origin=origin)
+        Element(tag="material", attributes={"name": name, "rgba": channels(color)}, origin=origin)
         for name, (color, origin) in geometry.materials(shapes).items()
     )
 
@@ -69,7 +69,7 @@ def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
     attributes = {**own}
     bounds = joint_range(joint.limit)
     if bounds is not None:
-        attributes["range"] = numbers(bounds)
+        attributes["range"] = bounds
     if joint.limit.effort is not None and not driven:
         attributes["actuatorfrcrange"] = both_ways(joint.limit.effort)
     attributes |= dynamics_attributes(joint.dynamics)
@@ -78,26 +78,28 @@ def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
 
 def ball(name: str, joint: TreeJoint) -> tuple[Element, ...]:
     """A ball, of any of its coordinates: they have all but the axis in common."""
-    attributes = {"name": name, "type": "ball", **({"pos": numbers(joint.twist.anchor)} if any(joint.twist.anchor) else {})}
+    attributes: dict[str, XmlValue] = {"name": name, "type": "ball"}
+    if any(joint.twist.anchor):
+        attributes["pos"] = joint.twist.anchor
     if joint.limit.cone is not None:
-        attributes["range"] = numbers((0.0, joint.limit.cone))
+        attributes["range"] = (0.0, joint.limit.cone)
     return (Element(tag="joint", attributes=attributes | dynamics_attributes(joint.dynamics), origin=joint.origin),)
 
 
-def dynamics_attributes(dynamics: Dynamics) -> dict[str, str]:
+def dynamics_attributes(dynamics: Dynamics) -> dict[str, XmlValue]:
     """What a joint or a tendon does by itself."""
     return {
-        name: number(value) for name, value in (
+        name: value for name, value in (
             ("stiffness", dynamics.stiffness), ("damping", dynamics.damping), ("frictionloss", dynamics.friction),
             ("armature", dynamics.armature), ("springref", dynamics.rest),
         ) if value is not None
     }
 
 
-def _axis(one: MujocoJoint, twist: Twist) -> dict[str, str]:
+def _axis(one: MujocoJoint, twist: Twist) -> dict[str, XmlValue]:
     """What every joint says of itself."""
-    pos = {"pos": numbers(twist.anchor)} if any(twist.anchor) else {}
-    return {"name": one.name, "type": one.type, **pos, "axis": numbers(one.axis)}
+    pos = {"pos": twist.anchor} if any(twist.anchor) else {}
+    return {"name": one.name, "type": one.type, **pos, "axis": one.axis}
 
 
 def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, taken: frozenset[str]) -> tuple[Element, ...]:
@@ -133,23 +135,22 @@ def drive_of_ball(name: str, joint: TreeJoint, drive: ActuatorModel, axis: Vecto
     """An actuator of the ball `name`, about an axis that is given in its body's axes, as the gear of the torque. Where the tree crosses the
     joint backwards, the axis goes with the parent in the tree."""
     attributes = {"name": drive.name or joint.path, "jointinparent" if joint.reversed else "joint": name, **drive_attributes(joint, drive)}
-    return (Element(tag=drive.kind, attributes=attributes | {"gear": numbers(axis)}, origin=drive.origin),)
+    return (Element(tag=drive.kind, attributes=attributes | {"gear": axis}, origin=drive.origin),)
 
 
-def key(attributes: tuple[tuple[str, str | tuple[float, ...]], ...], origin: Origin) -> tuple[Element, ...]:
-    """A pose: numbers are written as numbers, texts as they are."""
-    texts = {name: value if isinstance(value, str) else numbers(value) for name, value in attributes}
-    return (Element(tag="key", attributes=texts, origin=origin),)
+def key(attributes: tuple[tuple[str, XmlValue], ...], origin: Origin) -> tuple[Element, ...]:
+    """A pose."""
+    return (Element(tag="key", attributes=dict(attributes), origin=origin),)
 
 
-def _shape(shape: Shape, pose: Pose) -> dict[str, str]:
+def _shape(shape: Shape, pose: Pose) -> dict[str, XmlValue]:
     if shape.kind == "mesh":
         return {"mesh": shape.mesh or "", **pose_attributes(pose @ shape.pose)}
     size = (*shape.size, GRID) if shape.kind == "plane" else shape.size
-    return {"type": shape.kind, "size": numbers(size), **pose_attributes(pose @ shape.pose)}
+    return {"type": shape.kind, "size": size, **pose_attributes(pose @ shape.pose)}
 
 
-def _friction(material: Material | None) -> dict[str, str]:
+def _friction(material: Material | None) -> dict[str, XmlValue]:
     """`friction` where the material states any, the rest MuJoCo's own.
 
     MuJoCo takes the larger of two geoms' friction, which would lose the document's number on any floor: a priority makes
@@ -160,7 +161,7 @@ def _friction(material: Material | None) -> dict[str, str]:
     slide = 1.0 if material.slide is None else material.slide
     torsion = 0.005 if material.torsion is None else material.torsion
     roll = 0.0001 if material.roll is None else material.roll
-    attributes = {"friction": numbers((slide, torsion, roll)), "priority": "1"}
+    attributes: dict[str, XmlValue] = {"friction": (slide, torsion, roll), "priority": "1"}
     if material.roll is not None:
         attributes["condim"] = "6"
     elif material.torsion is not None:

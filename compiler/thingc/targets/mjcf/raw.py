@@ -81,7 +81,7 @@ def _sort(model: Element, ranks: Mapping[int, int]) -> None:
         keys = model.find("keyframe") if section.tag == "actuator" else None
         for number, key in enumerate(keys.children if keys is not None else ()):
             if keys is not None and "ctrl" in key.attributes and "ctrl" not in key.raw:
-                controls = key.attributes["ctrl"].split()
+                controls = key.get("ctrl").split()
                 keys.children[number] = key.copy()
                 keys.children[number].attributes["ctrl"] = " ".join(controls[place] for place in places)
 
@@ -110,7 +110,7 @@ def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element |
     path = attribute.path
     kind = path[0]
     if kind in NAMED:
-        elements = {_slashed(element.attributes["name"]): element for element in _named(kind, model)}
+        elements = {_slashed(element.get("name")): element for element in _named(kind, model)}
         return next((elements[name] for name in _names(attribute) if name in elements), None)
     if kind == "default":
         classes = _classes(robot, model)
@@ -153,7 +153,7 @@ def _classes(robot: Robot, model: Element) -> dict[str, Element]:
     """Default classes by name; the document's own name is the robot's class."""
     section = model.find("default")
     elements = section.walk() if section is not None else iter(())
-    classes = {element.attributes["class"]: element for element in elements if "class" in element.attributes}
+    classes = {element.get("class"): element for element in elements if "class" in element.attributes}
     return {robot.assembly.name: classes[class_name(robot)], **classes} if class_name(robot) in classes else classes
 
 
@@ -191,7 +191,7 @@ def _report_unknown(attribute: RawAttribute, robots: Sequence[Robot], models: Se
     if kind == "default":
         known, what = {known for robot, model in zip(robots, models, strict=True) for known in _classes(robot, model)}, "class"
     else:
-        known, what = {element.attributes["name"] for model in models for element in _named(kind, model)}, kind
+        known, what = {element.get("name") for model in models for element in _named(kind, model)}, kind
     message = f"`{attribute.target}` has no {what} `{name}`"
     names = "classes" if what == "class" else "bodies" if what == "body" else f"{what}s"
     report.add(

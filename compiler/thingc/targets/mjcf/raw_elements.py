@@ -85,10 +85,10 @@ class _Target:
         self.names: dict[str, set[str]] = {}
         world = model.find("worldbody")
         for element in world.walk() if world is not None else ():
-            self.names.setdefault("joint" if element.tag == "freejoint" else element.tag, set()).add(element.attributes.get("name", ""))
+            self.names.setdefault("joint" if element.tag == "freejoint" else element.tag, set()).add(element.get("name"))
         for kind in ("tendon", "actuator"):
             section = model.find(kind)
-            self.names[kind] = {one.attributes.get("name", "") for one in section.children} if section is not None else set()
+            self.names[kind] = {one.get("name") for one in section.children} if section is not None else set()
 
     def add(self, wanted: RawElement) -> tuple[str, str] | None:
         """Add an element. The kind and the name of what it names and this model has not got, or None."""
@@ -103,7 +103,7 @@ class _Target:
             self.model.children.insert(places[0] if places else len(self.model.children), section)
         section.children.append(made)
         if wanted.section in self.names and "name" in made.attributes:
-            self.names[wanted.section].add(made.attributes["name"])
+            self.names[wanted.section].add(made.get("name"))
         self.drives += wanted.section == "actuator"
         return None
 
@@ -156,5 +156,5 @@ class _Target:
         section = self.model.find("keyframe")
         for place, key in enumerate(section.children if section is not None and self.drives else ()):
             assert section is not None
-            ctrl = " ".join([*key.attributes.get("ctrl", "").split(), *["0"] * self.drives])
+            ctrl = " ".join([*key.get("ctrl").split(), *["0"] * self.drives])
             section.children[place] = Element(tag=key.tag, attributes={**key.attributes, "ctrl": ctrl}, origin=key.origin)

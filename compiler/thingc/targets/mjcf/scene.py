@@ -9,7 +9,7 @@ from thingc.base.source import Origin
 from thingc.base.summing import dist
 from thingc.model.robot.types import Robot
 from thingc.targets.extent import Box, bounds, placements
-from thingc.targets.xml_writer import Element, XmlText, number, numbers, write
+from thingc.targets.xml_writer import Element, XmlText, write
 
 FLOOR = "floor"
 
@@ -48,9 +48,9 @@ def _scene(
     root = Element(tag="mujoco", attributes={"model": title}, origin=origin)
     if box is not None:
         low, high = box
-        centre = [round((low[k] + high[k]) / 2.0, 3) for k in range(3)]
+        centre = tuple(round((low[k] + high[k]) / 2.0, 3) for k in range(3))
         extent = float(f"{max(dist(low, high), 1e-3):.3g}")
-        root.add("statistic", {"center": numbers(centre), "extent": number(extent)})
+        root.add("statistic", {"center": centre, "extent": extent})
     visual = root.add("visual")
     visual.add("headlight", {"diffuse": "0.6 0.6 0.6", "ambient": "0.3 0.3 0.3", "specular": "0 0 0"})
     visual.add("rgba", {"haze": "0.15 0.25 0.35 1"})

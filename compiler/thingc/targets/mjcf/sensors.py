@@ -19,7 +19,7 @@ from thingc.targets.mjcf import merged_joints, tendons
 from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.mjcf.poses import pose_attributes
 from thingc.targets.sensors import body_of, elsewhere, on_free_root
-from thingc.targets.xml_writer import Element, number, numbers
+from thingc.targets.xml_writer import Element, XmlValue
 
 LOOKING = turned_y(math.pi)
 """A camera of MuJoCo looks along its -z, up its y; ours looks along the mount's z, up the mount's y."""
@@ -55,7 +55,7 @@ def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
             site = sites[sensor.site or ""]
             # MJCF has degrees here whatever the compiler's `angle` says; 60 deg must not come back as 59.99999999999999
             degrees = float(f"{math.degrees(sensor.fovy):.12g}")
-            attributes = {"name": sensor.path, **pose_attributes(site.pose @ LOOKING), "fovy": number(degrees)}
+            attributes = {"name": sensor.path, **pose_attributes(site.pose @ LOOKING), "fovy": degrees}
             bodies[site.body].add("camera", attributes, sensor.origin)
 
 
@@ -65,7 +65,7 @@ def volumes(robot: Robot, bodies: Mapping[int, Element]) -> None:
     for sensor in robot.assembly.sensors:
         if sensor.volume is not None and (sensor.site or "") in sites:
             site = sites[sensor.site or ""]
-            attributes = {"name": _volume(sensor), "type": sensor.volume.shape, "size": numbers(sensor.volume.size)}
+            attributes: dict[str, XmlValue] = {"name": _volume(sensor), "type": sensor.volume.shape, "size": sensor.volume.size}
             bodies[site.body].add("site", attributes | pose_attributes(site.pose), sensor.origin)
 
 
@@ -89,10 +89,10 @@ def sensors(robot: Robot, section: Element) -> None:
 
 def _elements(robot: Robot, sensor: LinkedSensor, section: Element) -> None:
     for reading in SENSORS[sensor.kind].readings:
-        attributes = {"name": sensor.part(reading.name), **_objects(robot, sensor, reading.name)}
+        attributes: dict[str, XmlValue] = {"name": sensor.part(reading.name), **_objects(robot, sensor, reading.name)}
         for key, numbers_ in (("noise", sensor.noise), ("cutoff", sensor.cutoff)):
             if reading.name in numbers_:
-                attributes[key] = number(numbers_[reading.name])
+                attributes[key] = numbers_[reading.name]
         section.add(ELEMENTS[sensor.kind][reading.name], attributes, sensor.origin)
 
 

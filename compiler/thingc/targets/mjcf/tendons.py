@@ -17,7 +17,7 @@ from thingc.targets.mjcf import merged_joints
 from thingc.targets.mjcf.drives import drive_attributes, joint_range
 from thingc.targets.mjcf.elements import dynamics_attributes
 from thingc.targets.mjcf.poses import pose_attributes
-from thingc.targets.xml_writer import Element, number, numbers
+from thingc.targets.xml_writer import Element, XmlValue
 
 
 def present(robot: Robot) -> tuple[LinkedTendon, ...]:
@@ -37,22 +37,22 @@ def pulled(robot: Robot) -> tuple[LinkedTendon, ...]:
 def tendons(robot: Robot, section: Element) -> None:
     """A `fixed` for each that goes over joints, a `spatial` for each on a path."""
     for one in present(robot):
-        attributes = {"name": one.path}
+        attributes: dict[str, XmlValue] = {"name": one.path}
         bounds = joint_range(one.limit)
         if bounds is not None:
-            attributes["range"] = numbers(bounds)
+            attributes["range"] = bounds
         attributes |= dynamics_attributes(one.dynamics)
         attributes.pop("springref", None)
         if one.dynamics.stiffness is not None:
-            attributes["springlength"] = number(one.dynamics.rest or 0.0)
+            attributes["springlength"] = one.dynamics.rest or 0.0
         if one.width is not None:
-            attributes["width"] = number(one.width / 2.0)  # a radius, in spite of its name
+            attributes["width"] = one.width / 2.0  # a radius, in spite of its name
         element = section.add("spatial" if one.steps else "fixed", attributes, one.origin)
         for path, factor in one.moves.items():
-            element.add("joint", {"joint": path, "coef": number(factor)}, one.origin)
+            element.add("joint", {"joint": path, "coef": factor}, one.origin)
         for place, step in enumerate(one.steps):
             if step.divisor is not None:
-                element.add("pulley", {"divisor": number(step.divisor)}, step.origin)
+                element.add("pulley", {"divisor": step.divisor}, step.origin)
             elif step.shape is not None:
                 side = {} if step.side is None else {"sidesite": step.side.path}
                 element.add("geom", {"geom": _shape(one, place), **side}, step.origin)
@@ -73,7 +73,7 @@ def shapes(robot: Robot, bodies: Mapping[int, Element]) -> None:
                 site = sites[step.mount.path]
                 # MuJoCo's cylinder has no ends for a tendon; its length is to look at
                 size = (step.radius,) if step.shape == "sphere" else (step.radius, step.radius)
-                attributes = {"name": _shape(one, place), "type": step.shape, "size": numbers(size), **pose_attributes(site.pose)}
+                attributes = {"name": _shape(one, place), "type": step.shape, "size": size, **pose_attributes(site.pose)}
                 attributes |= {"contype": "0", "conaffinity": "0", "group": "3", "mass": "0"}
                 bodies[site.body].add("geom", attributes, step.origin)
 

@@ -369,7 +369,7 @@ def _say(
                 return
     subject = "the model" if place is None or place.tag == "mujoco" else place.label
     origin = place.origin if place is not None and place.origin else candidate.origin
-    name_of = place.attributes.get("name") if place is not None else None
+    name_of = (place.get("name") or None) if place is not None else None
     report.add(code, f"MuJoCo {verb} {subject}: {_words(text)}", origin, path=name_of, severity=severity)
 
 
@@ -381,7 +381,7 @@ def _place(text: str, written: XmlText) -> Element | None:
     name = re.search(r"Element name '([^']+)'", text) or re.search(r"'([^']+)'", text)
     if name is None:
         return None
-    named = [element for element in written.lines if element is not None and element.attributes.get("name") == name[1]]
+    named = [element for element in written.lines if element is not None and element.get("name") == name[1]]
     word = re.search(r"\b(keyframe|mesh|material|joint|geom|site|body|actuator)\b", text)
     tag = {"keyframe": "key"}.get(word[1], word[1]) if word else None
     return next((element for element in named if element.tag == tag), named[0] if named else None)

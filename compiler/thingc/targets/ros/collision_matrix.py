@@ -119,7 +119,7 @@ def _renamed(collision: Element, prefix: str, files: set[str]) -> Element:
         if mesh is None:
             shape.children.append(child)
             continue
-        file = mesh.attributes["filename"].removeprefix(prefix)
+        file = mesh.get("filename").removeprefix(prefix)
         files.add(file)
         shape.add("geometry").add("mesh", {"filename": file})
     return shape
@@ -140,13 +140,13 @@ class _Sampler:
         spec.memory = MEMORY
         self.model: Any = spec.compile()
         self.data: Any = mujoco.MjData(self.model)
-        moving = {one.attributes["name"]: one for one in tree.children if one.tag == "joint" and one.attributes["type"] != "fixed"}
+        moving = {one.get("name"): one for one in tree.children if one.tag == "joint" and one.get("type") != "fixed"}
         self.free = {name: joint for name, joint in moving.items() if joint.find("mimic") is None}
         columns = {name: column for column, name in enumerate(self.free)}
         self.leader, self.multiplier, self.offset = (np.zeros(self.model.nq, dtype=kind) for kind in (int, float, float))
         for name, joint in moving.items():
             mimic = joint.find("mimic")
-            said = mimic.attributes if mimic is not None else {"joint": name, "multiplier": "1", "offset": "0"}
+            said = mimic.texts if mimic is not None else {"joint": name, "multiplier": "1", "offset": "0"}
             address = self.model.joint(name).qposadr[0]
             self.leader[address] = columns[said["joint"]]
             self.multiplier[address], self.offset[address] = float(said["multiplier"]), float(said["offset"])
@@ -190,8 +190,8 @@ class _Sampler:
         """Between which values [rad or m] a joint is drawn: where it has no limit a whole turn, or as far as the robot is large."""
         limit = joint.find("limit")
         assert limit is not None
-        lower, upper = (float(limit.attributes.get(name, sign * UNBOUNDED)) for name, sign in (("lower", -1.0), ("upper", 1.0)))
-        span = 2.0 * math.pi if joint.attributes["type"] != "prismatic" else 2.0 * float(self.model.stat.extent)
+        lower, upper = (float(limit.get(name, str(end))) for name, end in (("lower", -UNBOUNDED), ("upper", UNBOUNDED)))
+        span = 2.0 * math.pi if joint.get("type") != "prismatic" else 2.0 * float(self.model.stat.extent)
         if lower <= -UNBOUNDED and upper >= UNBOUNDED:
             return -span / 2.0, span / 2.0
         if lower <= -UNBOUNDED:

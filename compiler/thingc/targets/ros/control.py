@@ -9,7 +9,7 @@ from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import ActuatorModel
 from thingc.model.robot.types import Robot
 from thingc.targets.ros.joints import MovingJoint, joints, start, values
-from thingc.targets.xml_writer import Element, number
+from thingc.targets.xml_writer import Element
 
 PLUGIN = "mock_components/GenericSystem"
 BROADCASTER = "joint_state_broadcaster"
@@ -51,15 +51,15 @@ def ros2_control(robot: Robot) -> Element | None:
             command = element.add("command_interface", {"name": joint.interface}, joint.drive.origin)
             for name, bound in zip(("min", "max"), _bounds(joint, joint.interface), strict=True):
                 if bound is not None:
-                    command.say("param", number(bound), {"name": name})
-        element.add("state_interface", {"name": "position"}).say("param", number(at[joint.name]), {"name": "initial_value"})
+                    command.say("param", bound, {"name": name})
+        element.add("state_interface", {"name": "position"}).say("param", at[joint.name], {"name": "initial_value"})
         element.add("state_interface", {"name": "velocity"})
         if joint.interface == "effort":
             element.add("state_interface", {"name": "effort"})
         if joint.drive is not None:
             for name, gain in (("kp", joint.drive.kp), ("kv", joint.drive.kv)):
                 if gain is not None:
-                    element.say("param", number(gain), {"name": name})
+                    element.say("param", gain, {"name": name})
     return block
 
 

@@ -14,7 +14,7 @@ from thingc.targets.name_mangling import MangledNames, safe
 from thingc.targets.ros.collision_matrix import CollisionMatrix, adjacent, pair_of
 from thingc.targets.ros.joints import MovingJoint, joints, values
 from thingc.targets.urdf.links import WORLD
-from thingc.targets.xml_writer import Element, number
+from thingc.targets.xml_writer import Element
 
 ALWAYS = 0.95
 """The share of configurations from which on links count as always meeting, as MoveIt's setup assistant has it."""
@@ -50,7 +50,7 @@ def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | Non
             state = root.add("group_state", {"name": frame.name, "group": group.name}, frame.origin)
             for joint in group.joints:
                 if not joint.follows:
-                    state.add("joint", {"name": joint.name, "value": number(at[joint.name])})
+                    state.add("joint", {"name": joint.name, "value": at[joint.name]})
     if robot.base == "free":
         root.add("virtual_joint", {"name": BASE, "type": "floating", "parent_frame": WORLD, "child_link": base}, robot.mode.origin)
     for joint in moving:

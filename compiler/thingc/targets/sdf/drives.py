@@ -10,7 +10,7 @@ from thingc.targets.capabilities import drive_cell, written
 from thingc.targets.sdf.capabilities import CAPABILITIES, DriveForm
 from thingc.targets.sdf.chain import SdfJoint
 from thingc.targets.sdf.zero_pose import ZeroState
-from thingc.targets.xml_writer import Element, number
+from thingc.targets.xml_writer import Element
 
 UNBOUNDED = 1e9
 """An effort [N m or N] where the drive has no limit: Gazebo's controllers have one of 1000."""
@@ -50,5 +50,5 @@ def _controller(
         if form == "position controller":
             values += [("initial_position", frame.q[joint.path] - zero.q[joint.path]) for frame in robot.keyframes[:1]]
         for word, value in values:
-            element.say(word, number(value or 0.0))
+            element.say(word, value or 0.0)
     return element

@@ -33,7 +33,7 @@ def emit(request: EmitRequest) -> Artifacts:
         name = f"{assembly.name}_{robot.mode.name}"
         said = heading(assembly.definition.document, robot.mode.name)
         files[f"sdf/{name}/model.sdf"] = write(written, said).text.encode()
-        files[f"sdf/{name}/model.config"] = write(config(name, written.attributes["version"], said), said).text.encode()
+        files[f"sdf/{name}/model.config"] = write(config(name, written.get("version"), said), said).text.encode()
         files[f"sdf/world_{robot.mode.name}.sdf"] = write(world(robot, name), said).text.encode()
         files |= {f"sdf/{name}/{path}": content for path, content in meshes.items()}
         lost |= dict.fromkeys(special.losses(robot, zero))

@@ -27,7 +27,7 @@ from thingc.targets.sdf.chain import LINK, SdfAxis, SdfJoint, chain
 from thingc.targets.sdf.drives import plugin
 from thingc.targets.sdf.sensors import sensors_of_joint, sensors_of_link
 from thingc.targets.sdf.zero_pose import ZeroState
-from thingc.targets.xml_writer import NAMESPACES, Element, number, numbers
+from thingc.targets.xml_writer import NAMESPACES, Element
 
 Kind = Literal["link", "joint", "frame"]
 """What of a model has a name, among all others."""
@@ -137,7 +137,7 @@ class _Builder:
         element.say("parent", parent)
         element.say("child", child)
         if step.type == "screw":
-            element.say("screw_thread_pitch", number(2.0 * math.pi * step.axes[0].twist.pitch))
+            element.say("screw_thread_pitch", 2.0 * math.pi * step.axes[0].twist.pitch)
             self.root.attributes["version"] = NEWER
         for word, axis in zip(AXES, step.axes, strict=False):
             self._axis(element, word, axis, alone=len(step.axes) == 1)
@@ -147,38 +147,38 @@ class _Builder:
         """What a coordinate does, between which bounds, how strongly, and what it follows."""
         own, at_zero = axis.joint, self.zero.q.get(axis.joint.path, 0.0)
         element = joint.add(word)
-        element.say("xyz", numbers(axis.twist.axis))
+        element.say("xyz", axis.twist.axis)
         dynamics = own.dynamics
         if dynamics.damping or dynamics.friction or dynamics.stiffness:
             acts = element.add("dynamics")
             for name, value in (("damping", dynamics.damping), ("friction", dynamics.friction)):
                 if value:
-                    acts.say(name, number(value))
+                    acts.say(name, value)
             if dynamics.stiffness:
-                acts.say("spring_reference", number((dynamics.rest or 0.0) - at_zero))
-                acts.say("spring_stiffness", number(dynamics.stiffness))
+                acts.say("spring_reference", (dynamics.rest or 0.0) - at_zero)
+                acts.say("spring_stiffness", dynamics.stiffness)
         leader, multiplier, offset = self.follows.get(own.path, (own.path, 1.0, 0.0))
         follows = leader != own.path and leader in self.axes
         limit = element.add("limit")
         for name, end in (("lower", own.limit.lower), ("upper", own.limit.upper)):
             if end is not None:
-                limit.say(name, number(end - at_zero))
+                limit.say(name, end - at_zero)
         driven = own.actuator is not None and own.path in self.robot.present
         effort = own.limit.effort if own.limit.effort is not None else None if driven or follows else 0.0
         for name, bound in (("effort", effort), ("velocity", own.limit.velocity)):
             if bound is not None:
-                limit.say(name, number(bound))
+                limit.say(name, bound)
         if not follows:
             return
         there, which = self.axes[leader]
         offset += multiplier * self.zero.q[leader] - at_zero
         mimic = element.add("mimic", {"joint": there, "axis": which}, own.mimic.origin if own.mimic is not None else own.origin)
         for name, value in (("multiplier", multiplier), ("offset", offset), ("reference", 0.0)):
-            mimic.say(name, number(value))
+            mimic.say(name, value)
         self.root.attributes["version"] = NEWER
         if alone and (there, "axis2") not in self.axes.values():
             self.root.attributes["xmlns:drake"] = NAMESPACES["drake"]
-            joint.add("drake:mimic", {"joint": there, "multiplier": number(multiplier), "offset": number(offset)})
+            joint.add("drake:mimic", {"joint": there, "multiplier": multiplier, "offset": offset})
 
     def _link(self, model: Element, name: str, index: int, pose: Pose, parent: str | None = None) -> None:
         """A link with all that it holds."""
@@ -208,7 +208,7 @@ def _place(element: Element, pose: Pose, relative_to: str | None = None) -> None
     if relative_to is not None or pose != NO_POSE:
         turned = (0.0, 0.0, 0.0) if pose.rotation == IDENTITY else rpy_of(pose.rotation)
         attributes = {} if relative_to is None else {"relative_to": relative_to}
-        element.say("pose", numbers((*pose.translation, *turned)), attributes)
+        element.say("pose", (*pose.translation, *turned), attributes)
 
 
 def _shape(element: Element, shape: Shape, at: Pose) -> None:
@@ -218,27 +218,27 @@ def _shape(element: Element, shape: Shape, at: Pose) -> None:
         case "mesh":
             geometry.say("uri", f"{MESHES}/{shape.mesh}.obj")
         case "box":
-            geometry.say("size", numbers(2.0 * half for half in shape.size))
+            geometry.say("size", tuple(2.0 * half for half in shape.size))
         case "sphere":
-            geometry.say("radius", number(shape.size[0]))
+            geometry.say("radius", shape.size[0])
         case "ellipsoid":
-            geometry.say("radii", numbers(shape.size))
+            geometry.say("radii", shape.size)
         case "plane":
             geometry.say("normal", "0 0 1")
-            geometry.say("size", numbers(2.0 * (half or ENDLESS) for half in shape.size[:2]))
+            geometry.say("size", tuple(2.0 * (half or ENDLESS) for half in shape.size[:2]))
         case _:
-            geometry.say("radius", number(shape.size[0]))
-            geometry.say("length", number(2.0 * shape.size[1]))
+            geometry.say("radius", shape.size[0])
+            geometry.say("length", 2.0 * shape.size[1])
 
 
 def _paint(visual: Element, color: str) -> None:
     """The colour of what is drawn."""
     *_, opacity = channels(color)
     if opacity < 1.0:
-        visual.say("transparency", number(1.0 - opacity))
+        visual.say("transparency", 1.0 - opacity)
     material = visual.add("material")
     for word in ("ambient", "diffuse"):
-        material.say(word, numbers(channels(color)))
+        material.say(word, channels(color))
 
 
 def _rub(collision: Element, material: Material | None) -> None:
@@ -248,13 +248,13 @@ def _rub(collision: Element, material: Material | None) -> None:
     friction = collision.add("surface").add("friction")
     if material.slide is not None:
         ode = friction.add("ode")
-        ode.say("mu", number(material.slide))
-        ode.say("mu2", number(material.slide))
+        ode.say("mu", material.slide)
+        ode.say("mu2", material.slide)
     if material.torsion is not None:
         torsional = friction.add("torsional")
         torsional.say("coefficient", "1")
         torsional.say("use_patch_radius", "true")
-        torsional.say("patch_radius", number(PATCH * material.torsion))
+        torsional.say("patch_radius", PATCH * material.torsion)
 
 
 def _weigh(link: Element, properties: MassProperties) -> None:
@@ -264,7 +264,7 @@ def _weigh(link: Element, properties: MassProperties) -> None:
     i = ((least, 0.0, 0.0), (0.0, least, 0.0), (0.0, 0.0, least)) if fault else within_triangle(properties.inertia)
     inertial = link.add("inertial")
     _place(inertial, shifted(*properties.centre))
-    inertial.say("mass", number(properties.mass or LEAST_MASS))
+    inertial.say("mass", properties.mass or LEAST_MASS)
     inertia = inertial.add("inertia")
     for name, value in (("ixx", i[0][0]), ("ixy", i[0][1]), ("ixz", i[0][2]), ("iyy", i[1][1]), ("iyz", i[1][2]), ("izz", i[2][2])):
-        inertia.say(name, number(value))
+        inertia.say(name, value)

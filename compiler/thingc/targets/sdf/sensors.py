@@ -13,7 +13,7 @@ from thingc.targets.capabilities import written
 from thingc.targets.name_mangling import MangledNames
 from thingc.targets.sdf.capabilities import CAPABILITIES, SensorForm
 from thingc.targets.sensors import body_of, on_free_root
-from thingc.targets.xml_writer import Element, number, numbers
+from thingc.targets.xml_writer import Element
 
 LOOKING = Pose(rotation=((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
 """A camera of SDF looks along its x, up its z; ours looks along the mount's z, up the mount's y."""
@@ -44,7 +44,7 @@ def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames)
                 pass  # in the joint that carries the link; on no mount
             case _:
                 assert_never(form)
-    collisions = [child.attributes["name"] for child in link.children if child.tag == "collision"]
+    collisions = [child.get("name") for child in link.children if child.tag == "collision"]
     for sensor in robot.assembly.sensors:
         if written(CAPABILITIES["sensors"][sensor.kind]) == "contact" and sensor.touching[0] == robot.bodies[body].link and collisions:
             contact = _sensor(link, sensor, "contact", None, names).add("contact")
@@ -62,19 +62,19 @@ def _sensor(parent: Element, sensor: LinkedSensor, form: SensorForm, pose: Pose 
 
 def _camera(element: Element, fovy: float) -> None:
     """Of the vertical angle of view [rad]."""
-    element.say("update_rate", number(RATE))
+    element.say("update_rate", RATE)
     camera = element.add("camera")
-    camera.say("horizontal_fov", number(2.0 * math.atan(math.tan(fovy / 2.0) * WIDTH / HEIGHT)))
+    camera.say("horizontal_fov", 2.0 * math.atan(math.tan(fovy / 2.0) * WIDTH / HEIGHT))
     image, clip = camera.add("image"), camera.add("clip")
-    image.say("width", number(WIDTH))
-    image.say("height", number(HEIGHT))
-    clip.say("near", number(NEAR))
-    clip.say("far", number(FAR))
+    image.say("width", WIDTH)
+    image.say("height", HEIGHT)
+    clip.say("near", NEAR)
+    clip.say("far", FAR)
 
 
 def _ray(element: Element, reach: float) -> None:
     """One ray, that sees as far as `reach` [m]."""
-    element.say("update_rate", number(RATE))
+    element.say("update_rate", RATE)
     lidar = element.add("lidar")
     scan = lidar.add("scan").add("horizontal")
     scan.say("samples", "1")
@@ -82,7 +82,7 @@ def _ray(element: Element, reach: float) -> None:
     scan.say("max_angle", "0")
     distance = lidar.add("range")
     distance.say("min", "0")
-    distance.say("max", "inf" if math.isinf(reach) else number(reach))
+    distance.say("max", "inf" if math.isinf(reach) else reach)
 
 
 def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names: MangledNames) -> None:
@@ -105,4 +105,4 @@ def _on(robot: Robot, body: int) -> Iterator[tuple[LinkedSensor, Site]]:
 
 
 def _place(element: Element, pose: Pose) -> None:
-    element.say("pose", numbers((*pose.translation, *rpy_of(pose.rotation))))
+    element.say("pose", (*pose.translation, *rpy_of(pose.rotation)))

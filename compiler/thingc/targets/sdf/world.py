@@ -7,7 +7,7 @@ from thingc.targets.capabilities import written
 from thingc.targets.extent import bounds, placements
 from thingc.targets.sdf.capabilities import CAPABILITIES, SensorForm
 from thingc.targets.sdf.model_element import PLAIN
-from thingc.targets.xml_writer import Element, number, numbers
+from thingc.targets.xml_writer import Element
 
 GRIP = 100.0
 """The friction of the floor: Gazebo takes the lesser of two, so that it is the robot's that counts, as in MuJoCo."""
@@ -40,7 +40,7 @@ def world(robot: Robot, folder: str) -> Element:
     timestep = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep")
     if timestep is not None:
         physics = element.add("physics", {"name": "stepped", "type": "ode"})
-        physics.say("max_step_size", number(float(timestep)))
+        physics.say("max_step_size", float(timestep))
         physics.say("real_time_factor", "1")
     for name in ("physics", "user-commands", "scene-broadcaster"):
         system = "".join(word.capitalize() for word in name.split("-"))
@@ -50,14 +50,14 @@ def world(robot: Robot, folder: str) -> Element:
         plugin = element.add("plugin", {"filename": filename, "name": name})
         if (filename, name) == RENDERING:
             plugin.say("render_engine", "ogre2")
-    element.say("gravity", numbers(robot.gravity))
+    element.say("gravity", robot.gravity)
     _light(element, "sun" if robot.assembly.name != "sun" else "light")
     _floor(element, "floor" if robot.assembly.name != "floor" else "ground")
     include = element.add("include")
     include.say("uri", f"model://{folder}")
     lift = _lift(robot)
     if lift:
-        include.say("pose", numbers((0.0, 0.0, lift, 0.0, 0.0, 0.0)))
+        include.say("pose", (0.0, 0.0, lift, 0.0, 0.0, 0.0))
     return root
 
 
@@ -87,8 +87,8 @@ def _floor(world: Element, name: str) -> None:
         plane.say("size", "100 100")
         if tag == "collision":
             ode = element.add("surface").add("friction").add("ode")
-            ode.say("mu", number(GRIP))
-            ode.say("mu2", number(GRIP))
+            ode.say("mu", GRIP)
+            ode.say("mu2", GRIP)
         else:
             material = element.add("material")
             for word in ("ambient", "diffuse"):

@@ -25,7 +25,7 @@ from thingc.targets.geometry import Geometry, Shape, channels, material_name, ma
 from thingc.targets.name_mangling import MangledNames, frames, safe
 from thingc.targets.urdf.capabilities import CAPABILITIES
 from thingc.targets.urdf.chain import Move, moves, own_frame
-from thingc.targets.xml_writer import Element, number, numbers
+from thingc.targets.xml_writer import Element, XmlValue
 
 WORLD = "world"
 """The root link of a base that does not float."""
@@ -60,7 +60,7 @@ def mujoco_extension(robot: Robot) -> Element:
     """The options with which MuJoCo reads the whole file. By default it drops fixed links and what is only drawn."""
     section = Element(tag="mujoco", attributes={}, origin=robot.mode.origin)
     section.add("compiler", {"fusestatic": "false", "discardvisual": "false", "strippath": "false", "meshdir": ""})
-    section.add("option", {"gravity": numbers(robot.gravity)}, robot.mode.origin)
+    section.add("option", {"gravity": robot.gravity}, robot.mode.origin)
     return section
 
 
@@ -87,7 +87,7 @@ class _Builder:
         Frames come last because some readers, such as ikpy, go from a link to its first child.
         """
         for name, (color, origin) in materials(self.geometry.shapes).items():
-            self.root.add("material", {"name": name}, origin).add("color", {"rgba": numbers(channels(color))})
+            self.root.add("material", {"name": name}, origin).add("color", {"rgba": channels(color)})
         lead = [self.robot.moves if body.parent is None else body.joints for body in self.robot.bodies]
         own = [own_frame(joints) for joints in lead]
         names = [self.links.take(self._link_of(body).name, self._link_of(body).origin) for body in self.robot.bodies]
@@ -137,23 +137,23 @@ class _Builder:
         kind = "prismatic" if move.type == "slide" else "continuous" if endless and alone else "revolute"
         made = f"the slide of `{joint.path}`" if move.follows is not None else None
         element = self._joint(move.path, kind, parent, child, move.origin, joint.origin, made)
-        element.add("axis", {"xyz": numbers(move.axis)})
-        bounds = {} if kind == "continuous" else {"lower": number(ends[0]), "upper": number(ends[1])}
+        element.add("axis", {"xyz": move.axis})
+        bounds = {} if kind == "continuous" else {"lower": ends[0], "upper": ends[1]}
         element.add("limit", {**bounds, **self._strength(move)})
         if move.follows is None:
             dynamics = (("damping", joint.dynamics.damping), ("friction", joint.dynamics.friction))
             if any(value for _, value in dynamics):
-                element.add("dynamics", {name: number(value) for name, value in dynamics if value})
+                element.add("dynamics", {name: value for name, value in dynamics if value})
         if follows:
             origin = joint.mimic.origin if joint.mimic is not None else joint.origin
-            element.add("mimic", {"joint": safe(leader), "multiplier": number(multiplier), "offset": number(offset)}, origin)
+            element.add("mimic", {"joint": safe(leader), "multiplier": multiplier, "offset": offset}, origin)
         (self.followers if follows else self.root.children).append(element)
         drive = joint.actuator if move.follows is None and joint.path in self.robot.present else None
         if drive is not None:
             form = written(CAPABILITIES["drives"][drive_cell(joint, drive)])
             match form:
                 case "transmission":
-                    self.transmissions.append(_transmission(element.attributes["name"], drive))
+                    self.transmissions.append(_transmission(element.get("name"), drive))
                 case None:
                     pass
                 case _:
@@ -170,7 +170,7 @@ class _Builder:
         lower, upper = ends if thread > 0.0 else ends[::-1]
         return (-UNBOUNDED if lower is None else lower), (UNBOUNDED if upper is None else upper)
 
-    def _strength(self, move: Move) -> dict[str, str]:
+    def _strength(self, move: Move) -> dict[str, XmlValue]:
         """How strong and fast a joint may be: of a screw's slide what follows from the turn, which alone is driven."""
         joint = move.joint
         if joint.kind.at_once and joint.mate >= 0:
@@ -179,7 +179,7 @@ class _Builder:
             effort, velocity = self._effort(joint), joint.limit.velocity
         if move.follows is not None:
             effort, velocity = 0.0, None if velocity is None else velocity * abs(move.follows[1])
-        return {"effort": number(effort), "velocity": number(UNBOUNDED if velocity is None else velocity)}
+        return {"effort": effort, "velocity": UNBOUNDED if velocity is None else velocity}
 
     def _effort(self, joint: TreeJoint | JointEdge) -> float:
         driven = joint.actuator is not None and joint.path in self.robot.present
@@ -238,11 +238,11 @@ class _Builder:
             case "mesh":
                 geometry.add("mesh", {"filename": f"{self.meshes}/{shape.mesh}.obj"})
             case "box":
-                geometry.add("box", {"size": numbers(2.0 * half for half in shape.size)})
+                geometry.add("box", {"size": tuple(2.0 * half for half in shape.size)})
             case "sphere":
-                geometry.add("sphere", {"radius": number(shape.size[0])})
+                geometry.add("sphere", {"radius": shape.size[0]})
             case _:
-                geometry.add("cylinder", {"radius": number(shape.size[0]), "length": number(2.0 * shape.size[1])})
+                geometry.add("cylinder", {"radius": shape.size[0], "length": 2.0 * shape.size[1]})
 
     def _link_of(self, body: Body) -> Link:
         return self.assembly.links[body.link]
@@ -275,9 +275,9 @@ def parts(shape: Shape) -> tuple[Shape, ...]:
 
 def _origin(element: Element, pose: Pose) -> None:
     """Where something is, if it says anything."""
-    attributes = {"xyz": numbers(pose.translation)} if any(pose.translation) else {}
+    attributes = {"xyz": pose.translation} if any(pose.translation) else {}
     if pose.rotation != IDENTITY:
-        attributes["rpy"] = numbers(rpy_of(pose.rotation))
+        attributes["rpy"] = rpy_of(pose.rotation)
     if attributes:
         element.add("origin", attributes)
 
@@ -286,7 +286,7 @@ def _weigh(link: Element, properties: MassProperties) -> None:
     """Mass [kg], centre [m] and inertia [kg m^2] about it, in the axes of the link."""
     inertial = link.add("inertial")
     _origin(inertial, shifted(*properties.centre))
-    inertial.add("mass", {"value": number(properties.mass)})
+    inertial.add("mass", {"value": properties.mass})
     i = ZERO if physical_fault(properties.inertia) is not None else within_triangle(properties.inertia)
     moments = {"ixx": i[0][0], "ixy": i[0][1], "ixz": i[0][2], "iyy": i[1][1], "iyz": i[1][2], "izz": i[2][2]}
-    inertial.add("inertia", {name: number(value) for name, value in moments.items()})
+    inertial.add("inertia", moments)

@@ -40,14 +40,14 @@ def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
     parent and child, and not excluded. (Of a held root and the floor, MuJoCo sees later that neither moves.)"""
     classes = defaults(root, "geom")
     bodies = list(_bodies(root))
-    index = {body.attributes.get("name"): number for number, (body, _) in enumerate(bodies)}
+    index = {body.get("name"): number for number, (body, _) in enumerate(bodies)}
     excluded = {
-        frozenset((index.get(one.attributes.get("body1")), index.get(one.attributes.get("body2"))))
+        frozenset((index.get(one.get("body1")), index.get(one.get("body2"))))
         for section in [root.find("contact")] if section is not None for one in section.children if one.tag == "exclude"
     }
     rigid: list[int] = []  # of every body the one that carries it, rigidly: itself, or the world
     for number, (body, parent) in enumerate(bodies):
-        moves = body.attributes.get("mocap") == "true" or any(child.tag in ("joint", "freejoint") for child in body.children)
+        moves = body.get("mocap") == "true" or any(child.tag in ("joint", "freejoint") for child in body.children)
         rigid.append(number if moves else WORLD if parent is None else rigid[parent])
     geoms = [list(_geoms(body, classes)) for body, _ in bodies]
     carrier = [WORLD if bodies[one][1] is None else rigid[bodies[one][1] or 0] for one in range(len(bodies))]
@@ -70,8 +70,8 @@ def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
     while waiting:
         element, above = waiting.pop()
         own = element.find(tag)
-        values = {**above, **(own.attributes if own is not None else {})}
-        by_class[element.attributes.get("class", "main")] = values
+        values = {**above, **(own.texts if own is not None else {})}
+        by_class[element.get("class", "main")] = values
         waiting += [(child, values) for child in element.children if child.tag == "default"]
     return by_class
 
@@ -93,6 +93,6 @@ def _geoms(body: Element, classes: Mapping[str, Values]) -> Iterator[ContactPair
     """Those of its geoms that touch at all."""
     for one in body.children:
         if one.tag == "geom":
-            values = {**classes.get(one.attributes.get("class", "main"), {}), **one.attributes}
+            values = {**classes.get(one.get("class", "main"), {}), **one.texts}
             if values.get("contype", "1") != "0" or values.get("conaffinity", "1") != "0":
                 yield ContactPairs(element=one, values=values)

@@ -76,7 +76,7 @@ def _unturned(body: Element) -> Element:
 
 
 def _path(element: Element) -> str:
-    return element.attributes.get("name", element.tag).partition(":")[0]
+    return element.get("name", element.tag).partition(":")[0]
 
 
 DRAKE = Consumer(name="drake", label="Drake", version="Drake 1.51.1", suit=_suit, refuses=nothing_refused)

@@ -15,7 +15,7 @@ from thingc.targets.mjcf import adhesion_contacts
 from thingc.targets.mjcf.compat.consumer import Consumer, Refusal
 from thingc.targets.mjcf.compat.contact_pairs import ContactPairs, pairs
 from thingc.targets.mjcf.compat.options import UnsupportedOptions
-from thingc.targets.xml_writer import Element, numbers
+from thingc.targets.xml_writer import Element
 
 LACKING = frozenset(map(frozenset, (("cylinder", "box"), ("cylinder", "mesh"), ("ellipsoid", "box"), ("ellipsoid", "mesh"))))
 """Pairs of shapes that it cannot have touch."""
@@ -50,13 +50,13 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
         )
     yield from LACKS.refusals(root)
     option = root.find("option")
-    if option is not None and option.attributes.get("integrator") == "implicitfast":
+    if option is not None and option.get("integrator") == "implicitfast":
         for name in FLUID:
-            if any(float(value) for value in option.attributes.get(name, "0").split()):
+            if any(float(value) for value in option.get(name, "0").split()):
                 raw = option.raw[name].attribute
                 yield Refusal(what=f"it has no `{name}` with `implicitfast`", origin=raw.origin, path=name, hint=f"leave `{name}` out")
     touching = list(pairs(root))
-    elliptic = option is not None and option.attributes.get("cone") == "elliptic"
+    elliptic = option is not None and option.get("cone") == "elliptic"
     if option is not None and elliptic and not needed and all(one.element is None for one, _ in touching):
         said = option.raw.get("cone")
         yield Refusal(
@@ -67,7 +67,7 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
     for one, other in _distinct(touching):
         blamed = other if one.element is None else one
         assert blamed.element is not None
-        name = blamed.element.attributes.get("name", "")
+        name = blamed.element.get("name")
         for fault, key in _faults(one, other, elliptic=elliptic):
             owner = next((geom.element for geom in (one, other) if geom.element is not None and key in geom.element.raw), blamed.element)
             raw_value = owner.raw.get(key)
@@ -121,7 +121,7 @@ def _distinct(meeting: Iterable[tuple[ContactPairs, ContactPairs]]) -> Iterator[
 
 def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
     option = root.find("option")
-    if option is not None and option.attributes.get("integrator") == "implicit":
+    if option is not None and option.get("integrator") == "implicit":
         option.attributes["integrator"] = "implicitfast"
         what = "its integrator `implicit`, which MJX lacks: it is `implicitfast`"
         yield Loss.of(robot.mode.origin, "mjcf", robot.mode.name, robot.mode.name, what, "approximated")
@@ -144,7 +144,7 @@ def _prisms(root: Element) -> Iterator[Loss]:
     for element in [element for element in root.walk() if id(element) in replaced]:
         size = replaced[id(element)].values["size"]
         mesh = sizes.setdefault(size, f"prism:{len(sizes)}")
-        path = element.attributes["name"].partition(":")[0]
+        path = element.get("name").partition(":")[0]
         element.attributes = {
             ("mesh" if name == "size" else name): {"type": "mesh", "size": mesh}.get(name, value)
             for name, value in element.attributes.items()
@@ -158,7 +158,7 @@ def _prisms(root: Element) -> Iterator[Loss]:
             root.children.insert([child.tag for child in root.children].index("worldbody"), section)
         for size, name in sizes.items():
             radius, half = (float(value) for value in size.split()[:2])
-            section.add("mesh", {"name": name, "vertex": numbers(prism(radius, half))})
+            section.add("mesh", {"name": name, "vertex": prism(radius, half)})
 
 
 def prism(radius: float, half: float) -> tuple[float, ...]:
@@ -171,7 +171,7 @@ def _margins(root: Element) -> None:
     """Without the margin of what adheres, where there are meshes: it is for adhesions, which there are none of."""
     if any("mesh" in (one.type, other.type) and one.margin + other.margin for one, other in pairs(root)):
         for element in root.walk():
-            geom = element.find("geom") if element.attributes.get("class") == adhesion_contacts.CLASS else None
+            geom = element.find("geom") if element.get("class") == adhesion_contacts.CLASS else None
             if element.tag == "default" and geom is not None and "margin" not in geom.raw:
                 geom.attributes.pop("margin", None)
 
@@ -179,7 +179,7 @@ def _margins(root: Element) -> None:
 def _cones(root: Element) -> None:
     """Without elliptic cones where nothing can touch, not even in the scene: there are no contacts for them to be of."""
     option = root.find("option")
-    if option is not None and option.attributes.get("cone") == "elliptic" and next(pairs(root), None) is None:
+    if option is not None and option.get("cone") == "elliptic" and next(pairs(root), None) is None:
         del option.attributes["cone"]
         option.attributes.pop("impratio", None)
 
@@ -204,9 +204,9 @@ def _adhesions(robot: Robot, root: Element) -> Iterator[Loss]:
     if not section.children:
         root.children.remove(section)
     for key in keys.children if keys is not None else ():
-        control = key.attributes.get("ctrl", "").split()
+        control = key.get("ctrl").split()
         key.attributes["ctrl"] = " ".join(control[place] for place in kept if control)
-        if not key.attributes["ctrl"]:
+        if not key.get("ctrl"):
             del key.attributes["ctrl"]
     for magnet in robot.assembly.adhesions:
         origin = robot.assembly.occurrences[magnet.occurrence].origin

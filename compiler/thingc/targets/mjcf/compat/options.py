@@ -31,7 +31,7 @@ class UnsupportedOptions:
 
 def _refusals(element: Element, lacking: Mapping[str, Mapping[str, str]]) -> Iterator[Refusal]:
     for name, values in lacking.items():
-        value = element.attributes.get(name, "")
+        value = element.get(name, "")
         if value in values:
             raw = element.raw.get(name)
             what = f"it has no `{name}` `{value}`" if element.tag == "option" else f"it has no `{name}` that is {values[value]}"

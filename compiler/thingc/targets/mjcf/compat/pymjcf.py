@@ -20,7 +20,7 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
     renamed = False
     for element in root.walk():
         for name, value in element.attributes.items():
-            if "/" in value and name not in FILES:
+            if isinstance(value, str) and "/" in value and name not in FILES:
                 element.attributes[name] = value.replace("/", SEPARATOR)
                 renamed = True
     if renamed:
