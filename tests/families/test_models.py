@@ -264,9 +264,9 @@ def test_one_is_many_of_one(everything: thingc.RobotFamily) -> None:
     ("load", "arrays", "is written into body_inertia, body_ipos, body_iquat, body_mass of one compiled model (mode standing)"),
     ("joints.lift.limit.upper", "arrays", "is written into actuator_ctrlrange, jnt_range of one compiled model (mode standing)"),
     ("joints.gear.dynamics.rest", "arrays", "is written into qpos_spring of one compiled model (mode standing)"),
-    ("simulation.timestep", "passes", "simulation.timestep is compiled anew: it is worked with where the model is written (mode standing)"),
+    ("simulation.timestep", "text", "MuJoCo works with `connect.solref` when it compiles (mode standing)"),
     # by its inertia the arm of the second point of a hinge that closes a loop is chosen
-    ("components.rocker.mass", "passes", "is compiled anew: it is worked with where the model is written (mode standing)"),
+    ("components.rocker.mass", "arrays", "is written into body_inertia, body_ipos, body_iquat, body_mass, site_pos of one compiled model"),
     ("heavy", "passes", "heavy is compiled anew: it is no number in the document (mode standing)"),
 ])
 def test_explained(everything: thingc.RobotFamily, name: str, way: str, words: str) -> None:

@@ -98,7 +98,7 @@ def test_pairs_that_may_touch_are_those_that_mujoco_looks_at(store: Store, base:
     made.segments.append(Segment("arm/stuck", [stuck], parent=2))  # without a joint: one with its parent
     request, models = emitted(made, store, (), ("bench", base))
     ours = {
-        frozenset(geom.element.attributes["name"] if geom.element is not None else "floor" for geom in pair)
+        frozenset(geom.element.get("name") if geom.element is not None else "floor" for geom in pair)
         for pair in pairs(tree.model(request.robots[0], taken(request.assembly, request.report, request.memo)[0]))
     }
     model = compiled(request, models)

@@ -37,6 +37,7 @@ from thingc.model.resolve.types import Overrides
 from thingc.targets.mjcf.emit import emit
 from thingc.targets.mjcf.inertial import inertial
 from thingc.targets.request import EmitRequest
+from thingc.targets.xml_writer import XmlValue, format_value
 
 NEAR = 1e-9
 
@@ -596,9 +597,9 @@ def test_a_point_mass_that_never_moves(store: Store) -> None:
     assert load(request).body("plate").mass == 0.25
 
 
-def taken(attributes: Mapping[str, str], *, moves: bool) -> bool:
+def taken(attributes: Mapping[str, XmlValue], *, moves: bool) -> bool:
     """Whether MuJoCo takes a body with such an `<inertial>`."""
-    words = " ".join(f'{key}="{value}"' for key, value in attributes.items())
+    words = " ".join(f'{key}="{format_value(value)}"' for key, value in attributes.items())
     hinge = "<joint/>" if moves else ""
     try:
         mujoco.MjModel.from_xml_string(f"<mujoco><worldbody><body>{hinge}<inertial {words}/></body></worldbody></mujoco>")

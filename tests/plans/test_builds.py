@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import builtins
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +14,8 @@ from typing import Any
 import pytest
 
 from families.documents import EVERYTHING, INERTIA, TOOL
+from thingc.base import numeric
+from thingc.base.numeric import Recorded
 from thingc.base.pose import shifted
 from thingc.batch.plans import build_templates
 from thingc.batch.plans.build_templates import Builds
@@ -20,6 +24,7 @@ from thingc.driver.environment import Options
 from thingc.driver.session import Session
 from thingc.driver.settings import SettingsReader
 from thingc.geometry.record import Placed
+from thingc.model.resolve import assembly
 from thingc.model.resolve.sources import Settings
 from thingc.targets.artifact import MANIFEST
 
@@ -70,6 +75,21 @@ def given(k: int) -> Settings:
         parameters={"load": f"{100 + 7 * k} g", "length": f"{250 + 3 * k} mm"},
         choices={"joints.lift.limit.upper": f"{70 + k} deg", "joints.lift.limit.velocity": f"{5 + k / 7} rad/s"},
     )
+
+
+def test_nothing_of_python_is_replaced_while_a_plan_is_made(session: Session) -> None:
+    def functions() -> tuple[Any, ...]:
+        return builtins.min, builtins.max, builtins.sum, math.sin, math.isfinite, math.fsum, numeric.hypot, assembly.substituted
+
+    known, recorded = functions(), []
+
+    def measured(compilation: Any) -> dict[str, Any]:
+        assert functions() == known
+        recorded.extend(one for body in compilation.robots[0].bodies for one in body.joints if isinstance(one.limit.upper, Recorded))
+        return {}
+
+    builds = made(session, measured=measured)
+    assert [builds.planned(given(k)) is not None for k in range(3)] == [False, True, True] and recorded
 
 
 def test_builds_are_those_of_every_pass(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:

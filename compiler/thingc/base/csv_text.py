@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from thingc.base.gaps import Recorded
+from thingc.base.numeric import Recorded, formatter
 from thingc.base.safe_text import escape_control
 
 _FORMULA = re.compile(r"\s*[=+\-@\uff0b\uff0d\uff1d\uff20]")
@@ -22,9 +22,12 @@ def format_cell(value: object) -> str:
         return ""
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, float):
-        return repr(value)
-    if isinstance(value, Recorded):
-        return value.word("csv")
+    if isinstance(value, float | Recorded):
+        return _number(value)
     text = escape_control(str(value))
     return f"'{text}" if _FORMULA.match(text) and not _NUMBER.fullmatch(text) else text
+
+
+@formatter("csv")
+def _number(value: float) -> str:
+    return repr(value)

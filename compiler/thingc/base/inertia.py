@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
 
+from thingc.base import numeric
 from thingc.base.frozen import dataclass
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Matrix, Pose, Vector, multiply, transpose
@@ -53,16 +54,16 @@ class MassProperties(OneLineRepr):
 def total(bodies: Iterable[MassProperties]) -> MassProperties:
     """Bodies of one frame as one rigid body: masses added, inertias moved to the common centre and added."""
     parts = list(bodies)
-    mass = math.fsum(body.mass for body in parts)
+    mass = numeric.fsum(body.mass for body in parts)
     if mass > 0.0:
-        cx, cy, cz = (math.fsum(body.mass * body.centre[k] for body in parts) / mass for k in range(3))
+        cx, cy, cz = (numeric.fsum(body.mass * body.centre[k] for body in parts) / mass for k in range(3))
     else:
         cx, cy, cz = 0.0, 0.0, 0.0
     centre = (cx, cy, cz)
     moved = [body.about(centre) for body in parts]
 
     def entry(i: int, j: int) -> float:
-        return math.fsum(inertia[i][j] for inertia in moved)
+        return numeric.fsum(inertia[i][j] for inertia in moved)
 
     xy, xz, yz = entry(0, 1), entry(0, 2), entry(1, 2)
     return MassProperties(
@@ -91,9 +92,16 @@ def principal_axes(a: Matrix) -> tuple[Vector, Matrix]:
 
     Cyclic Jacobi rotations (Golub and Van Loan, "Matrix Computations", section 8.5): exact to rounding even where
     the closed formula loses digits (equal moments). `math.hypot` differs between Pythons where a root is next to half way between two
-    floats. That of round numbers may be; here are quotients of sums, and with `summing.hypot` a family evaluates half as many variants.
+    floats. That of round numbers may be; here are quotients of sums, and with `numeric.hypot` a family evaluates half as many variants.
     """
-    m = [list(row) for row in symmetric(a)]
+    return _principal_axes(*a[0], *a[1], *a[2])
+
+
+@numeric.one_operation
+def _principal_axes(
+    xx: float, xy: float, xz: float, yx: float, yy: float, yz: float, zx: float, zy: float, zz: float,
+) -> tuple[Vector, Matrix]:
+    m = [list(row) for row in symmetric(((xx, xy, xz), (yx, yy, yz), (zx, zy, zz)))]
     v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     for _ in range(32):
         off = abs(m[0][1]) + abs(m[0][2]) + abs(m[1][2])
@@ -153,7 +161,7 @@ def within_triangle(a: Matrix) -> Matrix:
     short = high - low - middle
     if short < -1e-12 * high:
         return a
-    lift = max(short, 0.0) + 1e-12 * high
+    lift = numeric.maximum(short, 0.0) + 1e-12 * high
     return (
         (a[0][0] + lift, a[0][1], a[0][2]),
         (a[1][0], a[1][1] + lift, a[1][2]),

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from thingc.base.frozen import dataclass
-from thingc.base.summing import hypot, sum_of
+from thingc.base.numeric import atan2, copysign, cos, hypot, maximum, one_operation, sin, sqrt, sum_of
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -104,7 +104,7 @@ class Pose:
             1.0 - r[0][0] - r[1][1] + r[2][2],
         )
         largest = max(range(4), key=lambda k: squares[k])
-        double = math.sqrt(max(squares[largest], 0.0))
+        double = sqrt(maximum(squares[largest], 0.0))
         half, scale = double / 2.0, 0.5 / double
         wx, wy, wz = r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]
         xy, xz, yz = r[0][1] + r[1][0], r[0][2] + r[2][0], r[1][2] + r[2][1]
@@ -115,8 +115,8 @@ class Pose:
             (wz * scale, xz * scale, yz * scale, half),
         )
         q = rows[largest]
-        norm = math.sqrt(sum_of(component * component for component in q))
-        sign = next((math.copysign(1.0, c) for c in q if c != 0.0), 1.0)
+        norm = sqrt(sum_of(component * component for component in q))
+        sign = next((copysign(1.0, c) for c in q if c != 0.0), 1.0)
         w, x, y, z = ((sign * component / norm) + 0.0 for component in q)
         return (w, x, y, z)
 
@@ -128,10 +128,10 @@ def turn_of(quaternion: Quaternion) -> Vector:
     """The rotation vector of a quaternion (w, x, y, z) of any length but 0: the axis times the angle [rad] from 0 to pi, exact near 0 and
     near pi alike."""
     w, x, y, z = quaternion if quaternion[0] >= 0.0 else (-quaternion[0], -quaternion[1], -quaternion[2], -quaternion[3])
-    size = math.sqrt(x * x + y * y + z * z)
+    size = sqrt(x * x + y * y + z * z)
     if size == 0.0:
         return (0.0, 0.0, 0.0)
-    angle = 2.0 * math.atan2(size, w)
+    angle = 2.0 * atan2(size, w)
     return (x * angle / size, y * angle / size, z * angle / size)
 
 
@@ -140,8 +140,8 @@ def quaternion_of(turn: Vector) -> Quaternion:
     angle = hypot(*turn)
     if angle == 0.0:
         return (1.0, 0.0, 0.0, 0.0)
-    scale = math.sin(angle / 2.0) / angle
-    return (math.cos(angle / 2.0), scale * turn[0], scale * turn[1], scale * turn[2])
+    scale = sin(angle / 2.0) / angle
+    return (cos(angle / 2.0), scale * turn[0], scale * turn[1], scale * turn[2])
 
 MATE = Pose(rotation=((0.0, -1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, -1.0)))
 """How two mounts meet: z axes opposed, x and y swapped and negated; its own inverse.
@@ -151,6 +151,7 @@ read extrinsically are another rotation.
 """
 
 
+@one_operation
 def quarter_exact(angle: float) -> tuple[float, float]:
     """(cos, sin) of an angle [rad], exact at multiples of a quarter turn, so that a turn of 90 deg leaves no 6e-17."""
     quarters = angle / (math.pi / 2.0)
@@ -165,7 +166,7 @@ def turned_about(axis: Vector, angle: float) -> Matrix:
     x, y, z = axis
     c, s = quarter_exact(angle)
     # 1 - cos without the digits that the subtraction loses near 0
-    d = 2.0 * math.sin(angle / 2.0) ** 2
+    d = 2.0 * sin(angle / 2.0) ** 2
     return (
         (c + d * x * x, d * x * y - s * z, d * x * z + s * y),
         (d * x * y + s * z, c + d * y * y, d * y * z - s * x),
@@ -218,7 +219,7 @@ def along(z: Vector, origin: Vector) -> Pose:
     """A frame at a point [m] whose z is a unit vector; its x and y are any that make it proper, those of the axes where z is theirs."""
     least = min(range(3), key=lambda k: abs(z[k]))
     y = cross(z, IDENTITY[least])
-    size = math.sqrt(dot(y, y))
+    size = sqrt(dot(y, y))
     y = (y[0] / size, y[1] / size, y[2] / size)
     return Pose(rotation=transpose((cross(y, z), y, z)), translation=origin)
 
@@ -227,6 +228,6 @@ def rpy_of(rotation: Matrix) -> Vector:
     """Roll, pitch and yaw [rad] of a rotation, as `placed` takes them. Where the pitch is a quarter turn yaw and roll are one
     turn: the yaw is whatever it comes to, and the roll what that leaves, so that the rotation is what it was to the last digits."""
     (xx, xy, xz), (yx, yy, yz), (zx, _, _) = rotation
-    yaw = math.atan2(yx, xx)
-    c, s = math.cos(yaw), math.sin(yaw)
-    return (math.atan2(s * xz - c * yz, c * yy - s * xy), math.atan2(-zx, c * xx + s * yx), yaw)
+    yaw = atan2(yx, xx)
+    c, s = cos(yaw), sin(yaw)
+    return (atan2(s * xz - c * yz, c * yy - s * xy), atan2(-zx, c * xx + s * yx), yaw)

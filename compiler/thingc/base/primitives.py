@@ -7,9 +7,9 @@ from typing import Literal, assert_never
 
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import MassProperties
+from thingc.base.numeric import hypot
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import NO_POSE, Matrix, Pose, Vector, dot, transpose
-from thingc.base.summing import hypot
 
 FARTHEST = 1e6
 """Metres: of what reaches much further no inertia can be worked out."""

@@ -11,14 +11,13 @@ Box, reach and torques are of one mode, in one pose.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
 from thingc.base.inertia import total
+from thingc.base.numeric import dist, inf
 from thingc.base.pose import Pose, Vector
 from thingc.base.suggestions import did_you_mean
-from thingc.base.summing import dist
 from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Assembly
 from thingc.model.robot.kinematics import placed_bodies
@@ -111,7 +110,7 @@ def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
 def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vector] | None:
     """Smallest and largest corner [m] of the box around the boxes of all parts placed at `poses` (by occurrence); None for a robot
     without geometry."""
-    low, high = [math.inf] * 3, [-math.inf] * 3
+    low, high = [inf] * 3, [-inf] * 3
     for occurrence, pose in zip(assembly.occurrences, poses, strict=True):
         box = occurrence.box
         if box is None:

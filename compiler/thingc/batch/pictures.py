@@ -12,7 +12,7 @@ from typing import Any
 from thingc.base.diagnostics import Code, Diagnostic, Severity
 from thingc.base.filesystem import listing, write_tree
 from thingc.base.json_lines_process import JsonLinesProcess, ProcessLost
-from thingc.base.summing import sum_of
+from thingc.base.numeric import sum_of
 from thingc.batch import folder_layout
 from thingc.batch.build_records import VariantFiles, load_records
 from thingc.batch.packed_layout import packed

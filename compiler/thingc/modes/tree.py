@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from thingc.base.numeric import sum_of
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
-from thingc.base.summing import sum_of
 from thingc.modes.errors import ModesError
 from thingc.modes.frames import Array, cross_matrix, exponential, pose, quaternion_of, rotation_of, rotation_vector, turned
 from thingc.modes.partial_bases import PartBase

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
+from thingc.base.numeric import inf, maximum, minimum
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.model.robot.types import Robot
 
@@ -28,7 +28,7 @@ def bounds(
     """The box [m] around the robot in the world at q = 0, from its parts' boxes (see `placements`); None without geometry. Of a turned
     box a coordinate is least where each of the three terms that it is the sum of is (Arvo, "Transforming axis-aligned bounding boxes",
     Graphics Gems, 1990)."""
-    low, high = [math.inf] * 3, [-math.inf] * 3
+    low, high = [inf] * 3, [-inf] * 3
     poses: list[Pose] = []
     for (parent, X_PL), inside in zip(bodies, parts, strict=True):
         at = (NO_POSE if parent is None else poses[parent]) @ X_PL
@@ -39,8 +39,8 @@ def bounds(
             placed = at @ pose
             for axis, (row, origin) in enumerate(zip(placed.rotation, placed.translation, strict=True)):
                 ends = [(a * one, a * other) for a, one, other in zip(row, *box, strict=True)]
-                low[axis] = min(low[axis], min(ends[0]) + min(ends[1]) + min(ends[2]) + origin)
-                high[axis] = max(high[axis], max(ends[0]) + max(ends[1]) + max(ends[2]) + origin)
+                low[axis] = minimum(low[axis], minimum(ends[0]) + minimum(ends[1]) + minimum(ends[2]) + origin)
+                high[axis] = maximum(high[axis], maximum(ends[0]) + maximum(ends[1]) + maximum(ends[2]) + origin)
     if low[0] > high[0]:
         return None
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])

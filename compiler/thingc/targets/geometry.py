@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Literal
 
+from thingc.base import numeric
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.frozen import dataclass
 from thingc.base.pose import NO_POSE, Pose, Vector
@@ -139,7 +140,7 @@ def channels(color: str) -> tuple[float, float, float, float]:
 
 def has_inside(piece: Mesh | Primitive) -> bool:
     """Whether something can be on one side of a shape or on the other: a plane has no volume, and is touched all the same."""
-    return not piece.flat if isinstance(piece, Mesh) else piece.shape == "plane" or min(piece.size) > 0.0
+    return not piece.flat if isinstance(piece, Mesh) else piece.shape == "plane" or numeric.minimum(piece.size) > 0.0
 
 
 def linear(channel: float) -> float:

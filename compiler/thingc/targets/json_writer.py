@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from json.encoder import encode_basestring
 
-from thingc.base.gaps import Recorded
+from thingc.base.numeric import Recorded, formatter, isfinite
 from thingc.base.safe_text import json_text
 
 
@@ -30,6 +29,7 @@ def fragment(value: object, depth: int) -> JsonFragment:
     return JsonFragment(_text(value, "\n" + "  " * depth))
 
 
+@formatter("json")
 def number(value: float) -> str:
     """A finite number."""
     return repr(value + 0.0)  # a rotation leaves -0.0 where nothing is
@@ -39,7 +39,7 @@ _PLAIN = {float, int, str, bool, type(None)}
 
 
 def _text(value: object, newline: str) -> str:
-    if type(value) is float and math.isfinite(value):
+    if type(value) is float and isfinite(value):
         return number(value)
     if isinstance(value, str):
         return value if type(value) is JsonFragment else encode_basestring(value)
@@ -55,5 +55,5 @@ def _text(value: object, newline: str) -> str:
             return "[" + ", ".join(texts) + "]"
         return "[" + inner + ("," + inner).join(texts) + newline + "]"
     if isinstance(value, Recorded):
-        return value.word("json")
+        return number(value)
     return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from thingc.base.numeric import formatter
 from thingc.base.safe_text import escape_control
 from thingc.base.source import Origin
 from thingc.model.resolve.types import RawAttribute
@@ -131,6 +132,7 @@ class XmlText:
         return None
 
 
+@formatter("xml")
 def number(value: float) -> str:
     """`repr`, but -0.0 is `0` and whole numbers are written without a point."""
     whole = int(value) if abs(value) < 1e16 else None

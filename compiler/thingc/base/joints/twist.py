@@ -7,14 +7,13 @@ Park, Modern Robotics, 2017, sections 3.3.2 and 3.3.3.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from thingc.base.frozen import dataclass
 from thingc.base.joints.dimensions import dimensions_of
+from thingc.base.numeric import degrees, hypot, pi, remainder, sin, sum_of, tau
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector, cross, dot, rotate, turned_about, turned_x, turned_y, turned_z
-from thingc.base.summing import hypot, sum_of
 from thingc.base.units import ANGLE, LENGTH, Dimension
 
 NONE: Vector = (0.0, 0.0, 0.0)
@@ -61,7 +60,7 @@ class Twist:
 
     def shown(self, q: float) -> str:
         """A coordinate [rad or m] as a person would write it: `30 deg`, `20 mm`."""
-        return f"{math.degrees(q):z.6g} deg" if self.turns else f"{q * 1000.0:z.6g} mm"
+        return f"{degrees(q):z.6g} deg" if self.turns else f"{q * 1000.0:z.6g} mm"
 
     def exponential(self, q: float) -> Pose:
         """The pose at `q` [rad or m] of what was at the frame at q = 0. Turns about x, y and z through the origin are exact at
@@ -130,9 +129,9 @@ def velocities(twists: tuple[Twist, ...], q: tuple[float, ...], pose: Pose, *, a
 def within_turn(vector: Vector) -> Vector:
     """The rotation vector [rad] of the same turn that is no longer than pi."""
     angle = hypot(*vector)
-    if angle <= math.pi:
+    if angle <= pi:
         return vector
-    scale = math.remainder(angle, math.tau) / angle
+    scale = remainder(angle, tau) / angle
     return (scale * vector[0], scale * vector[1], scale * vector[2])
 
 
@@ -150,7 +149,7 @@ def _right_jacobian(w: Vector, v: Vector) -> Vector:
     if a < 1e-2:
         b, c = 0.5 - a * a / 24.0 + a**4 / 720.0, 1.0 / 6.0 - a * a / 120.0 + a**4 / 5040.0
     else:
-        b, c = 2.0 * (math.sin(a / 2.0) / a) ** 2, (a - math.sin(a)) / a**3
+        b, c = 2.0 * (sin(a / 2.0) / a) ** 2, (a - sin(a)) / a**3
     once = cross(w, v)
     twice = cross(w, once)
     return (v[0] - b * once[0] + c * twice[0], v[1] - b * once[1] + c * twice[1], v[2] - b * once[2] + c * twice[2])

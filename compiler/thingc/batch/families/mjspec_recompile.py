@@ -72,10 +72,10 @@ def _gaps(template: ModelTemplate, root: ElementTree.Element) -> list[tuple[str,
     """Where a template has gaps for numbers: the element's kind and name, the attribute, its words in the text whose `root` this is, and of
     each of them its number in the template."""
     found = []
-    for (element, above), (own, _) in zip(_walk(ElementTree.fromstring(template.tokened)), _walk(root), strict=True):
+    for (element, above), (own, _) in zip(_walk(ElementTree.fromstring(template.slotted)), _walk(root), strict=True):
         for attribute, value in element.attrib.items():
             gaps = [template.places.get(word) for word in value.split()]
-            if not any(gap is not None and gap < len(template.outputs) for gap in gaps):
+            if not any(gap is not None for gap in gaps):
                 continue
             kind, named = ("body", above) if element.tag == "inertial" else (element.tag, own)
             attribute_of = _INERTIAL.get(attribute) if element.tag == "inertial" else attribute

@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.batch.families.merged_mesh_model import ModelSource
 from thingc.batch.families.mjspec_recompile import NotInMjSpec, RecompiledSpec
-from thingc.batch.families.model_template import ModelTemplate, plain_text
+from thingc.batch.families.model_template import ModelTemplate
 from thingc.batch.families.results import NoModel
 from thingc.batch.mujoco_arrays.arrays import TOGETHER, Arrays
 from thingc.batch.mujoco_arrays.entries import NotAnArrayEntry
@@ -20,7 +20,6 @@ from thingc.batch.mujoco_arrays.equality import different_fields
 from thingc.batch.plans import numeric_plan
 from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches
 from thingc.batch.plans.part_exchange import Exchange
-from thingc.batch.plans.tape import Traced
 from thingc.batch.plans.trace_compilation import TraceResult, trace_compilation, written
 from thingc.driver import pipeline
 from thingc.driver.settings import ParsedSettings, SettingsReader
@@ -111,15 +110,15 @@ class ModelsOfMode:
             if exchange is not None:
                 template = ModelTemplate(rehearsal, "; ".join(dict.fromkeys(form.modelled.values())), exchange.names)
                 return template.outputs, template
+            template = ModelTemplate(rehearsal)
             assets = self.source(read).assets
             if not slower:
                 try:
-                    tape = rehearsal.tape
-                    arrays = Arrays(rehearsal.made.text, tape.written, plain_text(rehearsal), assets, self._load)
-                    return [Traced(tape, line, tape.values[line]) for line in arrays.lines], arrays
+                    arrays = Arrays(template.slotted, template.places, template.plain, assets, self._load)
+                    return [template.outputs[place] for place in arrays.lines], arrays
                 except NotAnArrayEntry as fault:
                     slower = f"MuJoCo works with `{fault.attribute}` when it compiles"
-            template = ModelTemplate(rehearsal, slower)
+            template.why = slower
             return template.outputs, template
 
         while True:

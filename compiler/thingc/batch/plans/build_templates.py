@@ -5,34 +5,31 @@ from __future__ import annotations
 import copy
 import hashlib
 import math
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from json.encoder import encode_basestring
 from typing import TYPE_CHECKING, Any, cast
 
-from thingc.base.csv_text import format_cell
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen import dataclass
 from thingc.base.memo import Memo
 from thingc.base.safe_text import json_text
-from thingc.base.zip_files import MODEL, ZipEntry, entries, inflate, zipped
+from thingc.base.zip_files import MODEL, entries, inflate, zipped
 from thingc.batch.plans import numeric_plan
 from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, TracedResults
 from thingc.batch.plans.part_exchange import Exchange
-from thingc.batch.plans.tape import TOKENS, Tape, Traced, flat
-from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, trace_compilation
+from thingc.batch.plans.tape import Tape, Traced, slot
+from thingc.batch.plans.text_template import NumberSlots, TextTemplate
+from thingc.batch.plans.trace_compilation import TraceResult, trace_compilation
 from thingc.driver import pipeline
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
 from thingc.driver.settings import ParsedSettings, SettingsReader
 from thingc.geometry.record import Placed, StoredFile
 from thingc.model.resolve.sources import Settings
-from thingc.targets import json_writer
 from thingc.targets.artifact import MANIFEST, Content, counts_of
 from thingc.targets.registry import emitted
-from thingc.targets.xml_writer import number as number_text
 
 if TYPE_CHECKING:
     from thingc.geometry.service import GeometryService
@@ -40,8 +37,11 @@ if TYPE_CHECKING:
     from thingc.targets.request import EmitRequest
 
 FOLLOWED = frozenset(("mjcf", "mjz", "stl", "step", "urdf", "ros", "sdf", "usd", "bom"))
-"""The targets whose files hold no number that differs but in text, where it is known by a token. Not so: `hag`, which writes the words of
+"""The targets whose files hold no number that differs but in text, where it has a slot. Not so: `hag`, which writes the words of
 settings and is laid out around them; `glb` and `html`, whose numbers are bytes."""
+
+SETTING, DIGEST = "setting:", "digest:"
+"""How the names of slots begin that are for the texts of settings, and for the digests of files, in a manifest."""
 
 PATIENCE = 16
 """How many settings of a form are built by every pass before a plan is made, which takes as long as about as many of them."""
@@ -158,15 +158,15 @@ class Builds:
         return plan
 
     def _written(self, read: ParsedSettings, compilation: Compilation, tape: Tape) -> _WrittenBuild:
-        """For `trace_compilation`: the files as they are written, with tokens for numbers, and for the texts of settings."""
+        """For `trace_compilation`: the files as they are written, with slots for numbers, and for the texts of settings."""
         results = self._measured(compilation) or {}
         environment = copy.copy(self._session.environment)
         environment.memo = Memo()
         own = self._reader.settings(read)
         names = (*own.parameters, *own.choices)
-        token = {name: f"\x01{k}\x01" for k, name in enumerate(names)}
+        slots = {name: slot(f"{SETTING}{name}") for name in names}
         settings = Settings(
-            parameters={name: token[name] for name in own.parameters}, choices={name: token[name] for name in own.choices},
+            parameters={name: slots[name] for name in own.parameters}, choices={name: slots[name] for name in own.choices},
         )
         tape.writing = True
         try:
@@ -175,17 +175,15 @@ class Builds:
             files = pipeline.files(environment, replace(compilation, settings=settings), artifacts)
         finally:
             tape.writing = False
-        return _WrittenBuild(files=files, results=results, tokens=tuple(map(_quoted, token.values())), names=names)
+        return _WrittenBuild(files=files, results=results)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _WrittenBuild:
-    """Files with tokens in them, results with traced numbers, and what stands for the texts of settings, of these `names`."""
+    """Files with slots in them, and results with traced numbers."""
 
     files: Mapping[str, Content]
     results: Mapping[str, Any]
-    tokens: tuple[str, ...]
-    names: tuple[str, ...]
 
 
 class _Kernel:
@@ -199,7 +197,8 @@ class _Kernel:
 
     def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
         """As a geometry service does; where there are such numbers some file, for the tape is of these values alone."""
-        traced = [number for one in instances for number in flat((one.pose.rotation, one.pose.translation)) if isinstance(number, Traced)]
+        rows: list[tuple[Any, ...]] = [row for one in instances for row in (*one.pose.rotation, one.pose.translation)]
+        traced = [number for row in rows for number in row if isinstance(number, Traced)]
         for number in traced:
             number.tape.pin(number)
         written: StoredFile = StoredFile(sha256="", size=0) if traced else self._service.assemble(name, instances)
@@ -207,35 +206,30 @@ class _Kernel:
 
 
 class _Template:
-    """A build with gaps for numbers. `outputs` are those that go into it; `like` is one build of this kind."""
+    """A build with slots for numbers. `outputs` are those that go into it; `like` is one build of this kind."""
 
     def __init__(self, rehearsal: TraceResult, like: Build) -> None:
-        tape, made = rehearsal.tape, rehearsal.made
+        made = rehearsal.made
         self._like = like
         self._shape = TracedResults(made.results)
-        self._names: tuple[str, ...] = made.names
-        zips = {path: entries(content) for path, content in made.files.items() if isinstance(content, bytes) and path.endswith(".mjz")}
-        models = {path: inflate(inner.pop(MODEL)).decode() for path, inner in zips.items()}
-        own = {path: models.get(path) or content.decode() for path, content in made.files.items() if isinstance(content, bytes)}
-        words = [word for word in dict.fromkeys(TOKENS.findall("".join(own.values()))) if word in tape.written]
-        self.outputs = [*(Traced(tape, tape.written[word], tape.values[tape.written[word]]) for word in words), *self._shape.outputs]
-        self._writers = [_writer(tape.forms[word]) for word in words]
-        places = {word: k for k, word in enumerate(words)}
         self._files: dict[str, Content] = dict(made.files)
-        self._texts: dict[str, _Text] = {}
-        self._zips: dict[str, dict[str, ZipEntry]] = zips
-        digests = []
-        for path, content in own.items():
-            if path != MANIFEST and (text := _Text(content, TOKENS, places)).gaps:
-                self._texts[path] = text
-                digests.append(hashlib.sha256(bytes(made.files[path])).hexdigest())
-        further = {word: len(places) + k for k, word in enumerate((*made.tokens, *digests))}
-        pattern = re.compile("|".join((TOKENS.pattern, *map(re.escape, further))))
-        self._manifest = _Text(own[MANIFEST], pattern, {**places, **further})
+        written = {path: content for path, content in made.files.items() if isinstance(content, bytes)}
+        self._zips = {path: entries(content) for path, content in written.items() if path.endswith(".mjz")}
+        models = {path: inflate(inner.pop(MODEL)).decode() for path, inner in self._zips.items()}
+        own = {path: models.get(path) or content.decode() for path, content in written.items()}
+        manifest = own.pop(MANIFEST)
+        self._texts = {path: text for path, content in own.items() if (text := TextTemplate(content)).slots}
+        for path in self._texts:
+            manifest = manifest.replace(hashlib.sha256(written[path]).hexdigest(), slot(f"{DIGEST}{path}"))
+        self._manifest = TextTemplate(manifest)
+        self._settings = [name.removeprefix(SETTING) for name in self._manifest.slots if name.startswith(SETTING)]
+        said = [name for name in self._manifest.slots if not name.startswith((SETTING, DIGEST))]
+        self._numbers = NumberSlots(rehearsal.tape, (*(name for text in self._texts.values() for name in text.slots), *said))
+        self.outputs = [*self._numbers.outputs, *self._shape.outputs]
 
     def build(self, outputs: Sequence[float], settings: Settings) -> Build | None:
         """What comes of these values of `outputs`; None where a number of a file is not finite, which nothing can be said of."""
-        count, like = len(self._writers), self._like
+        count, like = len(self._numbers.outputs), self._like
         if not all(map(math.isfinite, outputs[:count])):
             return None
         return Build(
@@ -246,47 +240,20 @@ class _Template:
     def files(self, numbers: Sequence[float], settings: Settings) -> dict[str, Content]:
         """The files, with these numbers and the texts of these settings."""
         files = dict(self._files)
-        words = [write(number) for write, number in zip(self._writers, numbers, strict=True)]
-        digests = []
+        words, digests = self._numbers.words(numbers), {}
+        given = {**settings.parameters, **settings.choices}
         for path, text in self._texts.items():
-            content = text.filled(words).encode()
+            content = text.fill(words).encode()
             if path in self._zips:
                 content = zipped({MODEL: content, **self._zips[path]})
             files[path] = content
-            digests.append(hashlib.sha256(content).hexdigest())
-        given = {**settings.parameters, **settings.choices}
-        files[MANIFEST] = self._manifest.filled([*words, *(_quoted(given[name]) for name in self._names), *digests]).encode()
+            digests[f"{DIGEST}{path}"] = hashlib.sha256(content).hexdigest()
+        texts = {f"{SETTING}{name}": json_text(encode_basestring(given[name]))[1:-1] for name in self._settings}
+        files[MANIFEST] = self._manifest.fill({**words, **digests, **texts}).encode()
         return files
-
-
-class _Text:
-    """A text with gaps where a pattern fits, each for the word whose place `places` says. Raises `NotTraceable` for another word."""
-
-    def __init__(self, text: str, pattern: re.Pattern[str], places: Mapping[str, int]) -> None:
-        self._pieces = re.split(f"({pattern.pattern})", text)
-        if any(word not in places for word in self._pieces[1::2]):
-            raise NotTraceable("it is worked with where files are written")
-        self.gaps = [places[word] for word in self._pieces[1::2]]
-
-    def filled(self, words: Sequence[str]) -> str:
-        """The text with these words."""
-        pieces = self._pieces.copy()
-        pieces[1::2] = [words[place] for place in self.gaps]
-        return "".join(pieces)
 
 
 def _same(planned: Build, whole: Build | None) -> bool:
     """Whether a plan gives what every pass does."""
     said = ("results", "problems", "losses", "parts")
     return whole is not None and all(getattr(planned, name) == getattr(whole, name) for name in said) and planned.files() == whole.files()
-
-
-def _writer(form: str) -> Callable[[float], str]:
-    """What writes a number, of the form of its token."""
-    writers: dict[str, Callable[[float], str]] = {"xml": number_text, "json": json_writer.number, "csv": format_cell}
-    return writers[form] if form in writers else lambda number: format(number, form.removeprefix(":"))
-
-
-def _quoted(text: str) -> str:
-    """A text as a manifest has it."""
-    return json_text(encode_basestring(text))

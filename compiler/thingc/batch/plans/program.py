@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from thingc.base.inertia import principal_axes
-from thingc.base.pose import quarter_exact
-from thingc.base.summing import hypot_of
-from thingc.batch.plans.tape import Const, Ref, Tape, Traced
+from thingc.base import numeric
+from thingc.batch.plans.tape import OPERATIONS, Const, Ref, Tape, Traced
 
 Run = Callable[..., "tuple[float, ...] | None"]
 """Values of the variables -> those of the outputs; None where a guard does not hold."""
-
-_INFIX = {"+", "-", "*", "/", "**", "%", "<", "<=", ">", ">=", "==", "!="}
-
 
 def compiled(tape: Tape, outputs: Sequence[Any]) -> Run:
     """The function that works `outputs` (numbers, traced or not) out anew. It does the same operations on doubles as the passes did, in
     their order, so that what it gives is what they would give, to the last bit; it gives None where a pass would have decided otherwise,
     or could not have gone on."""
-    names: dict[str, Any] = {"math": math, "inf": math.inf, "nan": math.nan}
-    names |= {"fsum": math.fsum, "hypot_of": hypot_of, "quarter_exact": quarter_exact, "principal_axes": _axes}
+    names: dict[str, Any] = {"inf": numeric.inf, "nan": numeric.nan, **numeric.OPERATIONS}
     guards = list(dict.fromkeys((operation, arguments, outcome, at) for at, operation, arguments, outcome in tape.guards))
     seen: set[Any] = set()
     needed = _needed(tape, [*(Ref(one.line) for one in outputs if isinstance(one, Traced)), *(a for _, args, _, _ in guards for a in args)])
@@ -67,17 +60,9 @@ def _needed(tape: Tape, wanted: Sequence[Any]) -> set[int]:
 
 def _code(operation: str, arguments: Sequence[Ref | Const]) -> str:
     words = [f"v{int(one)}" if isinstance(one, Ref) else f"({one.text})" for one in arguments]
-    if operation in _INFIX:
+    if operation in OPERATIONS:
         return f"-{words[0]}" if len(words) == 1 else f"({words[0]} {operation} {words[1]})"
     if operation == "item":
         return f"{words[0]}[{words[1]}]"
-    if operation in ("fsum", "hypot_of"):
-        return f"{operation}(({', '.join(words)},))"
     return f"{operation}({', '.join(words)})"
 
-
-def _axes(*entries: float) -> tuple[float, ...]:
-    """`principal_axes` from one number after the other to the same."""
-    a, b, c, d, e, f, g, h, i = entries
-    values, (x, y, z) = principal_axes(((a, b, c), (d, e, f), (g, h, i)))
-    return (*values, *x, *y, *z)

@@ -1,38 +1,30 @@
-"""What passes do with a few numbers, written down while they do it: a tape, which is worked through again with other numbers.
+"""The tape: it records what passes compute with a few numbers, to compute it again with others.
 
-A `Traced` stands for a number in the passes. It knows its value, and what is worked out of it is another `Traced`, with a line on the tape:
-which operation, of what. Where a pass decides by it (`if mass > 0`), the decision goes onto the tape as well, as a *guard*: with numbers
-for which it comes out differently the tape says nothing. Nothing else can be learned of a `Traced` without the tape's hearing of it:
-it is no float, so that whoever needs one (a part's parameters, a count, a text) must ask for it, and then its value is guarded.
+A `Traced` stands for a number in the passes. It knows its value. What is computed from it, by operators and the functions of
+`base/numeric.py`, is another `Traced` with a line on the tape: the operation and its arguments. A decision (`if mass > 0`) goes onto the
+tape as a *guard*: the tape does not hold for numbers that decide otherwise. Code that needs the value itself (a parameter of a part, a
+count) converts with `float` or `int`, and the value is guarded. In a file that is written the number is a slot.
 """
 
 from __future__ import annotations
 
-import builtins
-import math
+import operator
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from thingc.base import inertia, pose, summing
-from thingc.base.gaps import Recorded
+from thingc.base.numeric import Recorded
 
 Number = Any
 """A float, an int or a `Traced`."""
 
-TOKENS = re.compile(r"-?[0-9.]+e-2[67][0-9]")
-"""Tokens in texts, and what might become of them."""
-_EXPONENTS = range(-920, -865)
-"""The powers of two at which tokens begin: one for each form in which numbers are written."""
+SLOT = re.compile("⟦(.*?)⟧")
+"""What holds the place of a number in a text; its name is between the brackets, which no format escapes."""
 
-_ELEMENTARY = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "hypot", "copysign", "radians", "degrees", "remainder", "fmod")
-"""Functions of `math` of one result, worked out as they are."""
-_OF_MANY = ((math, "fsum"), (summing, "hypot_of"))
-"""Functions of some numbers, of one result."""
 
-WHOLE = ((pose, "quarter_exact"), (inertia, "principal_axes"))
-"""Functions of ours that are one line of a tape, because what they decide on the way is nobody's business: the module, and their name."""
+def slot(name: str) -> str:
+    """The text that `SLOT` matches."""
+    return f"⟦{name}⟧"
 
 
 class Tape:
@@ -44,9 +36,6 @@ class Tape:
         self.guards: list[tuple[int, str, tuple[Any, ...], Any]] = []
         self.pinned: list[Traced] = []
         self.writing = False
-        self.written: dict[str, int] = {}
-        self.forms: dict[str, str] = {}
-        self._places: dict[str, int] = {}
         self._known: dict[tuple[str, tuple[Any, ...]], int] = {}
 
     def variable(self, value: float, of: Sequence[Traced] = ()) -> Traced:
@@ -73,15 +62,6 @@ class Tape:
         self.pinned.append(number)
         self.guards.append((len(self.lines), "==", (Ref(number.line), Const(number.value)), True))
         return number.value
-
-    def token(self, number: Traced, form: str = "xml") -> float:
-        """A float that stands for a line in a text, by its `repr`, which nothing else has. `form` is how the number is to be written:
-        `xml`, or as another format does, or behind a `:` as `format` does with that."""
-        place = self._places.setdefault(form, len(self._places))
-        token = math.ldexp(1.0 + number.line * 2.0**-40, _EXPONENTS[place])
-        self.written[repr(token)] = number.line
-        self.forms[repr(token)] = form
-        return token
 
     def _line(self, operation: str, arguments: tuple[Any, ...], value: Any) -> Traced:
         key = (operation, arguments)
@@ -171,8 +151,6 @@ class Traced(Recorded):
             return True
         if not isinstance(other, (int, float, Traced)):
             return False
-        if self.tape.writing and isinstance(other, int):
-            return False  # whether it is written with a point: see `targets.xml_writer.number`
         return bool(_compared("==", self, other))
 
     def __ne__(self, other: object) -> bool:
@@ -185,26 +163,42 @@ class Traced(Recorded):
         return self.tape.guard("!=", (self, 0.0), self.value != 0.0)
 
     def __int__(self) -> int:
-        return int(self.value) if self.tape.writing else int(self.tape.pin(self))
+        return int(self.tape.pin(self))
 
     def __index__(self) -> int:
         raise TypeError("a number that differs is no count")
 
     def __float__(self) -> float:
-        return self.tape.token(self) if self.tape.writing else float(self.tape.pin(self))
+        return float(self.tape.pin(self))
 
     def __round__(self, digits: int | None = None) -> Any:
-        return round(self.tape.pin(self), digits)
+        if digits is None:
+            return round(self.tape.pin(self))
+        return self.tape.apply("round", (self, digits), round(self.value, digits))
 
     def __repr__(self) -> str:
-        return repr(self.tape.pin(self) if self.tape.writing else self.value)  # in labels and messages, of which no file is made
-
-    def word(self, form: str) -> str:
-        """The token of the number."""
-        return repr(self.tape.token(self, form))
+        return repr(self.tape.pin(self) if self.tape.writing else self.value)  # of labels and messages no file is made
 
     def __format__(self, form: str) -> str:
-        return repr(self.tape.token(self, f":{form}")) if self.tape.writing else format(self.value, form)
+        return self.slot(f":{form}") if self.tape.writing else format(self.value, form)
+
+    def operate(self, name: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+        """One line of the tape, whatever the function decides on the way; a guard where it is a test."""
+        result = function(*map(value_of, arguments))
+        if isinstance(result, bool):
+            return self.tape.guard(name, arguments, result)
+        return _items(self.tape.apply(name, arguments, result))
+
+    def slot(self, form: str) -> str:
+        """The slot of the line."""
+        return slot(f"{self.line}:{form}")
+
+
+def _items(result: Traced) -> Any:
+    """The numbers of a result, in tuples where it is tuples."""
+    if not isinstance(result.value, tuple):
+        return result
+    return tuple(_items(result.tape.apply("item", (result, place), one)) for place, one in enumerate(result.value))
 
 
 def _binary(operation: str, left: Number, right: Number) -> Any:
@@ -217,125 +211,11 @@ def _binary(operation: str, left: Number, right: Number) -> Any:
 def _compared(operation: str, left: Traced, right: Number) -> Any:
     if not isinstance(right, (int, float, Traced)):
         return NotImplemented
-    if left.tape.writing and operation == "<" and type(right) is float and right == 1e16:
-        return bool(left.value < right)  # how it is written: see `targets.xml_writer.number`
     return left.tape.guard(operation, (left, right), bool(OPERATIONS[operation](value_of(left), value_of(right))))
 
 
 OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
-    "+": lambda a, b: a + b, "-": lambda a, b: a - b, "*": lambda a, b: a * b, "/": lambda a, b: a / b, "**": lambda a, b: a**b,
-    "%": lambda a, b: a % b, "<": lambda a, b: a < b, "<=": lambda a, b: a <= b, ">": lambda a, b: a > b, ">=": lambda a, b: a >= b,
-    "==": lambda a, b: a == b, "!=": lambda a, b: a != b,
+    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "**": operator.pow, "%": operator.mod,
+    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
 }
 """Operators of two numbers."""
-
-
-def flat(value: Any) -> Iterator[Any]:
-    """The numbers of nested tuples, in their order."""
-    if isinstance(value, (tuple, list)):
-        for one in value:
-            yield from flat(one)
-    else:
-        yield value
-
-
-def shaped(like: Any, numbers: Iterator[Any]) -> Any:
-    """Nested tuples like these, of other numbers."""
-    return tuple(shaped(one, numbers) for one in like) if isinstance(like, (tuple, list)) else next(numbers)
-
-
-@contextmanager
-def tracing(*others: tuple[Any, str, Any]) -> Iterator[None]:
-    """While numbers may be traced: functions of `math`, `min` and `max`, and some of ours, take them as well. Of other numbers they give
-    what they always do, also to other threads. `others` stand in for more: a module, the name, and what it is meanwhile."""
-    stand_ins = (
-        *((math, name, _elementary(name)) for name in _ELEMENTARY), *((math, name, _test(name)) for name in ("isfinite", "isnan", "isinf")),
-        *((builtins, name, _extreme(name)) for name in ("min", "max")),
-        *((module, name, _of_many(module, name)) for module, name in _OF_MANY),
-        *((module, name, _whole(module, name)) for module, name in WHOLE), *others,
-    )
-    known: list[tuple[Any, str, Any]] = []
-    try:
-        for owner, name, function in stand_ins:
-            known.append((owner, name, getattr(owner, name)))
-            setattr(owner, name, function)
-        yield
-    finally:
-        for owner, name, function in reversed(known):
-            setattr(owner, name, function)
-
-
-def _tape_of(values: Iterable[Any]) -> Tape | None:
-    """The tape of the first of the values that is traced."""
-    return next((one.tape for one in values if isinstance(one, Traced)), None)
-
-
-def _elementary(name: str) -> Callable[..., Any]:
-    """A function of `math`, of numbers that may be traced."""
-    function = getattr(math, name)
-
-    def traced(*arguments: Number) -> Any:
-        tape = _tape_of(arguments)
-        if tape is None:
-            return function(*arguments)
-        return tape.apply(f"math.{name}", arguments, function(*map(value_of, arguments)))
-
-    return traced
-
-
-def _of_many(module: Any, name: str) -> Callable[..., Any]:
-    """A function of some numbers that may be traced: one operation on the tape."""
-    function = getattr(module, name)
-
-    def traced(values: Iterable[Number]) -> Any:
-        listed = list(values)
-        tape = _tape_of(listed)
-        return function(listed) if tape is None else tape.apply(name, listed, function(map(value_of, listed)))
-
-    return traced
-
-
-def _extreme(name: str) -> Callable[..., Any]:
-    """`min` or `max`, of numbers that may be traced: which of them it is, is not decided."""
-    function = getattr(builtins, name)
-
-    def traced(*arguments: Any, **named: Any) -> Any:
-        if named or not arguments:
-            return function(*arguments, **named)
-        listed = list(arguments[0]) if len(arguments) == 1 else list(arguments)
-        tape = _tape_of(listed)
-        if tape is None or len(listed) == 1 or not all(isinstance(one, (int, float, Traced)) for one in listed):
-            return function(listed)
-        return tape.apply(name, listed, function(map(value_of, listed)))
-
-    return traced
-
-
-def _test(name: str) -> Callable[..., Any]:
-    """A question to `math` about one number that may be traced: the answer is a guard."""
-    function = getattr(math, name)
-
-    def traced(number: Number) -> Any:
-        if not isinstance(number, Traced):
-            return function(number)
-        return number.tape.guard(f"math.{name}", (number,), function(number.value))
-
-    return traced
-
-
-def _whole(module: Any, name: str) -> Callable[..., Any]:
-    """A function of ours, whose argument may have traced numbers in it: one operation on the tape."""
-    function = getattr(module, name)
-
-    def traced(argument: Any) -> Any:
-        listed = list(flat(argument))
-        tape = _tape_of(listed)
-        if tape is None:
-            return function(argument)
-        results = function(shaped(argument, map(value_of, listed)))
-        call = tape.apply(name, listed, results)
-        items = (tape.apply("item", (call, k), value) for k, value in enumerate(flat(results)))
-        return shaped(results, items)
-
-    return traced
-

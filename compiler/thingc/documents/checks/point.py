@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import ConfigDict, Field, model_validator
 
 from thingc.base.diagnostics import Code
 from thingc.base.frozen import dataclass
+from thingc.base.numeric import hypot, radians
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Vector
-from thingc.base.summing import hypot
 from thingc.base.units import ANGLE, LENGTH, NUMBER
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.spec.base import Model
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from thingc.model.resolve.tests import Reader
     from thingc.model.resolve.types import Reference
 
-ANGLE_OFF = math.radians(1.0)
+ANGLE_OFF = radians(1.0)
 """How far a mount may be off the direction [rad] of a test that does not say."""
 
 

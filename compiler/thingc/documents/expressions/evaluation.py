@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from typing import Union
 
+from thingc.base import numeric
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import ANGLE, NUMBER, UNITS, Dimension, Quantity, fits, shortened
 from thingc.documents.expressions.terms import CONSTANTS, Binary, Call, Expression, ExpressionError, Literal, NameUse, Term, Unary
@@ -94,8 +94,8 @@ class _Evaluator:
         except ZeroDivisionError:
             raise ExpressionError(f"division by zero in `{self.written(term)}`", term.offset, term.end, kind="value") from None
         except (OverflowError, ValueError):
-            result = math.inf
-        if isinstance(result, complex) or not math.isfinite(result):
+            result = numeric.inf
+        if isinstance(result, complex) or not numeric.isfinite(result):
             raise ExpressionError(f"`{self.written(term)}` has no finite result", term.offset, term.end, kind="value")
         return Quantity(result + 0.0, dimension)
 
@@ -162,10 +162,10 @@ class _Evaluator:
         if term.function == "sqrt":
             from fractions import Fraction
 
-            return self.finite(term, lambda: math.sqrt(x), first.dimension ** Fraction(1, 2))
+            return self.finite(term, lambda: numeric.sqrt(x), first.dimension ** Fraction(1, 2))
         if term.function == "atan2":
             self.same(term.arguments[0], first, term.arguments[1], arguments[1])
-            return Quantity(math.atan2(x, arguments[1].value), ANGLE)
+            return Quantity(numeric.atan2(x, arguments[1].value), ANGLE)
         if first.dimension != ANGLE and not _zero(term.arguments[0]):
             shown = self.written(term.arguments[0])
             raise ExpressionError(
@@ -173,7 +173,7 @@ class _Evaluator:
                 term.arguments[0].offset, term.arguments[0].end, kind="dimension",
                 help=f"for radians write `{shown} * 1 rad`" if first.dimension == NUMBER else None,
             )
-        return self.finite(term, lambda: {"sin": math.sin, "cos": math.cos, "tan": math.tan}[term.function](x), NUMBER)
+        return self.finite(term, lambda: {"sin": numeric.sin, "cos": numeric.cos, "tan": numeric.tan}[term.function](x), NUMBER)
 
     def extreme(self, term: Call, arguments: list[Quantity]) -> Quantity:
         """`min` and `max`: the dimension is that of the first argument that is no bare 0."""
@@ -181,7 +181,7 @@ class _Evaluator:
         for argument, quantity in zip(term.arguments, arguments, strict=True):
             self.same(term.arguments[lead], arguments[lead], argument, quantity)
         values = [argument.value for argument in arguments]
-        return Quantity(min(values) if term.function == "min" else max(values), arguments[lead].dimension)
+        return Quantity(numeric.minimum(values) if term.function == "min" else numeric.maximum(values), arguments[lead].dimension)
 
 
 def _zero(term: Term) -> bool:

@@ -6,6 +6,7 @@ import functools
 import math
 from decimal import Decimal
 
+from thingc.base import numeric
 from thingc.base.units import FREQUENCY, NUMBER, Quantity, Unit, UnitError, converted, scan_unit
 from thingc.documents.expressions.evaluation import ExpressionValue, plain
 
@@ -37,7 +38,7 @@ def _in_unit(quantity: Quantity, unit: str) -> str | None:
         return None
     number = Decimal(quantity.value + 0.0) * known[1] / known[0]
     double = float(number)
-    if not math.isfinite(double):
+    if not numeric.isfinite(double):
         return None
     near = (double + ulps * math.ulp(double) for ulps in (0, 1, -1))  # for degrees
     texts = (f"{double:.15g}", f"{number:.16g}", *(f"{one:.17g}" for one in (number, *near)))

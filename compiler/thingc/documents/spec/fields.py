@@ -138,6 +138,8 @@ def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, exampl
 
     Raises a fault: `expected a length (such as `120 mm`), found ...`.
     """
+    if isinstance(value, Quantity):
+        return checked(value, dimensions, f"{value.value}")
     if is_expression(value):
         return read_expression(value)
     if isinstance(value, str):
@@ -241,7 +243,7 @@ else:
 
 def any_value(value: Any) -> Value | bool | str:
     """A parameter's value: a quantity of any dimension, an expression, a flag, or text (not beginning with a number)."""
-    if isinstance(value, bool):
+    if isinstance(value, bool | Quantity):
         return value
     if is_expression(value):
         return read_expression(value)

@@ -10,8 +10,8 @@ from dataclasses import asdict
 from typing import Any, TypeVar, get_args
 
 from thingc.base.inertia import physical_fault
+from thingc.base.numeric import hypot, sum_of
 from thingc.base.pose import Pose, Vector
-from thingc.base.summing import hypot, sum_of
 from thingc.geometry.print_slices import Moments, SliceFailure, SliceResult, Slicing
 from thingc.geometry.record import (
     WHOLE,

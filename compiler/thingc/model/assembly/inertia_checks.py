@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
+from thingc.base import numeric
 from thingc.base.diagnostics import Code
 from thingc.base.inertia import LEAST_MASS, LEAST_MOMENT, ZERO, moments_fault, physical_fault, principal_moments
 from thingc.base.joints.bases import stays
@@ -111,7 +112,7 @@ def _cause(one: Occurrence) -> str:
     """What is probably wrong with the heaviest component of a link that is too light: its unit, its density, or nothing."""
     record = one.record
     if record is not None and record.box is not None:
-        longest = max(above - below for below, above in zip(*record.box))
+        longest = numeric.maximum(above - below for below, above in zip(*record.box))
         if longest < SMALLEST:
             return unit_meant(one.component.definition, longest)
         doubt = density_doubt(one.properties.mass / record.volume)

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
 from thingc.base.joints.twist import moved, within_turn
+from thingc.base.numeric import hypot
 from thingc.base.pose import NO_POSE, Pose
-from thingc.base.summing import hypot
 from thingc.model.assembly.types import Assembly, JointEdge, Mate
 
 

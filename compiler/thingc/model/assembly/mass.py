@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import cast
 
+from thingc.base import numeric
 from thingc.base.frozen import dataclass
 from thingc.base.inertia import ZERO, MassProperties
 from thingc.base.pose import Matrix, Vector
@@ -170,7 +171,7 @@ def _matter(record: PartRecord | None, process: Process | None, overrides: Overr
     sliced = record.slices.get(slicing) if slicing is not None else None
     if isinstance(sliced, SliceResult):
         return sliced.printed(process.infill), "layers"
-    skin = min(record.volume, record.area * float(process.walls or 0) * (process.line_width or 0.0))
+    skin = numeric.minimum(record.volume, record.area * float(process.walls or 0) * (process.line_width or 0.0))
     return exact.with_mass(record.volume * ((skin + process.infill * (record.volume - skin)) / record.volume)), "skin"
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 from thingc.base.diagnostics import Code, noted
+from thingc.base.numeric import hypot, isfinite, maximum
 from thingc.base.suggestions import did_you_mean
-from thingc.base.summing import hypot
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.kinematics import balls, coordinates
 from thingc.model.assembly.report import LinkReport
@@ -261,14 +260,14 @@ def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: LinkRepo
 
 def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkReport) -> None:
     twist, lower, upper = joint.twist, joint.limit.lower, joint.limit.upper
-    if not math.isfinite(q):
+    if not isfinite(q):
         findings.error(
             Code.POSE_LIMITS, f"pose `{pose.name}` brings `{joint.name}` beyond what a number can be", pose.origin, path=pose.name,
             help="write a smaller value", notes=noted(f"`{joint.name}` follows another joint here", joint.origin),
         )
         return
-    below = lower is not None and q < lower - _ROUNDING * max(1.0, abs(lower))
-    above = upper is not None and q > upper + _ROUNDING * max(1.0, abs(upper))
+    below = lower is not None and q < lower - _ROUNDING * maximum(1.0, abs(lower))
+    above = upper is not None and q > upper + _ROUNDING * maximum(1.0, abs(upper))
     if not below and not above:
         return
     if lower is not None and upper is not None:

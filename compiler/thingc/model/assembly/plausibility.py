@@ -5,15 +5,14 @@ Each is decided on the numbers alone, so that `check` says it. What geometry tel
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Collection, Iterator, Sequence
 
 from thingc.base.diagnostics import Code, Note, allow_hint, noted
 from thingc.base.frozen import dataclass
+from thingc.base.numeric import dist, hypot, maximum, minimum, pi, sqrt, sum_of, tau
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.source import Origin
-from thingc.base.summing import dist, hypot, sum_of
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.part_instances import doubted
 from thingc.model.assembly.plausibility_modes import check_modes, check_nested_simulation
@@ -78,7 +77,7 @@ def check_plausible(tree: Tree, assembly: Assembly, findings: LinkReport) -> Non
     if sizes and all(one.record is None or one.record.exact for one in occurrences):
         largest = max(sizes, key=lambda index: sizes[index])
         _check_offsets(tree, occurrences[largest], sizes[largest], findings)
-        reach = sum_of(max((sizes.get(member, 0.0) for member in link.members), default=0.0) for link in links)
+        reach = sum_of(maximum((sizes.get(member, 0.0) for member in link.members), default=0.0) for link in links)
         _check_roots(modes, reach, findings)
         _check_bare_masses(occurrences, links, findings)
 
@@ -94,13 +93,13 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> boo
             continue
         low, high = one.box
         sides = [above - below for below, above in zip(low, high)]
-        if SMALLEST <= max(sides) <= LARGEST:
+        if SMALLEST <= maximum(sides) <= LARGEST:
             continue
-        bound = f"under {1000.0 * SMALLEST:g} mm" if max(sides) < SMALLEST else f"over {LARGEST:g} m"
+        bound = f"under {1000.0 * SMALLEST:g} mm" if maximum(sides) < SMALLEST else f"over {LARGEST:g} m"
         if findings.warn(
             Code.SIZE, f"`{one.component.name}` (`{one.definition.label}`) is {bound} long: it measures {measures(one.box)}",
             one.origin, path=one.path, notes=written_at(f"`{one.definition.label}`", one.record.code) if one.record is not None else (),
-            help=f"{unit_meant(one.component.definition, max(sides))}; {allow_hint(Code.SIZE)}",
+            help=f"{unit_meant(one.component.definition, maximum(sides))}; {allow_hint(Code.SIZE)}",
         ):
             warned.add(one.definition.text)
     return bool(warned)
@@ -131,11 +130,11 @@ def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None
     (low, high), centre, inertia = one.box, one.properties.centre, one.properties.inertia
     size = dist(low, high)
     across = f"and it measures {length_words(size, 3)} across"
-    away = hypot(*(max(least - at, at - most, 0.0) for least, at, most in zip(low, centre, high, strict=True)))
+    away = hypot(*(maximum(least - at, at - most, 0.0) for least, at, most in zip(low, centre, high, strict=True)))
     if away > size:
         what = f"the centre of mass of `{one.component.name}` is {length_words(away, 3)} outside of it, {across}"
         return one.overrides.com, what, "mind the unit (`mm`, `m`; a Thing's `centre()` is in mm), and that it is in the component's axes"
-    radius = math.sqrt(max(inertia[0][0] + inertia[1][1] + inertia[2][2], 0.0) / (2.0 * mass))
+    radius = sqrt(maximum(inertia[0][0] + inertia[1][1] + inertia[2][2], 0.0) / (2.0 * mass))
     if not size / COMPACT <= radius <= SPREAD * size:
         what = f"the inertia of `{one.component.name}` is that of {mass_words(mass)} at {length_words(radius, 3)} from its centre, {across}"
         return one.overrides.inertia, what, "mind the unit: 1 kg*m^2 is 1e6 kg*mm^2, or 1e9 g*mm^2"
@@ -181,12 +180,12 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
         return
     ends = {key: value for key, value in (("lower", joint.limit.lower), ("upper", joint.limit.upper)) if value is not None}
     path, here = instance.within(joint.path), joint.origin + instance.origin
-    wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * math.pi and not twist.pitch]  # a screw takes many turns
+    wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * pi and not twist.pitch]  # a screw takes many turns
     for key in wide:
         text, number, unit = _written(joint, key)
         cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "there is a digit too many"
         findings.warn(
-            Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * math.pi))} turns (`{text}`)",
+            Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * pi))} turns (`{text}`)",
             _place(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
             help=f"probably {cause}; a joint that turns without end is `continuous`; {allow_hint(Code.LIMIT_TURNS)}",
         )
@@ -356,9 +355,9 @@ def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
 def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
     """How far a joint is moved at q = 0, and how far it goes: of a screw whose lead is beyond `bound` [m] no more than that."""
     per_unit, turns = (hypot(*joint.twist.linear), joint.twist.turns) if joint.twist is not None else (0.0, False)
-    moved = max(abs(joint.gap), abs(joint.offset) * per_unit)
+    moved = maximum(abs(joint.gap), abs(joint.offset) * per_unit)
     yield _Offset(words=f"joint `{joint.name}` is moved by", length=moved, path=joint.name, origin=joint.origin)
-    lead = math.tau * per_unit if turns else 0.0
+    lead = tau * per_unit if turns else 0.0
     ends = {"lead": lead} if lead > bound else {
         key: value * per_unit for key, value in (("limit.lower", joint.limit.lower), ("limit.upper", joint.limit.upper))
         if value is not None
@@ -412,9 +411,9 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
 def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector, Vector], Pose]], findings: LinkReport) -> None:
     """A mass without a shape, `at` a point of its link, that is far from the boxes around the parts of the link."""
     corners = [corner for box, pose in boxes for corner in pose.around(box)]
-    sides = [(min(side), max(side)) for side in zip(*corners, strict=True)]
-    away = hypot(*(max(low - x, x - high, 0.0) for x, (low, high) in zip(at, sides, strict=True)))
-    size = max(high - low for low, high in sides)
+    sides = [(minimum(side), maximum(side)) for side in zip(*corners, strict=True)]
+    away = hypot(*(maximum(low - x, x - high, 0.0) for x, (low, high) in zip(at, sides, strict=True)))
+    size = maximum(high - low for low, high in sides)
     if away > size:
         placement = one.component.placement
         place = placement.origin + one.origin[len(one.component.origin):] if isinstance(placement, At) else one.origin

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from itertools import combinations
-from math import radians
 
 from thingc.base.diagnostics import Code, allow_hint, noted
 from thingc.base.joints.twist import Twist
 from thingc.base.mirror import Mirror
+from thingc.base.numeric import dist, maximum, radians
 from thingc.base.pose import multiply, transpose
-from thingc.base.summing import dist
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Assembly, Mate
 
@@ -46,11 +45,11 @@ def _turn_between(assembly: Assembly, one: Mate, other: Mate) -> int:
     first, second = (multiply(transpose(assembly.rest[m.parent].rotation), assembly.rest[m.child].rotation) for m in (one, other))
     before, normal = (transpose(mate.X_PJ.rotation)[2] for mate in (one, other))
     for plane in map(Mirror, "xyz"):
-        if max(dist(plane.vector(one.X_PJ.translation), other.X_PJ.translation), dist(plane.vector(before), normal)) > CLOSE:
+        if maximum(dist(plane.vector(one.X_PJ.translation), other.X_PJ.translation), dist(plane.vector(before), normal)) > CLOSE:
             continue
         image = [tuple(sign * entry for entry in Mirror(axes[0]).vector(row)) for sign, row in zip(plane.signs, first)]
         for turn in (0, 90, 180, -90):
             turned = multiply(Twist(angular=normal).exponential(radians(turn)).rotation, second)
-            if max(map(dist, turned, image)) < CLOSE:
+            if maximum(map(dist, turned, image)) < CLOSE:
                 return turn
     return 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
+from thingc.base import numeric
 from thingc.base.inertia import MassProperties, total
 from thingc.base.pose import Vector
 from thingc.geometry.meshes.files import MeshFile, MeshRecord
@@ -87,7 +88,7 @@ def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | N
     corners = [corner for box in boxes for corner in box]
     if not corners:
         return None
-    (ax, bx), (ay, by), (az, bz) = ((min(side), max(side)) for side in zip(*corners, strict=True))
+    (ax, bx), (ay, by), (az, bz) = ((numeric.minimum(side), numeric.maximum(side)) for side in zip(*corners, strict=True))
     return (ax, ay, az), (bx, by, bz)
 
 

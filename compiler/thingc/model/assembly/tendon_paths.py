@@ -7,13 +7,12 @@ out in whatever frame the mounts are given in.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 from thingc.base.frozen import dataclass
+from thingc.base.numeric import acos, dist, hypot, maximum, minimum, pi, sqrt, sum_of
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, Vector, cross, dot
-from thingc.base.summing import dist, hypot, sum_of
 from thingc.model.assembly.types import LinkedMount, TendonStep
 
 Point = tuple[float, float]
@@ -85,7 +84,7 @@ def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector
     else:
         x = _unit(p)
         normal = cross(p, q)
-        if math.sqrt(dot(normal, normal)) < TINY:  # both in one line with the centre: any plane through them is as good
+        if sqrt(dot(normal, normal)) < TINY:  # both in one line with the centre: any plane through them is as good
             largest = max(range(3), key=lambda k: abs(x[k]))
             normal = cross(x, (float(largest != 0), float(largest != 1), float(largest != 2)))
         y = _unit(cross(_unit(normal), x))
@@ -122,13 +121,13 @@ def _circle(p: Point, q: Point, side: Point | None, radius: float) -> tuple[floa
     dd = d[0] ** 2 + d[1] ** 2
     if dd < TINY:
         return None
-    along = min(1.0, max(0.0, -(d[0] * p[0] + d[1] * p[1]) / dd))
+    along = minimum(1.0, maximum(0.0, -(d[0] * p[0] + d[1] * p[1]) / dd))
     near = (p[0] + along * d[0], p[1] + along * d[1])
     if near[0] ** 2 + near[1] ** 2 > square and (side is None or side[0] * near[0] + side[1] * near[1] >= 0.0):
         return None
     best: tuple[float, int, Point, Point] | None = None
     for way, sign in enumerate((1.0, -1.0)):
-        s, t = sign * radius * math.sqrt(pp - square), sign * radius * math.sqrt(qq - square)
+        s, t = sign * radius * sqrt(pp - square), sign * radius * sqrt(qq - square)
         a = ((p[0] * square + s * p[1]) / pp, (p[1] * square - s * p[0]) / pp)
         b = ((q[0] * square - t * q[1]) / qq, (q[1] * square + t * q[0]) / qq)
         if side is not None:
@@ -144,10 +143,10 @@ def _circle(p: Point, q: Point, side: Point | None, radius: float) -> tuple[floa
     _, way, a, b = best
     if _cross(p, a, q, b):
         return None
-    angle = math.acos(max(-1.0, min(1.0, (a[0] * b[0] + a[1] * b[1]) / square)))
+    angle = acos(maximum(-1.0, minimum(1.0, (a[0] * b[0] + a[1] * b[1]) / square)))
     turn = a[1] * b[0] - a[0] * b[1]
     if (turn > 0.0 and way == 1) or (turn < 0.0 and way == 0):
-        angle = 2.0 * math.pi - angle
+        angle = 2.0 * pi - angle
     return radius * angle, a, b
 
 
@@ -167,5 +166,5 @@ def _scaled(v: Point, length: float) -> Point:
 
 
 def _unit(v: Vector) -> Vector:
-    size = math.sqrt(dot(v, v))
+    size = sqrt(dot(v, v))
     return (1.0, 0.0, 0.0) if size < TINY else (v[0] / size, v[1] / size, v[2] / size)

@@ -11,12 +11,12 @@ from thingc.base.inertia import MassProperties
 from thingc.base.joints.bases import BaseType
 from thingc.base.joints.kind import JointKind
 from thingc.base.joints.twist import Twist
+from thingc.base.numeric import sum_of
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.primitives import Primitive
 from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin
-from thingc.base.summing import sum_of
 from thingc.geometry.record import DriveType, Mesh, PartRecord
 from thingc.model.assembly.hag import Definition, Hag, hag_of
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic

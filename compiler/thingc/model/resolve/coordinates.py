@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import re
 
 from thingc.base.frozen import dataclass
+from thingc.base.numeric import inf, sum_of
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Origin
-from thingc.base.summing import sum_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,4 +108,4 @@ class Mimic(OneLineRepr):
         try:
             return linear if not self.higher else linear + sum_of(c * x**k for k, c in enumerate(self.higher, start=2))
         except OverflowError:
-            return math.inf
+            return inf

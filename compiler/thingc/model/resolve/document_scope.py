@@ -23,6 +23,7 @@ from thingc.model.resolve.scope import NOTHING, Scope
 from thingc.model.resolve.types import AssemblyDefinition, Component, ExtraMount, Joint, Material, NamedPose, Reference
 
 if TYPE_CHECKING:
+    from thingc.base.units import Quantity
     from thingc.documents.load.documents import Documents
     from thingc.documents.spec.assembly import AssemblySpec, ComponentSpec
     from thingc.documents.spec.invalid_entries import Specs
@@ -144,7 +145,7 @@ class ResolveRun:
 
     `tables` is keyed by document and canonical parameters (equal definitions are one object); `nesting` holds the
     documents being resolved, outermost first, `route` the components that nest them; `said` is that of every scope; `overfull`: too many
-    occurrences were reported; `digest` gives the SHA-256 of a file.
+    occurrences were reported; `digest` gives the SHA-256 of a file; `quantities` are those of the `Settings`.
     """
 
     documents: Documents
@@ -165,6 +166,7 @@ class ResolveRun:
     memo: Memo = field(default_factory=Memo)
     of_any_text: Memo = field(default_factory=Memo)
     digest: Callable[[str], str] = digest_of
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
 
     def recall(self) -> None:
         """Take over from the last run what was sound there: nested documents with their parameters, and material documents."""

@@ -11,9 +11,9 @@ from thingc.base.joints.dimensions import SLIDE, TURN, dimensions_of
 from thingc.base.joints.kind import JointKind
 from thingc.base.joints.kinds import KINDS
 from thingc.base.joints.twist import Twist
+from thingc.base.numeric import hypot
 from thingc.base.pose import IDENTITY, Vector
 from thingc.base.source import MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
-from thingc.base.summing import hypot
 from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 from thingc.documents.spec.assembly import JointSpec
 from thingc.documents.spec.drives import DriveKind, DriveSpec

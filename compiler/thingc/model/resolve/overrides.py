@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from thingc.base.diagnostics import Code
 from thingc.base.inertia import HEAVIEST, LARGEST_MOMENT
+from thingc.base.numeric import hypot
 from thingc.base.pose import NO_POSE, Vector
 from thingc.base.source import Path
 from thingc.base.suggestions import did_you_mean
-from thingc.base.summing import hypot
 from thingc.base.units import INERTIA, LENGTH, MASS, NUMBER
 from thingc.documents.spec.mass import CentreOfMassSpec, InertiaMatrix, InertiaSpec, MassSpec
 from thingc.model.resolve.defaults import DefaultLayers

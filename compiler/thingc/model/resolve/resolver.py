@@ -35,7 +35,8 @@ def resolve(
         return None
     context = ResolveRun(
         documents=sources.documents, specs=sources.specs, workspace=sources.workspace, schemas=sources.schemas, report=report,
-        digest=sources.digest, memo=memo or Memo(), of_any_text=Memo() if of_any_text is None or settings != Settings() else of_any_text,
+        digest=sources.digest, quantities=settings.quantities, memo=memo or Memo(),
+        of_any_text=Memo() if of_any_text is None or settings != Settings() else of_any_text,
     )
     context.recall()
     context.nesting.append(root.relative)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Set
 from dataclasses import field, replace
 from typing import Any
 
+from thingc.base import numeric
 from thingc.base.diagnostics import MAX_FAULTS, Code, Note, Report
 from thingc.base.frozen import dataclass
 from thingc.base.pose import Matrix, Pose, Vector, placed, rotation_of
@@ -199,9 +199,9 @@ class Scope:
         w, x, y, z = (self.number(part, (*place, index), NUMBER, "`quat`") for index, part in enumerate(spec.quat))
         if w is None or x is None or y is None or z is None:
             return None
-        length = math.sqrt(w * w + x * x + y * y + z * z)
+        length = numeric.sqrt(w * w + x * x + y * y + z * z)
         if not abs(length - 1.0) <= UNIT:
-            unit = ", ".join(f"{part / length:.6g}" for part in (w, x, y, z)) if 0.0 < length < math.inf else "1, 0, 0, 0"
+            unit = ", ".join(f"{part / length:.6g}" for part in (w, x, y, z)) if 0.0 < length < numeric.inf else "1, 0, 0, 0"
             self.error(
                 Code.OUT_OF_RANGE, f"`quat` is a unit quaternion w, x, y, z, and the length of this one is {length:.6g}", place,
                 help=f"write `[{unit}]`" + (", which turns nothing" if length == 0.0 else ""),

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
+from thingc.base import numeric
 from thingc.base.diagnostics import Code
 from thingc.base.joints.dimensions import dimensions_of
 from thingc.base.pose import NO_POSE
@@ -22,7 +22,7 @@ from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.shapes import primitive
 from thingc.model.resolve.types import Joint, Reference, Sensor, Tendon
 
-FOVY = math.radians(45.0)
+FOVY = numeric.radians(45.0)
 """The angle of view [rad] of a camera that does not state one: MuJoCo's."""
 
 
@@ -132,7 +132,7 @@ class _Reader:
             return FOVY
         place: Path = (*self.path, "fovy")
         fovy = self.scope.number(self.spec.fovy, place, ANGLE, f"`fovy` of camera `{self.name}`", above=0.0)
-        if fovy is not None and fovy >= math.pi:
+        if fovy is not None and fovy >= numeric.pi:
             shown = self.scope.shown(Quantity(fovy, ANGLE), place)
             self.scope.error(Code.OUT_OF_RANGE, f"`fovy` of camera `{self.name}` must be below 180 deg, found {shown}", place)
             fovy = None

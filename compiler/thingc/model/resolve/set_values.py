@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from typing import Any, cast
 
 from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.base.frozen import dataclass
@@ -54,7 +55,10 @@ def substituted(
         place = option_span(context.from_top(path), shortened(text))
         if (inner := in_full(tree, keys)) is not None:
             tree = _with(tree, *inner)
-        read = _astray(document, tree, keys, text, context.from_top) or _read(path, text, place)
+        known = context.quantities.get(context.from_top(path))
+        read = _astray(document, tree, keys, text, context.from_top) or (
+            _read(path, text, place) if known is None else ScalarNode(value=cast("Any", known), text=text, span=place)
+        )
         if isinstance(read, PathNotFound):
             context.say_of_option(path, read.message, read.help)
             wrong = True
@@ -70,7 +74,9 @@ def substituted(
             context.report.say(fault)
         else:  # the document has no faults: a value makes something else wrong
             context.say_of_option(closest(values, fault.path or ""), fault.message, fault.help)
-    return (changed, sound) if isinstance(sound, AssemblySpec) else (document, spec)
+    if not isinstance(sound, AssemblySpec):
+        return document, spec
+    return changed, sound.model_copy(update={"parameters": spec.parameters})  # which no path sets
 
 
 def _read(path: str, text: str, place: Span) -> Node | PathNotFound:

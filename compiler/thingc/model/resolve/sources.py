@@ -10,6 +10,7 @@ from thingc.base.frozen import dataclass
 from thingc.geometry.store.file_digests import digest_of
 
 if TYPE_CHECKING:
+    from thingc.base.units import Quantity
     from thingc.documents.load.documents import Documents
     from thingc.documents.spec.invalid_entries import Specs
     from thingc.documents.workspace import Workspace
@@ -19,10 +20,12 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """What one compilation has of its own. `parameters` are texts as `-p` takes them (`{"reach": "120 mm"}`), `choices` texts by
-    dotted path in the root document (`{"components.foot.part": "feet:Wide"}`)."""
+    dotted path in the root document (`{"components.foot.part": "feet:Wide"}`). `quantities` are values for some of these paths: each is
+    set in place of its text."""
 
     parameters: Mapping[str, str] = field(default_factory=dict)
     choices: Mapping[str, str] = field(default_factory=dict)
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from functools import partial
 from typing import Any
 
+from thingc.base import numeric
 from thingc.base.diagnostics import Code
 from thingc.base.pose import Vector
 from thingc.base.source import MappingNode, Origin, Path, SequenceNode, node_at, walk
@@ -103,7 +103,7 @@ class Reader:
             self.error(Code.OUT_OF_RANGE, f"{what} must be at most {bound}, found {Quantity(value, dimension)}", key)
         if value is None:
             self.sound = False
-            return math.nan
+            return numeric.nan
         return value
 
     def vector(self, raw: Any, key: str, dimension: Dimension) -> Vector | None:
@@ -235,16 +235,16 @@ class Reader:
     def _range(self, name: CoordinateName, joint: Joint, said: Any, key: Path) -> JointRange:
         """From where to where a joint goes: all that its limits allow, without them one turn."""
         twist = joint.twist
-        endless = math.pi if twist is not None and twist.turns else math.inf
+        endless = numeric.pi if twist is not None and twist.turns else numeric.inf
         low = joint.limit.lower if joint.limit.lower is not None else -endless
         high = joint.limit.upper if joint.limit.upper is not None else endless
-        if said == ALL and math.isinf(high - low):
+        if said == ALL and numeric.isinf(high - low):
             self.error(Code.TEST, f"joint `{name}` slides without limits: `all` is no range", key,
                        help="write from where to where: `[-20 mm, 20 mm]`, or give it a `limit`")
         if said != ALL and twist is not None:
             first, last = self.interval(said, key, twist.coordinate, f"the range of joint `{name}`")
             if joint.kind.may_stop and (first < low - 1e-9 or last > high + 1e-9):
-                ends = " to ".join(twist.shown(end) if math.isfinite(end) else "no end" for end in (low, high))
+                ends = " to ".join(twist.shown(end) if numeric.isfinite(end) else "no end" for end in (low, high))
                 self.error(
                     Code.OUT_OF_RANGE, f"the range of joint `{name}` leaves its limits {ends}", key,
                     help="write `all` for the whole range",

@@ -6,16 +6,15 @@ nothing in it. A mode has its height from its start pose; a `free` base from eac
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.memo import Memo
+from thingc.base.numeric import inf, minimum, sum_of
 from thingc.base.pose import Pose, Vector
 from thingc.base.primitives import Primitive
-from thingc.base.summing import sum_of
 from thingc.geometry.record import Mesh
 from thingc.model.assembly.types import Assembly, LinkedMode, Occurrence
 from thingc.model.resolve.types import NamedPose
@@ -82,7 +81,7 @@ def _height(
         return None
     place = (mode.name, pose.name if pose is not None else None)
     lowest = _lowest(list(zip(assembly.occurrences, poses, strict=True)), place, mesh_vertices, memo)
-    return None if lowest == math.inf else round(-lowest, DECIMALS) + 0.0
+    return None if lowest == inf else round(-lowest, DECIMALS) + 0.0
 
 
 def _lowest(
@@ -90,29 +89,30 @@ def _lowest(
 ) -> float:
     """The lowest z [m] of what collides, infinite where nothing does. Meshes are looked into from the one whose box reaches lowest,
     and no further than one can be lower than what has been found."""
-    lowest = math.inf
+    lowest = inf
     meshes: list[tuple[float, int, int, Mesh, Pose]] = []
     for number, (part, pose) in enumerate(parts):
-        low = math.inf if part.box is None else pose.translation[2] + of_box(part.box, pose.rotation[2])
+        low = inf if part.box is None else pose.translation[2] + of_box(part.box, pose.rotation[2])
         if mesh_vertices is None:
-            lowest = min(lowest, low if part.collides else math.inf)
+            lowest = minimum(lowest, low if part.collides else inf)
             continue
         for index, surface in enumerate(part.touching):
             shape = surface.solid
             if isinstance(shape, Primitive):
-                if min(shape.size) > 0.0 and shape.shape != "plane":
-                    lowest = min(lowest, pose.translation[2] + shape.lowest(pose.rotation[2]))
+                if minimum(shape.size) > 0.0 and shape.shape != "plane":
+                    lowest = minimum(lowest, pose.translation[2] + shape.lowest(pose.rotation[2]))
             elif shape.flat:  # MuJoCo does not touch what has no inside
                 continue
             else:  # what a Thing collides as may lie anywhere
-                under = -math.inf if part.overrides.collision == "part" else low - ROUNDING
+                under = -inf if part.overrides.collision == "part" else low - ROUNDING
                 meshes.append((under, number, index, shape, pose @ surface.pose))
     for under, number, index, mesh, pose in sorted(meshes, key=lambda entry: entry[:3]):
         if under >= lowest or mesh_vertices is None:
             break
         part, _ = parts[number]
         points = memo(("mesh_vertices", part.path, index), partial(vertices_of, mesh_vertices, mesh), mesh.sha256)
-        lowest = min(lowest, pose.translation[2] + memo(("lowest", *place, part.path, index), of_points, points, pose.rotation[2]))
+        below = memo(("lowest", *place, part.path, index), of_points, points, pose.rotation[2])
+        lowest = minimum(lowest, pose.translation[2] + below)
     return lowest
 
 
@@ -124,9 +124,9 @@ def vertices_of(mesh_vertices: MeshVertices, mesh: Mesh, sha256: str) -> Sequenc
 def of_points(points: Sequence[Vector], down: Vector) -> float:
     """The least of `down` times x [m] over points x."""
     x, y, z = down
-    return min(x * a + y * b + z * c for a, b, c in points)
+    return minimum(x * a + y * b + z * c for a, b, c in points)
 
 
 def of_box(box: tuple[Vector, Vector], down: Vector) -> float:
     """The same over the points of a box."""
-    return sum_of(min(component * low, component * high) for component, low, high in zip(down, *box, strict=True))
+    return sum_of(minimum(component * low, component * high) for component, low, high in zip(down, *box, strict=True))

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
-from thingc.base.summing import sum_of
+from thingc.base.numeric import sqrt, sum_of
 
 
 def solve(columns: Sequence[Sequence[float]], error: Sequence[float], damping: float) -> list[float] | None:
@@ -43,7 +42,7 @@ def _cholesky_solve(matrix: Sequence[Sequence[float]], right: Sequence[float]) -
             if i == j:
                 if not rest > 0.0:
                     return None
-                lower[i][i] = math.sqrt(rest)
+                lower[i][i] = sqrt(rest)
             else:
                 lower[i][j] = rest / lower[j][j]
     x = [0.0] * size

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.joints.bases import stays
 from thingc.base.memo import Memo
+from thingc.base.numeric import isfinite, pi, radians, sum_of
 from thingc.base.pose import MATE, NO_POSE, Pose
 from thingc.base.suggestions import did_you_mean
-from thingc.base.summing import sum_of
 from thingc.model.assembly.kinematics import coordinates, joints_of, on_loops
 from thingc.model.assembly.types import Assembly, LinkedHold, LinkedMode
 from thingc.model.resolve.types import NamedPose
@@ -27,7 +26,7 @@ MET = 1e-12
 STILL = 1e-9
 """A joint that closing moves by less [rad or m] has not been moved."""
 
-FAR = math.radians(30.0)
+FAR = radians(30.0)
 """What closing may move a joint [rad, a slide in proportion] if the result is still to be called by the name of the pose (the
 pose that a mode starts with is its own, however far)."""
 
@@ -255,8 +254,8 @@ def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
     for number in range(STARTS):
         q = coordinates(loops.joints.values(), {})
         for place, c in enumerate(loops.coordinates):
-            low = c.lower if math.isfinite(c.lower) else -math.pi * c.unit
-            high = c.upper if math.isfinite(c.upper) else math.pi * c.unit
+            low = c.lower if isfinite(c.lower) else -pi * c.unit
+            high = c.upper if isfinite(c.upper) else pi * c.unit
             part = 0.5 if number == 1 else (number * 0.6180339887498949 * (place + 1)) % 1.0
             if number > 0:
                 q[c.path] = low + part * (high - low)

@@ -13,14 +13,13 @@ Plain Python, because `check` must not pay for numpy; a handful of equations eac
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from thingc.base.frozen import dataclass
 from thingc.base.joints.twist import Twist, moved, velocities
+from thingc.base.numeric import dist, hypot, inf, maximum, minimum, sum_of
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, rotate, transpose, turn_of, turned_about
-from thingc.base.summing import dist, hypot, sum_of
 from thingc.model.assembly.kinematics import balls, bent, coordinates, in_cones, leaders
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.kinematics import carried, in_world
@@ -78,7 +77,7 @@ class Solution:
     @property
     def residual(self) -> tuple[float, float]:
         """The largest |p| [m] and the largest |w| [rad] of any closure."""
-        return max((p for p, _ in self.residuals), default=0.0), max((w for _, w in self.residuals), default=0.0)
+        return maximum((p for p, _ in self.residuals), default=0.0), maximum((w for _, w in self.residuals), default=0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +131,7 @@ class Loops:
         if not places:
             return 1.0
         middle = [sum_of(place[k] for place in places) / len(places) for k in range(3)]
-        far = max(dist(place, middle) for place in places)
+        far = maximum(dist(place, middle) for place in places)
         return far if far > 0.0 else 1.0
 
     def _placed(self, state: SolverState) -> dict[int, Pose]:
@@ -206,7 +205,7 @@ class Loops:
                     gained, promised = cost - _square(new_error), cost - _square(_linear(error, columns, step))
                     if gained > ROUNDING * cost and gained >= TRUST * promised:
                         better = there, new_error
-                damping = max(damping * 0.1, 1e-14) if better is not None else damping * 10.0
+                damping = maximum(damping * 0.1, 1e-14) if better is not None else damping * 10.0
             if better is None:
                 break
             state, error = better
@@ -227,7 +226,7 @@ class Loops:
                 back = [(start.q[c.path] - state.q[c.path]) / c.unit if c.path in given else 0.0 for c in weighted]
                 back += [0.0] * (len(columns) - len(back))
                 step = self._step(state, weighted, columns, self._stacked(state), PROJECTION, back)
-                if step is None or max(map(abs, step)) < NEAR:
+                if step is None or maximum(map(abs, step)) < NEAR:
                     break
                 state = self._moved(state, weighted, [share * value for value in step], base_moves)
             else:
@@ -328,13 +327,13 @@ class Loops:
                 left = [e + value * c for e, c in zip(left, columns[k], strict=True)]
             stopped = {k for k, _ in past}
             free = [k for k in free if k not in stopped]
-        longest = max((abs(value) for value in step), default=0.0)
+        longest = maximum((abs(value) for value in step), default=0.0)
         return step if longest <= REACH else [value * REACH / longest for value in step]
 
     def _moved(self, state: SolverState, chosen: Sequence[Coordinate], step: Sequence[float], base_moves: bool) -> SolverState:
         q = dict(state.q)
         for coordinate, value in zip(chosen, step):
-            target = min(max(q[coordinate.path] + value * coordinate.unit, coordinate.lower), coordinate.upper)
+            target = minimum(maximum(q[coordinate.path] + value * coordinate.unit, coordinate.lower), coordinate.upper)
             delta = target - q[coordinate.path]
             for path, share in coordinate.moves:
                 q[path] = target if path == coordinate.path else q[path] + share * delta
@@ -352,7 +351,7 @@ class Loops:
     def _within(self, state: SolverState, chosen: Sequence[Coordinate]) -> SolverState:
         """The state with the coordinates that may move taken to their limits."""
         at_limits = [
-            (min(max(state.q[c.path], c.lower), c.upper) - state.q[c.path]) / c.unit for c in chosen
+            (minimum(maximum(state.q[c.path], c.lower), c.upper) - state.q[c.path]) / c.unit for c in chosen
         ]
         return self._moved(state, chosen, at_limits, False)
 
@@ -366,21 +365,21 @@ def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[Coordi
     for path in joints:
         if path not in followers:
             continue
-        lower, upper = -math.inf, math.inf
+        lower, upper = -inf, inf
         for follower, multiplier, offset in followers[path]:
             limit = joints[follower].limit
-            low = -(math.inf if limit.cone is None else limit.cone) if limit.lower is None else limit.lower
-            high = (math.inf if limit.cone is None else limit.cone) if limit.upper is None else limit.upper
+            low = -(inf if limit.cone is None else limit.cone) if limit.lower is None else limit.lower
+            high = (inf if limit.cone is None else limit.cone) if limit.upper is None else limit.upper
             if bent(_chain(joints, follower)):
                 low, high = _reach(joints, path, follower, low, high)
                 multiplier, offset = 1.0, 0.0
             if multiplier == 0.0:
                 continue
             ends = sorted(((low - offset) / multiplier, (high - offset) / multiplier))
-            lower, upper = max(lower, ends[0]), min(upper, ends[1])
+            lower, upper = maximum(lower, ends[0]), minimum(upper, ends[1])
         moves = tuple((follower, multiplier) for follower, multiplier, _ in followers[path])
         unit = 1.0 if joints[path].twist.turns else length
-        coordinates.append(Coordinate(path=path, moves=moves, lower=lower, upper=max(lower, upper), unit=unit))
+        coordinates.append(Coordinate(path=path, moves=moves, lower=lower, upper=maximum(lower, upper), unit=unit))
     return tuple(coordinates)
 
 
@@ -397,12 +396,12 @@ def _reach(joints: Mapping[str, JointEdge], leader: str, follower: str, low: flo
     without end where it has none, and where it starts outside."""
     limit = joints[leader].limit
     if limit.lower is None or limit.upper is None:
-        return -math.inf, math.inf
+        return -inf, inf
 
     def within(x: float) -> bool:
         return low <= coordinates(joints.values(), {leader: x})[follower] <= high
 
-    start = min(max(0.0, limit.lower), limit.upper)
+    start = minimum(maximum(0.0, limit.lower), limit.upper)
     ends: list[float] = []
     for end in (limit.lower, limit.upper):
         inside = start
@@ -415,7 +414,7 @@ def _reach(joints: Mapping[str, JointEdge], leader: str, follower: str, low: flo
                 break
             inside = there
         ends.append(inside)
-    return (ends[0], ends[1]) if within(start) else (-math.inf, math.inf)
+    return (ends[0], ends[1]) if within(start) else (-inf, inf)
 
 
 def _error(A: Pose, B: Pose) -> tuple[Vector, Vector]:

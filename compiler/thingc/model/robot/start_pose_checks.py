@@ -10,8 +10,8 @@ from functools import partial
 
 from thingc.base.diagnostics import Code, Note, Report, allow_hint, shown_path
 from thingc.base.memo import Memo
+from thingc.base.numeric import hypot, maximum, minimum, radians, sum_of
 from thingc.base.pose import Pose, Vector
-from thingc.base.summing import hypot, sum_of
 from thingc.base.units import LENGTH, Quantity
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly, Link, Occurrence
@@ -26,7 +26,7 @@ Box = tuple[Vector, Vector]
 DEEP = 0.5e-3
 """[m] How far under the plane a part may start: soles are pressed on by less."""
 
-MOVED = {True: math.radians(0.5), False: 0.5e-3}
+MOVED = {True: radians(0.5), False: 0.5e-3}
 """How far closing the loops may move a given value of a pose without a warning: of a turn [rad], of a slide [m]."""
 
 ROUNDING = 1e-9
@@ -48,7 +48,7 @@ def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, re
     alike: dict[tuple[int, float], list[Robot]] = {}
     for robot in robots:
         if _is_meant_to_stand(robot):
-            deepest = min(_lowest(robot, spheres, mesh_vertices, memo), default=None)
+            deepest = minimum(_lowest(robot, spheres, mesh_vertices, memo), default=None)
             if deepest is not None and deepest[0] < -DEEP and not report.allows(Code.START_BELOW, robot.mode.origin):
                 alike.setdefault((deepest[1], round(-deepest[0], 6)), []).append(robot)
     for (number, depth), group in alike.items():
@@ -119,7 +119,7 @@ def _under_feet(robot: Robot) -> tuple[int, float] | None:
     for body, at in zip(robot.bodies, placed, strict=True):
         for part, box, pose in _seen(assembly, assembly.links[body.link], at):
             if body.link in standing:
-                feet = min(feet, pose.translation[2] + of_box(box, pose.rotation[2]))
+                feet = minimum(feet, pose.translation[2] + of_box(box, pose.rotation[2]))
             elif (low := pose.translation[2] + _certain(box, pose.rotation[2])) < lowest:
                 lowest, number = low, part.index
     return (number, round(feet - lowest, 6)) if lowest + DEEP < feet < math.inf else None
@@ -221,8 +221,8 @@ def _top(box: Box, pose: Pose) -> float:
 def _certain(box: Box, down: Vector) -> float:
     """The lowest that is certain of a part in a box, which it touches on every side: on each side the point that it touches is no
     higher than the highest of that side."""
-    highest = [max(component * low, component * high) for component, low, high in zip(down, *box, strict=True)]
-    return min(sum_of(highest) - highest[axis] + down[axis] * side[axis] for axis in range(3) for side in box)
+    highest = [maximum(component * low, component * high) for component, low, high in zip(down, *box, strict=True)]
+    return minimum(sum_of(highest) - highest[axis] + down[axis] * side[axis] for axis in range(3) for side in box)
 
 
 def _sphere(link: Link, assembly: Assembly) -> float:
@@ -231,6 +231,6 @@ def _sphere(link: Link, assembly: Assembly) -> float:
     for member, pose in zip(link.members, link.poses, strict=True):
         box = assembly.occurrences[member].box
         if box is not None:
-            corner = hypot(*(max(abs(low), abs(high)) for low, high in zip(*box, strict=True)))
-            reach = max(reach, hypot(*pose.translation) + corner)
+            corner = hypot(*(maximum(abs(low), abs(high)) for low, high in zip(*box, strict=True)))
+            reach = maximum(reach, hypot(*pose.translation) + corner)
     return reach

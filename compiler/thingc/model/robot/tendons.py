@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
+from thingc.base import numeric
 from thingc.base.pose import Pose, Vector, dot
 from thingc.model.assembly.tendon_paths import TendonCourse, course
 from thingc.model.assembly.types import LinkedTendon
@@ -28,7 +28,7 @@ def rates(robot: Robot, tendon: LinkedTendon, q: Mapping[str, float], bodies: Se
     changes: dict[str, float] = {}
     for span in course_of(robot, tendon, bodies).spans:
         away: Vector = tuple(b - a for a, b in zip(*span.points, strict=True))  # type: ignore[assignment]
-        far = math.sqrt(dot(away, away))
+        far = numeric.sqrt(dot(away, away))
         for mount, point, sign in zip(span.ends, span.points, (-1.0, 1.0), strict=True):
             index: int | None = body_of[mount.path] if far > 0.0 else None
             while index is not None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import field
 from typing import Literal
 
+from thingc.base import numeric
 from thingc.base.export_names import JointPath, PoseName, SitePath
 from thingc.base.frozen import dataclass
 from thingc.base.joints.bases import BaseType
@@ -120,7 +120,7 @@ class Closure(OneLineRepr):
 
 def residual_words(residual: tuple[float, float]) -> str:
     """How far from closed [m, rad], for people: `12.3 mm and 4.56 deg`. Digits below 1e-4 are the solver's, and differ by machine."""
-    apart, turned = round(1000.0 * residual[0], 4), round(math.degrees(residual[1]), 4)
+    apart, turned = round(1000.0 * residual[0], 4), round(numeric.degrees(residual[1]), 4)
     return f"{apart:.3g} mm and {turned:.3g} deg" if apart or turned else "less than 0.0001 mm and 0.0001 deg"
 
 

@@ -10,9 +10,9 @@ from functools import partial
 from thingc.base.diagnostics import Code, Note, Report, allow_hint
 from thingc.base.frozen import dataclass
 from thingc.base.memo import Memo
+from thingc.base.numeric import maximum, minimum, sum_of
 from thingc.base.pose import Pose, Vector
 from thingc.base.primitives import Primitive
-from thingc.base.summing import sum_of
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Occurrence, Surface
 
@@ -68,14 +68,14 @@ class Overlaps:
         volume, depth = known or self._memo(("overlap", pair.one.path, pair.other.path), lambda _: self._intersect(pair), content)
         if keep and known is None:
             self._store.note_json(KIND, key, [volume, depth])
-        counts = depth > self.deep if pair.one.listed is None else volume > SHARE * min(_volume(pair.one), _volume(pair.other))
+        counts = depth > self.deep if pair.one.listed is None else volume > SHARE * minimum(_volume(pair.one), _volume(pair.other))
         return (volume, depth) if counts else None
 
     def _is_deep(self, pair: PartPair) -> bool:
         """Whether the boxes of both parts, in the frame of either, leave room for an intersection that counts."""
         one, other = pair.one.box, pair.other.box
         assert one is not None and other is not None
-        return min(_thickness(one, pair.at.around(other)), _thickness(pair.at.inverse().around(one), other)) > self.deep
+        return minimum(_thickness(one, pair.at.around(other)), _thickness(pair.at.inverse().around(one), other)) > self.deep
 
     def _intersect(self, pair: PartPair) -> tuple[float, float]:
         from thingc.model.solids.shapes import Solid, solid_of
@@ -126,7 +126,7 @@ def contact_places(assembly: Assembly, one: Occurrence, other: Occurrence) -> li
 
 def _warn(assembly: Assembly, pair: PartPair, shared: float, report: Report) -> bool:
     smaller, larger = sorted((pair.one, pair.other), key=_volume)
-    share = float(f"{min(100.0 * shared / _volume(smaller), 100.0):.2g}")
+    share = float(f"{minimum(100.0 * shared / _volume(smaller), 100.0):.2g}")
     twice = pair.one.definition == pair.other.definition
     help = "remove one of them" if twice and share >= 50.0 else "move one of them, or cut the room that it needs out of the other"
     return report.warn(
@@ -147,7 +147,8 @@ def _cubic(volume: float) -> str:
 def _thickness(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> float:
     """The least extent [m] of what two boxes share; an intersection within it has no greater mean thickness. Not positive if they
     share nothing."""
-    return min(min(one[1][axis], other[1][axis]) - max(one[0][axis], other[0][axis]) for axis in range(3))
+    lows, highs = map(maximum, one[0], other[0]), map(minimum, one[1], other[1])
+    return minimum(high - low for low, high in zip(lows, highs, strict=True))
 
 
 def _rounded(pose: Pose) -> Pose:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from thingc.base import numeric
 from thingc.base.joints.twist import velocities
 from thingc.base.pose import NO_POSE, Pose, dot
 from thingc.model.assembly.kinematics import joints_of, leaders
@@ -76,7 +77,7 @@ def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission])
     """
     largest: dict[str, float] = {}  # what is written as a limit may have a square that no double holds
     for _, ((leader, factor),), _, weight in drives:
-        largest[leader] = max(largest.get(leader, 0.0), abs(factor * weight))
+        largest[leader] = numeric.maximum(largest.get(leader, 0.0), abs(factor * weight))
 
     def squared(leader: str, factor: float, weight: float) -> float:
         return (factor * weight / largest[leader]) ** 2 if largest[leader] > 0.0 else 0.0
@@ -94,5 +95,5 @@ def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission])
     for path, value in load.items():
         if path not in held and abs(value) > unheld:
             unheld, where = abs(value), path
-    greatest = max(map(abs, load.values()), default=0.0)
+    greatest = numeric.maximum(map(abs, load.values()), default=0.0)
     return answer(drives, efforts, greatest, unheld, where, len(drives) - len(held))

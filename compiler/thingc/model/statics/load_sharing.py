@@ -14,7 +14,6 @@ and nonnegativity constraints", 1981); the edges that are used are then taken as
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -22,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from thingc.base.numeric import hypot, isinf, pi
 from thingc.base.pose import Pose
-from thingc.base.summing import hypot
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.robot.loop_solver import Loops, SolverState
 from thingc.model.robot.types import Robot
@@ -112,7 +111,7 @@ def _fall(robot: Robot, stands: Support) -> Topple | None:
     if left <= MET * float(np.linalg.norm(known)):
         return None
     far = outside(stands)
-    if math.isinf(far):
+    if isinf(far):
         return Topple("pulls" if stands.weight[2] > 1e-9 * hypot(*stands.weight) else "slides", far)
     return Topple("tips" if far > 0.0 else "slides", far)
 
@@ -121,7 +120,7 @@ def edges(friction: float) -> Array:
     """The edges (n x 3) of the pyramid within the cone of a foot on the floor, one of 1 along its axis z."""
     if friction == 0.0:
         return np.array([[0.0, 0.0, 1.0]])
-    angles = 2.0 * math.pi * np.arange(EDGES) / EDGES
+    angles = 2.0 * pi * np.arange(EDGES) / EDGES
     return np.stack([friction * np.cos(angles), friction * np.sin(angles), np.ones(EDGES)], axis=1)
 
 

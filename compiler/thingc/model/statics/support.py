@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from thingc.base.numeric import dist, hypot, inf, maximum, minimum, sum_of
 from thingc.base.pose import Pose, Vector, cross
-from thingc.base.summing import dist, hypot, sum_of
 from thingc.model.robot.kinematics import in_world
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
@@ -76,8 +75,8 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> l
 
 def lifted(feet: Sequence[FootContact]) -> dict[str, float]:
     """How high [m] those feet are above the lowest one that are too high to stand on the same floor, by path."""
-    lowest = min((foot.point[2] for foot in feet), default=0.0)
-    widest = max((dist(a.point, b.point) for a in feet for b in feet), default=0.0)
+    lowest = minimum((foot.point[2] for foot in feet), default=0.0)
+    widest = maximum((dist(a.point, b.point) for a in feet for b in feet), default=0.0)
     return {foot.path: foot.point[2] - lowest for foot in feet if foot.point[2] - lowest > LEVEL * widest}
 
 
@@ -85,7 +84,7 @@ def outside(stance: Support) -> float:
     """How far [m] along the floor the centre of mass, projected on it along gravity, is outside of the polygon of the feet: 0 within.
     Infinite where gravity does not pull towards the floor."""
     if stance.weight[2] >= -1e-9 * hypot(*stance.weight):
-        return math.inf
+        return inf
     floor = sum_of(foot.point[2] for foot in stance.feet) / len(stance.feet)
     down = (floor - stance.centre[2]) / stance.weight[2]
     x, y = stance.centre[0] + down * stance.weight[0], stance.centre[1] + down * stance.weight[1]
@@ -93,7 +92,7 @@ def outside(stance: Support) -> float:
     edges = list(zip(corners, [*corners[1:], *corners[:1]], strict=True))
     if len(corners) > 2 and all(a[0] * b[1] - a[1] * b[0] >= 0.0 for a, b in edges):
         return 0.0
-    return min(_from_origin(a, b) for a, b in edges)
+    return minimum(_from_origin(a, b) for a, b in edges)
 
 
 Point = tuple[float, float]
@@ -123,7 +122,7 @@ def _from_origin(a: Point, b: Point) -> float:
     """The distance of the origin from the segment from a to b."""
     along = (b[0] - a[0], b[1] - a[1])
     length = along[0] ** 2 + along[1] ** 2
-    part = 0.0 if length == 0.0 else min(max(-(a[0] * along[0] + a[1] * along[1]) / length, 0.0), 1.0)
+    part = 0.0 if length == 0.0 else minimum(maximum(-(a[0] * along[0] + a[1] * along[1]) / length, 0.0), 1.0)
     return hypot(a[0] + part * along[0], a[1] + part * along[1])
 
 

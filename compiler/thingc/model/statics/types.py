@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import NamedTuple
+
+from thingc.base import numeric
 
 NO_LOAD = 1e-12
 """Static efforts [N m or N] below this are none."""
@@ -48,7 +49,7 @@ class Efforts(NamedTuple):
     @property
     def least_margin(self) -> float | None:
         """The least of the margins; None where no drive has a limit."""
-        return min(self.margins.values(), default=None)
+        return numeric.minimum(self.margins.values(), default=None)
 
 
 def answer(
@@ -62,4 +63,4 @@ def answer(
 
 def margin(limit: float, effort: float) -> float:
     """A drive's limit by what it gives [both N m or N]; `inf` where it gives nothing."""
-    return limit / abs(effort) if abs(effort) > NO_LOAD else math.inf
+    return limit / abs(effort) if abs(effort) > NO_LOAD else numeric.inf

@@ -14,7 +14,7 @@ from bisect import bisect_left, insort
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from thingc.base.summing import sum_of
+from thingc.base.numeric import sum_of
 
 GAP = 40.0
 """Between two columns, where the lines spread; more where they are steep."""

@@ -7,8 +7,8 @@ from itertools import chain
 from typing import Any, assert_never
 
 from thingc.base.memo import Memo
+from thingc.base.numeric import maximum, sum_of
 from thingc.base.pose import Pose
-from thingc.base.summing import sum_of
 from thingc.model.assembly.types import Link
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Robot, TreeJoint
@@ -235,7 +235,7 @@ class _Builder:
         for magnet in self.assembly.adhesions:
             link = self.links[body_of[self.assembly.link_of[magnet.occurrence]]]
             names = {"name": adhesion_name(self.robot, magnet.path), "body": link.name}
-            bounds = (0.0, max(magnet.force, NOTHING))
+            bounds = (0.0, maximum(magnet.force, NOTHING))
             section.add("adhesion", {**names, "ctrlrange": bounds, "gain": "1"}, self.assembly.occurrences[magnet.occurrence].origin)
 
     def keyframe(self) -> None:

@@ -11,12 +11,11 @@ of every equality are written out; none is left to where things are at qpos0.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterator, Mapping
-from typing import Literal, assert_never
+from typing import Literal, assert_never, cast
 
+from thingc.base.numeric import degrees, dist, rounded, sqrt
 from thingc.base.pose import NO_POSE, Pose, shifted
-from thingc.base.summing import dist
 from thingc.model.robot.types import Closure, Robot, residual_words
 from thingc.targets.artifact import Loss
 from thingc.targets.capabilities import written
@@ -35,7 +34,7 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
     """One `weld` per clamp or rigid loop, one `connect` per point or ball, two per hinge, a `connect` and a `tendon` per universal, as
     stiff as the timestep allows."""
     stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
-    stiff: dict[str, XmlValue] = {"solref": (2.0 * float(stepped), 1.0), "solimp": STIFFNESS}
+    stiff: dict[str, XmlValue] = {"solref": (2.0 * cast("float", stepped), 1.0), "solimp": STIFFNESS}
     for closure in robot.closures:
         parent = anchor_name(closure) if closure.parent is None else links[closure.parent]
         form = equality(closure)
@@ -59,7 +58,7 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
                 section.add("connect", {
                     "name": equality_name(closure), "site1": one[0], "site2": other[0], **stiff,
                 }, closure.origin)
-                longer = math.sqrt(2.0) * _lever(robot, closure) - _at_zero(robot, closure, ends)
+                longer = sqrt(2.0) * _lever(robot, closure) - _at_zero(robot, closure, ends)
                 section.add("tendon", {
                     "name": f"{equality_name(closure)}_1", "tendon1": equality_name(closure),
                     "polycoef": (longer, 0.0, 0.0, 0.0, 0.0), **stiff,
@@ -158,7 +157,7 @@ def _lever(robot: Robot, closure: Closure) -> float:
     turns of it weigh much more than the other; one digit, and never nothing."""
     centre = robot.assembly.links[robot.bodies[closure.child].link].properties.centre
     far = dist(centre, closure.X_CB.translation)
-    return float(f"{far:.1g}") if far > 1e-3 else 1e-3
+    return rounded(far, 1) if far > 1e-3 else 1e-3
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
@@ -200,5 +199,5 @@ def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:
 
 
 def _shown(value: float, *, turn: bool) -> str:
-    return f"{math.degrees(abs(value)):.3g} deg" if turn else f"{1000.0 * abs(value):.3g} mm"
+    return f"{degrees(abs(value)):.3g} deg" if turn else f"{1000.0 * abs(value):.3g} mm"
 

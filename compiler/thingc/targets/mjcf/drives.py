@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from thingc.base import numeric
 from thingc.model.assembly.types import ActuatorModel, LinkedTendon
 from thingc.model.resolve.coordinates import Limit
 from thingc.model.robot.types import TreeJoint
@@ -48,5 +49,5 @@ def drive_attributes(joint: TreeJoint | LinkedTendon, drive: ActuatorModel) -> d
 
 def both_ways(bound: float) -> tuple[float, float]:
     """A range around 0. MuJoCo reads `0 0` as no limit at all, so that a bound of nothing is almost nothing."""
-    wide = max(bound, NOTHING)
+    wide = numeric.maximum(bound, NOTHING)
     return (-wide, wide)

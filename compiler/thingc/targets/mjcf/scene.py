@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from thingc.base.memo import Memo
+from thingc.base.numeric import dist, maximum, rounded
 from thingc.base.source import Origin
-from thingc.base.summing import dist
 from thingc.model.robot.types import Robot
 from thingc.targets.extent import Box, bounds, placements
 from thingc.targets.xml_writer import Element, XmlText, write
@@ -49,7 +49,7 @@ def _scene(
     if box is not None:
         low, high = box
         centre = tuple(round((low[k] + high[k]) / 2.0, 3) for k in range(3))
-        extent = float(f"{max(dist(low, high), 1e-3):.3g}")
+        extent = rounded(maximum(dist(low, high), 1e-3), 3)
         root.add("statistic", {"center": centre, "extent": extent})
     visual = root.add("visual")
     visual.add("headlight", {"diffuse": "0.6 0.6 0.6", "ambient": "0.3 0.3 0.3", "specular": "0 0 0"})

@@ -4,10 +4,10 @@ one layout: an element for each reading of its kind (`imu:gyro`), and a camera f
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import assert_never
 
+from thingc.base import numeric
 from thingc.base.joints.bases import stays
 from thingc.base.pose import turned_y
 from thingc.base.sensor_kinds import SENSORS, ReadingName, SensorType
@@ -21,7 +21,7 @@ from thingc.targets.mjcf.poses import pose_attributes
 from thingc.targets.sensors import body_of, elsewhere, on_free_root
 from thingc.targets.xml_writer import Element, XmlValue
 
-LOOKING = turned_y(math.pi)
+LOOKING = turned_y(numeric.pi)
 """A camera of MuJoCo looks along its -z, up its y; ours looks along the mount's z, up the mount's y."""
 
 ELEMENTS: Mapping[SensorType, Mapping[ReadingName, str]] = {
@@ -54,7 +54,7 @@ def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
         if written(CAPABILITIES["sensors"][sensor.kind]) == "camera" and (sensor.site or "") in sites and sensor.fovy is not None:
             site = sites[sensor.site or ""]
             # MJCF has degrees here whatever the compiler's `angle` says; 60 deg must not come back as 59.99999999999999
-            degrees = float(f"{math.degrees(sensor.fovy):.12g}")
+            degrees = numeric.rounded(numeric.degrees(sensor.fovy), 12)
             attributes = {"name": sensor.path, **pose_attributes(site.pose @ LOOKING), "fovy": degrees}
             bodies[site.body].add("camera", attributes, sensor.origin)
 

@@ -13,8 +13,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from thingc.base.frozen import dataclass
+from thingc.base.numeric import sum_of
 from thingc.base.pose import Pose
-from thingc.base.summing import sum_of
 from thingc.targets.render.camera import Array, Camera
 
 Colour = tuple[int, int, int]

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from thingc.base.summing import sum_of
+from thingc.base.numeric import sum_of
 from thingc.targets.render.camera import Array, Camera
 
 KEY, DOME = 32, 36

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.base.frozen import dataclass
+from thingc.base.numeric import formatter
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import ActuatorModel
 from thingc.model.robot.types import Robot
@@ -129,6 +130,7 @@ def _quoted(name: str) -> str:
     return f'"{name}"'
 
 
+@formatter("yaml")
 def _real(value: float) -> str:
     """A number that every reader of YAML takes for one with a point: `20.0`, `1.0e-05`."""
     mantissa, e, exponent = repr(float(value)).partition("e")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import assert_never
 
+from thingc.base import numeric
 from thingc.base.pose import Pose, Vector, rpy_of, shifted
 from thingc.model.assembly.types import LinkedSensor
 from thingc.model.robot.types import Robot, Site
@@ -39,7 +39,7 @@ def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames)
                 if sensor.fovy is not None:
                     _camera(_sensor(link, sensor, form, site.pose @ LOOKING, names), sensor.fovy)
             case "gpu_lidar":
-                _ray(_sensor(link, sensor, form, site.pose @ LOOKING, names), sensor.cutoff.get("distance", math.inf))
+                _ray(_sensor(link, sensor, form, site.pose @ LOOKING, names), sensor.cutoff.get("distance", numeric.inf))
             case "force_torque" | "contact" | None:
                 pass  # in the joint that carries the link; on no mount
             case _:
@@ -64,7 +64,7 @@ def _camera(element: Element, fovy: float) -> None:
     """Of the vertical angle of view [rad]."""
     element.say("update_rate", RATE)
     camera = element.add("camera")
-    camera.say("horizontal_fov", 2.0 * math.atan(math.tan(fovy / 2.0) * WIDTH / HEIGHT))
+    camera.say("horizontal_fov", 2.0 * numeric.atan(numeric.tan(fovy / 2.0) * WIDTH / HEIGHT))
     image, clip = camera.add("image"), camera.add("clip")
     image.say("width", WIDTH)
     image.say("height", HEIGHT)
@@ -82,7 +82,7 @@ def _ray(element: Element, reach: float) -> None:
     scan.say("max_angle", "0")
     distance = lidar.add("range")
     distance.say("min", "0")
-    distance.say("max", "inf" if math.isinf(reach) else reach)
+    distance.say("max", "inf" if numeric.isinf(reach) else reach)
 
 
 def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names: MangledNames) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from thingc.base import numeric
 from thingc.model.robot.types import Robot
 from thingc.targets.capabilities import written
 from thingc.targets.extent import bounds, placements
@@ -40,7 +41,7 @@ def world(robot: Robot, folder: str) -> Element:
     timestep = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep")
     if timestep is not None:
         physics = element.add("physics", {"name": "stepped", "type": "ode"})
-        physics.say("max_step_size", float(timestep))
+        physics.say("max_step_size", timestep)
         physics.say("real_time_factor", "1")
     for name in ("physics", "user-commands", "scene-broadcaster"):
         system = "".join(word.capitalize() for word in name.split("-"))
@@ -64,7 +65,7 @@ def world(robot: Robot, folder: str) -> Element:
 def _lift(robot: Robot) -> float:
     """How much higher [m] than in the mode a robot that floats has to begin, so that it is not in the floor while its joints are at 0."""
     box = bounds(*placements(robot)) if robot.base == "free" and not robot.closures else None
-    return 0.0 if box is None else max(0.0, -box[0][2])
+    return 0.0 if box is None else numeric.maximum(0.0, -box[0][2])
 
 
 def _light(world: Element, name: str) -> None:

@@ -12,9 +12,9 @@ from typing import assert_never
 
 from thingc.base.diagnostics import Report
 from thingc.base.inertia import ZERO, MassProperties, physical_fault, within_triangle
+from thingc.base.numeric import minimum, sum_of
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
 from thingc.base.source import Origin
-from thingc.base.summing import sum_of
 from thingc.geometry.record import DriveType
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import ActuatorModel, JointEdge, Link
@@ -193,7 +193,7 @@ class _Builder:
         drives = [(one, abs(one.actuator.axis[about])) for one in joints if one.actuator is not None and one.actuator.axis is not None]
         efforts = [share * self._effort(one) for one, share in drives]
         speeds = [one.limit.velocity / share for one, share in drives if share and one.limit.velocity is not None]
-        return min(UNBOUNDED, sum_of(efforts)), min(speeds, default=None)
+        return minimum(UNBOUNDED, sum_of(efforts)), minimum(speeds, default=None)
 
     def _joint(
         self, path: str, kind: str, parent: str, child: str, origin: Pose, made_by: Origin, made: str | None = None,

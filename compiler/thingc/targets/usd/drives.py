@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
+from thingc.base import numeric
 from thingc.model.robot.types import Robot
 from thingc.targets.capabilities import drive_cell, written
 from thingc.targets.usd.capabilities import CAPABILITIES
@@ -19,12 +18,11 @@ GENERIC = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
 
 def ends(freedom: Freedom) -> tuple[float, float]:
     """Between which values [deg or m] it stays."""
-    low, high = (
-        infinite if end is None else end * freedom.ratio
-        for end, infinite in ((freedom.joint.limit.lower, -math.inf * freedom.ratio), (freedom.joint.limit.upper, math.inf * freedom.ratio))
-    )
+    limit, infinite = freedom.joint.limit, numeric.inf * freedom.ratio
+    low = -infinite if limit.lower is None else limit.lower * freedom.ratio
+    high = infinite if limit.upper is None else limit.upper * freedom.ratio
     both = sorted((low, high))
-    return (math.degrees(both[0]), math.degrees(both[1])) if freedom.turns else (both[0], both[1])
+    return (numeric.degrees(both[0]), numeric.degrees(both[1])) if freedom.turns else (both[0], both[1])
 
 
 def equip(prim: Prim, joint: UsdJoint, robot: Robot) -> None:
@@ -38,10 +36,10 @@ def equip(prim: Prim, joint: UsdJoint, robot: Robot) -> None:
             prim.say(f"float limit:{name}:physics:high", high)
     elif joint.single is not None:
         for name, end in zip(("lower", "upper"), ends(joint.freedoms[0]), strict=True):
-            if math.isfinite(end):
+            if numeric.isfinite(end):
                 prim.say(f"float physics:{name}Limit", end)
     elif joint.freedoms and joint.freedoms[0].joint.limit.cone is not None:
-        cone = math.degrees(joint.freedoms[0].joint.limit.cone)
+        cone = numeric.degrees(joint.freedoms[0].joint.limit.cone)
         prim.say("float physics:coneAngle0Limit", cone)
         prim.say("float physics:coneAngle1Limit", cone)
     for freedom in joint.freedoms:
@@ -55,7 +53,7 @@ def _drive(prim: Prim, freedom: Freedom) -> None:
     drive = freedom.joint.actuator
     if drive is None or written(CAPABILITIES["drives"][drive_cell(freedom.joint, drive)]) is None:
         return
-    per = math.pi / 180.0 if freedom.turns else 1.0
+    per = numeric.pi / 180.0 if freedom.turns else 1.0
     name = freedom.name
     prim.schemas.append(f"PhysicsDriveAPI:{name}")
     prim.say(f"uniform token drive:{name}:physics:type", '"force"')
@@ -66,7 +64,7 @@ def _drive(prim: Prim, freedom: Freedom) -> None:
     prim.say(f"float drive:{name}:physics:damping", (drive.kv or 0.0) * per if drive.kind != "motor" else 0.0)
     if drive.kind == "position":
         low, high = ends(freedom)
-        prim.say(f"float drive:{name}:physics:targetPosition", min(max(0.0, low), high))
+        prim.say(f"float drive:{name}:physics:targetPosition", numeric.minimum(numeric.maximum(0.0, low), high))
     elif drive.kind == "velocity":
         prim.say(f"float drive:{name}:physics:targetVelocity", 0.0)
 
@@ -76,7 +74,7 @@ def passive(joint: UsdJoint) -> dict[str, float]:
     of each for all coordinates of a joint: in degrees where it turns, but for the armature and the friction; without those that are 0."""
     if joint.type not in ("Revolute", "Prismatic", "Spherical") or not joint.freedoms:
         return {}
-    of, degrees = joint.freedoms[0].joint, 1.0 if joint.type == "Prismatic" else math.degrees(1.0)
+    of, degrees = joint.freedoms[0].joint, 1.0 if joint.type == "Prismatic" else numeric.degrees(1.0)
     damping, velocity = of.dynamics.damping, of.limit.velocity if joint.single is not None else None
     values = {
         "armature": of.dynamics.armature, "damping": None if damping is None else damping / degrees, "friction": of.dynamics.friction,

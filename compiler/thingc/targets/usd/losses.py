@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
+from thingc.base import numeric
 from thingc.base.source import Origin
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge
@@ -33,8 +33,8 @@ def losses(robot: Robot) -> Iterator[Loss]:
     for body in robot.bodies:
         link = robot.assembly.links[body.link]
         for what, value, unit in (
-            ("mass", link.properties.mass, "kg"), ("inertia", max(map(max, link.properties.inertia)), "kg m^2"),
-            ("centre of mass", max(map(abs, link.properties.centre)), "m"),
+            ("mass", link.properties.mass, "kg"), ("inertia", numeric.maximum(map(numeric.maximum, link.properties.inertia)), "kg m^2"),
+            ("centre of mass", numeric.maximum(map(abs, link.properties.centre)), "m"),
         ):
             yield from _infinite(link.name, what, value, unit, link.origin)
     for follower in followers(robot).values():
@@ -65,7 +65,7 @@ def _of_floats(joint: TreeJoint | JointEdge) -> Iterator[Loss]:
 
 def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, degrees: bool = False) -> Iterator[Loss]:
     """A number that no float holds, where it is one; of angles in degrees."""
-    if value > (math.radians(FLOAT_MAX) if degrees else FLOAT_MAX):
+    if value > (numeric.radians(FLOAT_MAX) if degrees else FLOAT_MAX):
         words = f"its {what} of {value:.6g} {unit}: it is infinite here, where numbers go up to {FLOAT_MAX:.2g}"
         yield _loss(None, path, words, "approximated", origin)
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection, Mapping
 from typing import TypeVar
 
+from thingc.base import numeric
 from thingc.geometry.store.local import Store
 from thingc.targets.geometry import Geometry, MeshAsset
 from thingc.targets.usd.usda import Prim, listed, several
@@ -47,7 +48,8 @@ def _mesh(prim: Prim, asset: MeshAsset, text: str, *, drawn: bool) -> None:
     points = [row[1:4] for row in rows if row and row[0] == "v"]
     corners = [int(corner.partition("/")[0]) - 1 for row in rows if row and row[0] == "f" for corner in row[1:4]]
     columns = [[float(point[k]) for point in points] for k in range(3)]
-    prim.say("float3[] extent", listed((several(min(column) for column in columns), several(max(column) for column in columns))))
+    low, high = map(numeric.minimum, columns), map(numeric.maximum, columns)
+    prim.say("float3[] extent", listed((several(low), several(high))))
     prim.say("int[] faceVertexCounts", listed("3" for _ in range(len(corners) // 3)))
     prim.say("int[] faceVertexIndices", listed(str(corner) for corner in corners))
     prim.say("point3f[] points", listed(f"({', '.join(point)})" for point in points))

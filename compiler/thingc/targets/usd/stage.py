@@ -18,8 +18,8 @@ from typing import assert_never
 
 from thingc.base.diagnostics import Report
 from thingc.base.inertia import MassProperties, physical_fault, principal_axes
+from thingc.base.numeric import hypot, maximum
 from thingc.base.pose import IDENTITY, Matrix, Pose, Vector
-from thingc.base.summing import hypot
 from thingc.model.assembly.types import Link
 from thingc.model.resolve.types import Material
 from thingc.model.robot.kinematics import placed_bodies
@@ -237,7 +237,7 @@ def moments_of(properties: MassProperties) -> tuple[Vector, Matrix]:
     if properties.mass <= 0.0 or physical_fault(properties.inertia) is not None:
         return (LEAST_INERTIA,) * 3, IDENTITY
     (a, b, c), axes = principal_axes(properties.inertia)
-    lift = max(0.0, max(a, b, c) * (2.0 + ROOM) - (a + b + c))
+    lift = maximum(0.0, maximum(a, b, c) * (2.0 + ROOM) - (a + b + c))
     return (a + lift, b + lift, c + lift), axes
 
 

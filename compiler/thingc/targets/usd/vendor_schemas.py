@@ -6,8 +6,7 @@ generic joints, is left out.
 
 from __future__ import annotations
 
-import math
-
+from thingc.base import numeric
 from thingc.targets.usd.chain import UsdJoint
 from thingc.targets.usd.drives import ends, passive
 from thingc.targets.usd.mimics import MimicJoint
@@ -52,9 +51,9 @@ def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
 def follow(prim: Prim, joint: UsdJoint, follower: MimicJoint, leader: str) -> None:
     """What follows the joint at the path `leader`, in degrees where it turns. Without limits of its own it has those to which the leader's
     take it: PhysX takes no turn without, and counts the other way round: q + gearing * q(leader) + offset = 0."""
-    unit = math.degrees(1.0) if follower.turns else 1.0
+    unit = numeric.degrees(1.0) if follower.turns else 1.0
     offset, own = follower.offset * unit, ends(joint.freedoms[0])
-    if follower.reach is not None and own == (-math.inf, math.inf):
+    if follower.reach is not None and own == (-numeric.inf, numeric.inf):
         own = follower.reach[0] * unit, follower.reach[1] * unit
         prim.say("float physics:lowerLimit", own[0])
         prim.say("float physics:upperLimit", own[1])
@@ -62,7 +61,7 @@ def follow(prim: Prim, joint: UsdJoint, follower: MimicJoint, leader: str) -> No
     prim.say("rel newton:mimicJoint", f"<{leader}>")
     prim.say("float newton:mimicCoef0", offset)
     prim.say("float newton:mimicCoef1", follower.multiplier)
-    if not follower.turns or follower.reach is not None and all(map(math.isfinite, own)):
+    if not follower.turns or follower.reach is not None and all(map(numeric.isfinite, own)):
         prim.schemas.append(f"PhysxMimicJointAPI:{AXIS}")
         prim.say(f"rel physxMimicJoint:{AXIS}:referenceJoint", f"<{leader}>")
         prim.say(f"uniform token physxMimicJoint:{AXIS}:referenceJointAxis", f'"{AXIS}"')

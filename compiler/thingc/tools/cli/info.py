@@ -6,8 +6,8 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from thingc.base.numeric import sum_of
 from thingc.base.one_line_repr import counted
-from thingc.base.summing import sum_of
 from thingc.driver.environment import attempted
 from thingc.driver.pipeline import compile
 from thingc.model.assembly.types import Assembly, Occurrence

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
+from thingc.base.numeric import hypot
 from thingc.base.pose import NO_POSE, Pose, Vector, cross, turned_about, turned_x
 from thingc.base.suggestions import did_you_mean
-from thingc.base.summing import hypot
 from thingc.driver.pipeline import UnknownChoice
 from thingc.model.robot.kinematics import carried
 from thingc.model.robot.tree import in_link

@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 from thingc.base.inertia import MassProperties
+from thingc.base.numeric import hypot
 from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Span
-from thingc.base.summing import hypot
 from thingc.tools.diff.change import Change, DisplayValue, How, What
 from thingc.tools.diff.document_changes import DocumentChanges, above_of
 from thingc.tools.diff.name_mapping import NameMapping, equal, shared_order

@@ -16,7 +16,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any
 
 from thingc.base.frozen import dataclass
-from thingc.base.summing import dist
+from thingc.base.numeric import dist
 from thingc.tools.diff.snapshot import ComponentNode, Snapshot
 
 RESIDUE = 30

@@ -8,10 +8,10 @@ from dataclasses import replace
 from typing import Any
 
 from thingc.base.frozen import dataclass
+from thingc.base.numeric import dist, hypot
 from thingc.base.one_line_repr import counted
 from thingc.base.pose import placed, turn_of
 from thingc.base.safe_text import escape_control, some
-from thingc.base.summing import dist, hypot
 from thingc.base.units import ANGLE, LENGTH, MASS, Dimension, Quantity
 from thingc.tools.diff.change import PERHAPS, Change, DisplayValue, How, What
 from thingc.tools.diff.comparison import Comparison

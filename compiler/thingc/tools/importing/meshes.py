@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from thingc.base.diagnostics import Code, Report
 from thingc.base.filesystem import beginning
 from thingc.base.inertia import MassProperties
-from thingc.base.summing import dist
+from thingc.base.numeric import dist
 from thingc.documents.load.paths import libraries
 from thingc.geometry.mesh_bounds import BadMesh, bounded
 from thingc.geometry.meshes.cache import measured

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.inertia import MassProperties, symmetric
+from thingc.base.numeric import hypot
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, placed, rotation_of, transpose
 from thingc.base.source import Span
-from thingc.base.summing import hypot
 from thingc.tools.importing.document_names import plain_name
 from thingc.tools.importing.source_model import ShapeKind, Sizes
 from thingc.tools.importing.xml_source import SourceElement

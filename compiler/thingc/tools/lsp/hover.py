@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from thingc.base.diagnostics import Code
+from thingc.base.numeric import sum_of
 from thingc.base.source import MappingNode, Path, node_at
-from thingc.base.summing import sum_of
 from thingc.base.units import ANGLE, FORCE, MASS, TORQUE, Dimension, Quantity
 from thingc.model.assembly.types import Assembly, JointEdge, Mate
 from thingc.tools.lsp.analysis import Analysis

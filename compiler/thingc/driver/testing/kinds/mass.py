@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from thingc.base.diagnostics import Code
-from thingc.base.summing import sum_of
+from thingc.base.numeric import sum_of
 from thingc.base.units import MASS
 from thingc.documents.checks.mass import MassCheck
 from thingc.driver.testing.kinds import CheckRunner

@@ -17,9 +17,9 @@ from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopoDS import TopoDS
 
+from thingc.base.numeric import dist, hypot, sum_of
 from thingc.base.pose import IDENTITY, Matrix, Pose, Vector, added, cross, dot, rotate, transpose
 from thingc.base.primitives import Primitive, PrimitiveShape
-from thingc.base.summing import dist, hypot, sum_of
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.kernel.integrals import explored, extent, integrals
 

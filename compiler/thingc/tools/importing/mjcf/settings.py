@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Set
 from typing import Any
 
+from thingc.base.numeric import hypot
 from thingc.base.pose import Pose, Quaternion
-from thingc.base.summing import hypot
 from thingc.tools.importing.mjcf.adding import Added
 from thingc.tools.importing.mjcf.compiled_source import CompiledSource, floats, numbers, pose_of
 from thingc.tools.importing.source_model import SourceBase, SourceJoint, SourcePose

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+from thingc.base.numeric import hypot
 from thingc.base.pose import Pose
-from thingc.base.summing import hypot
 from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, CompiledSource, differing, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.shapes import GREY
 from thingc.tools.importing.source_model import Raw, SourceAround, SourceDrive, SourceLimits, SourceStep, SourceTendon

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from thingc.base.summing import dist, hypot, sum_of
+from thingc.base.numeric import dist, hypot, sum_of
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 
