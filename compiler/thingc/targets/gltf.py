@@ -87,7 +87,7 @@ def emit(request: EmitRequest) -> Artifacts:
         whole = Loss.of(assembly.definition.origin, "glb", None, assembly.name, "nothing in the robot is drawn", "omitted")
         return Artifacts(files={}, losses=(whole,))
     drawn = _Drawn(request.store)
-    files = {f"glb/{robot.name}_{robot.mode.name}.glb": _written(robot, drawn) for robot in request.robots}
+    files = {f"glb/{robot.name}_{robot.mode.name}.glb": _glb_bytes(robot, drawn) for robot in request.robots}
     return Artifacts(files=dict(sorted(files.items())), losses=losses("glb", CAPABILITIES, request.assembly, request.robots))
 
 
@@ -207,7 +207,7 @@ def _tessellated(primitive: Primitive) -> Any:
             assert_never(primitive.shape)
 
 
-def _written(robot: Robot, drawn: _Drawn) -> bytes:
+def _glb_bytes(robot: Robot, drawn: _Drawn) -> bytes:
     scene: Any = trimesh.Scene(base_frame="")
     materials: dict[str, dict[str, object]] = {}
     of_mesh: dict[str, tuple[str, str]] = {}

@@ -15,7 +15,7 @@ def encode(value: object) -> bytes:
 
     Raises `ValueError` for a number that is not finite, which JSON cannot say, and `TypeError` for anything else.
     """
-    return (json_text(_text(value, "\n")) + "\n").encode()
+    return (json_text(_format_json(value, "\n")) + "\n").encode()
 
 
 class JsonFragment(str):
@@ -26,7 +26,7 @@ class JsonFragment(str):
 
 def fragment(value: object, depth: int) -> JsonFragment:
     """The text of a value that will stand `depth` mappings or sequences deep in another one. Raises as `encode`."""
-    return JsonFragment(_text(value, "\n" + "  " * depth))
+    return JsonFragment(_format_json(value, "\n" + "  " * depth))
 
 
 @formatter("json")
@@ -38,7 +38,7 @@ def number(value: float) -> str:
 _PLAIN = {float, int, str, bool, type(None)}
 
 
-def _text(value: object, newline: str) -> str:
+def _format_json(value: object, newline: str) -> str:
     if type(value) is float and isfinite(value):
         return number(value)
     if isinstance(value, str):
@@ -47,10 +47,10 @@ def _text(value: object, newline: str) -> str:
     if isinstance(value, (dict, Mapping)):  # the concrete type first: to ask an abstract one is slow
         if not value:
             return "{}"
-        entries = [f"{encode_basestring(str(key))}: {_text(item, inner)}" for key, item in value.items()]
+        entries = [f"{encode_basestring(str(key))}: {_format_json(item, inner)}" for key, item in value.items()]
         return "{" + inner + ("," + inner).join(entries) + newline + "}"
     if isinstance(value, (list, tuple, Sequence)) and not isinstance(value, bytes):
-        texts = [_text(item, inner) for item in value]
+        texts = [_format_json(item, inner) for item in value]
         if _PLAIN.issuperset(map(type, value)) or not any(isinstance(item, (Mapping, list, tuple, JsonFragment)) for item in value):
             return "[" + ", ".join(texts) + "]"
         return "[" + inner + ("," + inner).join(texts) + newline + "]"

@@ -130,7 +130,7 @@ def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> l
             continue
         mate = robot.assembly.mates[body.joints[0].mate]
         joints.append(memo(
-            ("modes.json", robot.mode.name, "joint", mate.name), _joint, mate, (placed[mate.parent], placed[mate.child]),
+            ("modes.json", robot.mode.name, "joint", mate.name), _joint_json, mate, (placed[mate.parent], placed[mate.child]),
             (names[body.parent], name), body.joints, (qpos, dof), separator,
         ))
         count, speeds = sizes(body.joints)
@@ -144,7 +144,7 @@ def _link(name: str, pose: Pose, own: MassProperties) -> JsonFragment:
     }, LISTED)
 
 
-def _joint(
+def _joint_json(
     mate: Mate, parts: tuple[Pose, Pose], links: tuple[str, str], crossed: tuple[TreeJoint, ...], addresses: tuple[int, int],
     separator: str,
 ) -> JsonFragment:

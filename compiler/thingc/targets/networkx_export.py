@@ -74,15 +74,16 @@ def _said(**attributes: Any) -> dict[str, Any]:
 
 def graphml(graph: Graph) -> str:
     """GraphML of a graph without lists. The ids of edges are numbers, because programs want them unique in a file; `name` is the key."""
-    spoken = networkx.MultiDiGraph(**_shown(graph.graph))
+    spoken = networkx.MultiDiGraph(**_displayable(graph.graph))
     for node, attributes in graph.nodes(data=True):
-        spoken.add_node(escape_control(node), **_shown(attributes))
+        spoken.add_node(escape_control(node), **_displayable(attributes))
     for number, (parent, child, key, attributes) in enumerate(graph.edges(keys=True, data=True)):
-        spoken.add_edge(escape_control(parent), escape_control(child), key=f"e{number}", name=escape_control(key), **_shown(attributes))
+        ends = escape_control(parent), escape_control(child)
+        spoken.add_edge(*ends, key=f"e{number}", name=escape_control(key), **_displayable(attributes))
     return "\n".join(networkx.generate_graphml(spoken, named_key_ids=True)) + "\n"
 
 
-def _shown(attributes: dict[str, Any]) -> dict[str, Any]:
+def _displayable(attributes: dict[str, Any]) -> dict[str, Any]:
     return {name: escape_control(value) if isinstance(value, str) else value for name, value in attributes.items()}
 
 

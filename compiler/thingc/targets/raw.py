@@ -47,7 +47,7 @@ Fault = tuple[str, str, int]
 def _laid(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
     prefixes = [step.partition(":")[0] for step in attribute.path[2:] if ":" in step]
     for file in files:
-        for element in _named(file, attribute):
+        for element in _matching_elements(file, attribute):
             file.attributes |= {f"xmlns:{prefix}": NAMESPACES[prefix] for prefix in prefixes}
             steps = attribute.path[2:] if attribute.target == "sdf" else attribute.path[2:-1]
             for number, step in enumerate(steps, start=2):
@@ -87,7 +87,7 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
     why = unwritable(path[-1], attribute.value)
     if why is not None:
         return why, "leave it out", len(path)
-    if any(True for file in files for _ in _named(file, attribute)):
+    if any(True for file in files for _ in _matching_elements(file, attribute)):
         return None
     cut = {joint.path for robot in robots for closure in robot.closures for joint in closure.joints}
     if not files or (path[0] == "joint" and in_files(path[1]) in map(safe, cut)):
@@ -100,7 +100,7 @@ REFERRING = ("transmission", "ros2_control")
 """Elements of URDF whose own name joints of the robot by elements that are called as these are."""
 
 
-def _named(file: Element, attribute: RawAttribute) -> list[Element]:
+def _matching_elements(file: Element, attribute: RawAttribute) -> list[Element]:
     name = in_files(attribute.path[1])
     referring = {id(below) for element in file.walk() if element.tag in REFERRING for below in element.walk() if below is not element}
     return [

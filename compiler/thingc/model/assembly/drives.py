@@ -65,13 +65,13 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
                 Code.NO_GAIN, f"joint `{joint.name}` is driven to a position, and its actuator states no gain `kp`",
                 place, path=path,
                 help=f"state `kp` in the Thing's `Actuator`, or drive inline: {_INLINE[twist.core]}",
-                notes=_written(tree, instance, drive),
+                notes=_drive_notes(tree, instance, drive),
             )
         if joint.drive is not None and joint.drive.component is not None and joint.drive.kind == "velocity" and drive.kv is None:
             findings.error(
                 Code.NO_GAIN, f"joint `{joint.name}` is driven at a velocity, and its actuator states no gain `kv`", place, path=path,
                 help=f"write `kv` beside `component`, such as `kv: 0.1 {'N*m*s/rad' if twist.turns else 'N*s/m'}`",
-                notes=_written(tree, instance, drive),
+                notes=_drive_notes(tree, instance, drive),
             )
         actuator = ActuatorModel(
             kind=drive.kind or "position", kp=drive.kp, kv=drive.kv, effort=limit.effort, velocity=limit.velocity, origin=place,
@@ -97,7 +97,7 @@ def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: D
     return _over(drive, actuator)
 
 
-def _written(tree: Tree, instance: Instance, drive: Drive) -> tuple[Note, ...]:
+def _drive_notes(tree: Tree, instance: Instance, drive: Drive) -> tuple[Note, ...]:
     """The note that shows where the Thing that drives is written; none of an inline drive."""
     named = tree.component(instance, drive.component) if drive.component is not None else None
     if named is None or named.part is None or named.part.record is None:

@@ -129,17 +129,17 @@ def _mounts(component: Component, joint: Joint | None) -> str:
     """`back -> plate.servo_seat`; `in bracket.board` for a plain placement; empty for the base."""
     placement = component.placement
     if isinstance(placement, Attach):
-        return f"{_own(component, placement.mount)} -> {_shown(placement.to)}"
+        return f"{_own(component, placement.mount)} -> {_reference_text(placement.to)}"
     if isinstance(placement, At):
-        return f"in {_shown(placement.to)}"
-    return f"{_own(component, joint.child)} -> {_shown(joint.parent)}" if joint is not None else ""
+        return f"in {_reference_text(placement.to)}"
+    return f"{_own(component, joint.child)} -> {_reference_text(joint.parent)}" if joint is not None else ""
 
 
 def _own(component: Component, reference: Reference) -> str:
     """A reference of the component to its own mount, without its own name."""
-    shown = _shown(reference)
+    shown = _reference_text(reference)
     return shown.removeprefix(f"{component.name}.")
 
 
-def _shown(reference: Reference) -> str:
+def _reference_text(reference: Reference) -> str:
     return reference.text if reference.mount is not None else f"{reference.text}.origin"

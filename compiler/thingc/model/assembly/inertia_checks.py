@@ -71,7 +71,7 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
             continue
         said.update(link.origin[:1])
         members = [robot.occurrences[k] for k in link.members]
-        named = _named(members)
+        named = _format_members(members)
         if mass > 0.0 and light is not None and fault is None:
             heaviest = max(members, key=lambda one: one.properties.mass)
             findings.error(
@@ -121,6 +121,6 @@ def _cause(one: Occurrence) -> str:
     return "check the units of its sizes, `mass` and `inertia`, or attach it to another link"
 
 
-def _named(members: Sequence[Occurrence]) -> str:
+def _format_members(members: Sequence[Occurrence]) -> str:
     """`components a, b and 3 more`."""
     return f"component{'' if len(members) == 1 else 's'} {quoted([one.path for one in members], 6)}"

@@ -182,35 +182,35 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
     path, here = instance.within(joint.path), joint.origin + instance.origin
     wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * pi and not twist.pitch]  # a screw takes many turns
     for key in wide:
-        text, number, unit = _written(joint, key)
+        text, number, unit = _written_value(joint, key)
         cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "there is a digit too many"
         findings.warn(
             Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * pi))} turns (`{text}`)",
-            _place(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
+            _origin_of(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
             help=f"probably {cause}; a joint that turns without end is `continuous`; {allow_hint(Code.LIMIT_TURNS)}",
         )
     if wide or len(ends) < 2 or not all(ends.values()):
         return
-    (lower, _, low_unit), (upper, _, high_unit) = _written(joint, "lower"), _written(joint, "upper")
-    by_option = any(_place(joint, f"limit.{key}", here)[0].option for key in ends)  # whoever sets one may know nothing of the other
+    (lower, _, low_unit), (upper, _, high_unit) = _written_value(joint, "lower"), _written_value(joint, "upper")
+    by_option = any(_origin_of(joint, f"limit.{key}", here)[0].option for key in ends)  # whoever sets one may know nothing of the other
     if {low_unit, high_unit} == {"rad", "deg"} and not by_option:
         key, value = ("upper", upper) if high_unit == "rad" else ("lower", lower)
         findings.warn(
             Code.LIMIT_UNITS,
             f"of joint `{joint.name}` the lower limit is in {low_unit} (`{lower}`), the upper one in {high_unit} (`{upper}`)",
-            _place(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
+            _origin_of(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
             help=f"write both in one unit: `{value}` is `{twist.shown(ends[key])}`; {allow_hint(Code.LIMIT_UNITS)}",
         )
 
 
-def _written(joint: Joint, key: str) -> tuple[str, str, str]:
+def _written_value(joint: Joint, key: str) -> tuple[str, str, str]:
     """A limit as it is written, its number and its unit (empty of what is no plain quantity)."""
     text = joint.written.get(f"limit.{key}", "").strip()
     plain = _PLAIN.fullmatch(text)
     return (text, plain[1], plain[2]) if plain is not None else (text, "", "")
 
 
-def _place(joint: Joint, key: str, here: Origin) -> Origin:
+def _origin_of(joint: Joint, key: str, here: Origin) -> Origin:
     """Where a value of the joint is written, with the documents around it."""
     span = joint.spans.get(key)
     return (span, *here[1:]) if span is not None else here
@@ -243,7 +243,7 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
     else:
         return
     findings.warn(
-        Code.STUCK, f"joint `{joint.name}` has {said}", _place(joint, key, joint.origin + instance.origin), path=edge.path,
+        Code.STUCK, f"joint `{joint.name}` has {said}", _origin_of(joint, key, joint.origin + instance.origin), path=edge.path,
         notes=_elsewhere(joint, key), help=f"mind the unit (`m{force}`, `{force}`); {allow_hint(Code.STUCK)}",
     )
 
@@ -363,7 +363,7 @@ def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
         if value is not None
     }
     for key, length in ends.items():
-        of, place, notes = f"`{key}` of joint `{joint.name}`", _place(joint, key, joint.origin), _elsewhere(joint, key)
+        of, place, notes = f"`{key}` of joint `{joint.name}`", _origin_of(joint, key, joint.origin), _elsewhere(joint, key)
         if turns and key != "lead":
             yield _Offset(
                 words=f"{of} lets it advance by", length=length, path=joint.name, origin=place, notes=notes,

@@ -188,15 +188,15 @@ def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: 
 
 def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str]]:
     """The documents (as the top document names them) and the parts that choices name: what has to be read beforehand."""
-    return _named(choices, "assembly"), _named(choices, "part")
+    return _choice_names(choices, "assembly"), _choice_names(choices, "part")
 
 
 def chosen_files(choices: Mapping[str, str], document: str) -> list[str]:
     """The absolute paths of the files of parts that choices name, as the top document, at a path, would name them."""
-    paths = [named(text, os.path.abspath(document)) for text in _named(choices, "file")]
+    paths = [named(text, os.path.abspath(document)) for text in _choice_names(choices, "file")]
     return [path for path in paths if path is not None]
 
 
-def _named(choices: Mapping[str, str], key: str) -> list[str]:
+def _choice_names(choices: Mapping[str, str], key: str) -> list[str]:
     paths: Iterable[tuple[ChoicePath | None, str]] = ((parse(path), text) for path, text in choices.items())
     return list(dict.fromkeys(text for choice, text in paths if choice is not None and choice.key == key))

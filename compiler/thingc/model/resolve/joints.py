@@ -138,9 +138,9 @@ def _coordinates(
             notes=scope.beside(f"it is {kind.name} here", (*path, "type"), (*path, key)),
         )
     if count < 2:
-        return (replace(_joint(table, item, kind, next(iter(twists), None), (parent, child), layers, None), axis=axis),)
+        return (replace(_resolve_joint(table, item, kind, next(iter(twists), None), (parent, child), layers, None), axis=axis),)
     return tuple(
-        replace(_joint(table, item, kind, twist, (parent, child), layers, k), axis=axis)
+        replace(_resolve_joint(table, item, kind, twist, (parent, child), layers, k), axis=axis)
         for k, twist in enumerate(twists)
     )
 
@@ -162,7 +162,7 @@ def _ball(
             Code.JOINT_FIELD, f"joint `{name}` is a ball: it has no `offset`", (*path, "offset"), key=True,
             help="turn one of its mounts, or write `turn`",
         )
-    one = _joint(table, item, kind, None, mounts, layers, None)
+    one = _resolve_joint(table, item, kind, None, mounts, layers, None)
     limit, dynamics = _cone(scope, name, layers.sub("limit")), _dynamics(scope, name, ANGLE, layers.sub("dynamics"))
     rest = layers.sub("dynamics").pick("rest")
     if rest is not None and rest[1][0] == "joints":
@@ -221,7 +221,7 @@ def _direction(scope: Scope, written: Sequence[Any], place: Path, what: str, cod
     return None
 
 
-def _joint(
+def _resolve_joint(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[
         Reference, Reference
     ], layers: DefaultLayers,

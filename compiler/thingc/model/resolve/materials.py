@@ -29,7 +29,7 @@ BRIDGE_FLOWS = (0.1, 2.0)
 def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str, Material | None]:
     """Every material by name; None for names that must not be complained about (their document was wrong)."""
     if isinstance(spec.materials, Mapping):
-        return _read(scope, spec.materials)
+        return _resolve_materials(scope, spec.materials)
     materials: dict[str, Material | None] = {}
     seen: set[str] = set()
     for text in spec.materials:
@@ -72,11 +72,11 @@ def of_document(context: ResolveRun, document: Document) -> dict[str, Material |
         spec = context.specs.get(document.relative)
         if isinstance(spec, MaterialsSpec):
             scope = context.scope(document, {})
-            materials.update(_read(scope, spec.materials))
+            materials.update(_resolve_materials(scope, spec.materials))
     return materials
 
 
-def _read(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[str, Material | None]:
+def _resolve_materials(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[str, Material | None]:
     """The materials of one document, those that validation has left out with a stand-in for their density."""
     materials: dict[str, Material | None] = {
         name: material(scope, name, entry, ("materials", name)) for name, entry in specs.items()

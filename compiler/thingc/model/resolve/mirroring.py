@@ -54,7 +54,7 @@ def _mirrored(definition: AssemblyDefinition, axis: str, met: dict[int, Assembly
         met[id(definition)] = replace(
             definition, text=with_mirror(definition.text, axis), label=with_mirror(definition.label, axis), mirror=axis, plain=definition,
             components=tuple(_component(one, axis, met) for one in definition.components),
-            joints=tuple(_joint(one) for one in definition.joints),
+            joints=tuple(_mirror_joint(one) for one in definition.joints),
         )
     return met[id(definition)]
 
@@ -94,7 +94,7 @@ def _placement(placement: Attach | At) -> Attach | At:
     return replace(placement, pose=AT_MOUNT.frame(placement.pose))
 
 
-def _joint(joint: Joint) -> Joint:
+def _mirror_joint(joint: Joint) -> Joint:
     """The image of a joint, or of one of its coordinates."""
     twist = joint.twist
     if joint.axis is not None:

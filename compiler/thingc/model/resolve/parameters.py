@@ -334,7 +334,7 @@ def _as_written(
             complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {bad[1]}", help="take it out")
             continue
         try:
-            value = _read(text, table.values.get(name))
+            value = _parse_parameter(text, table.values.get(name))
         except (UnitError, ExpressionError) as error:
             complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {error.message}", help=error.help)
             continue
@@ -354,7 +354,7 @@ def _as_written(
     return given, expressions
 
 
-def _read(text: str, own: ExpressionValue | None) -> ExpressionValue | Expression:
+def _parse_parameter(text: str, own: ExpressionValue | None) -> ExpressionValue | Expression:
     """A text of the command line as a document would read it, where the parameter's own value is `own`."""
     stripped = text.strip()
     if stripped.startswith("="):

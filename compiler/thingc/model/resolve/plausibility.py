@@ -37,8 +37,9 @@ def density_doubt(density: float) -> Implausible | None:
         return None
     light = density < LIGHTEST
     meant = density * _STEP if light else density / _STEP
-    than = f"{'less than foam' if light else 'more than any solid'} ({_plain(LIGHTEST)} to {_plain(HEAVIEST)})"
-    return Implausible(words=f"has a density of {_plain(density)} kg/m^3, {than}", meant=meant if LIGHTEST <= meant <= HEAVIEST else None)
+    than = f"{'less than foam' if light else 'more than any solid'} ({_format_number(LIGHTEST)} to {_format_number(HEAVIEST)})"
+    words = f"has a density of {_format_number(density)} kg/m^3, {than}"
+    return Implausible(words=words, meant=meant if LIGHTEST <= meant <= HEAVIEST else None)
 
 
 def mass_doubt(mass: float, volume: float) -> Implausible | None:
@@ -47,7 +48,7 @@ def mass_doubt(mass: float, volume: float) -> Implausible | None:
     if doubt is None:
         return None
     return Implausible(
-        words=f"weighs {mass_words(mass)} in {_plain(1e6 * volume)} cm^3: it {doubt.words}",
+        words=f"weighs {mass_words(mass)} in {_format_number(1e6 * volume)} cm^3: it {doubt.words}",
         meant=None if doubt.meant is None else doubt.meant * volume,
     )
 
@@ -88,7 +89,7 @@ def measures(box: tuple[Vector, Vector]) -> str:
 
 def mass_words(mass: float) -> str:
     """A mass [kg] as people write it: `82 g`, `27 kg`."""
-    return f"{_plain(1000.0 * mass)} g" if mass < 1.0 else f"{_plain(mass)} kg"
+    return f"{_format_number(1000.0 * mass)} g" if mass < 1.0 else f"{_format_number(mass)} kg"
 
 
 def density_words(density: float) -> str:
@@ -106,6 +107,6 @@ def times_words(ratio: float) -> str:
     return f"{ratio:.3g}" if ratio < 1000.0 else f"{ratio:.0f}"
 
 
-def _plain(value: float) -> str:
+def _format_number(value: float) -> str:
     """A number without an exponent, its thousands apart."""
     return f"{value:,.0f}".replace(",", " ") if value >= 1000.0 else f"{value:.3g}"

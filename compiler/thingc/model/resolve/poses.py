@@ -81,7 +81,7 @@ def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName],
         Code.COORDINATES, f"joint `{key}` has {len(names)} coordinates: its value is a list of {len(names)}" if names
         else f"joint `{key}` has one coordinate: its value is no list", path, key=True,
         help=f"write `[{shown}]`, or set one alone: `{names[0]}`" if names else "write one value",
-        notes=_written(key, joint),
+        notes=_joint_notes(key, joint),
     )
 
 
@@ -90,7 +90,7 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
     if not isinstance(raw, TurnSpec):
         scope.error(
             Code.POSE, f"joint `{key}` is a ball: a pose turns it by `rpy` or by `quat`", path, key=True,
-            help=f"write for example `{key}: {{rpy: 0 20 0 deg}}`", notes=_written(key, ball),
+            help=f"write for example `{key}: {{rpy: 0 20 0 deg}}`", notes=_joint_notes(key, ball),
         )
         return
     if raw.rpy is not None:
@@ -129,14 +129,14 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
         if joint.kind.at_once:
             scope.error(
                 Code.POSE, f"joint `{name.joint}` is a ball: a pose sets it as a whole", path, key=True,
-                help=f"write for example `{name.joint}: {{rpy: 0 20 0 deg}}`", notes=_written(name.joint, joint),
+                help=f"write for example `{name.joint}: {{rpy: 0 20 0 deg}}`", notes=_joint_notes(name.joint, joint),
             )
             continue
         coordinate = joint.twist.coordinate if joint.twist is not None else None
         if coordinate is None:
             scope.error(
                 Code.POSE, f"joint `{name}` is {joint.kind.name} and has no coordinate to set", path, key=True, help="take it out",
-                notes=_written(name, joint),
+                notes=_joint_notes(name, joint),
             )
             continue
         if joint.mimic is not None:
@@ -151,15 +151,15 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
             scope.error(
                 Code.POSE, f"joint `{name}` takes {coordinate.words} (such as {coordinate.example}), found the text `{raw}`",
                 path,
-                help=f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, notes=_written(name, joint),
+                help=f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, notes=_joint_notes(name, joint),
             )
             continue
-        value = scope.number(raw, path, coordinate, what, notes=_written(name, joint))
+        value = scope.number(raw, path, coordinate, what, notes=_joint_notes(name, joint))
         if value is not None:
             into[name.path] = (value, scope.origin(path))
 
 
-def _written(name: str, joint: Joint) -> list[Note]:
+def _joint_notes(name: str, joint: Joint) -> list[Note]:
     """The note that shows where a joint is written."""
     return [Note(message=f"`{name}` is written here", span=joint.origin[0])]
 

@@ -57,7 +57,7 @@ def substituted(
             tree = _with(tree, *inner)
         known = context.quantities.get(context.from_top(path))
         read = _astray(document, tree, keys, text, context.from_top) or (
-            _read(path, text, place) if known is None else ScalarNode(value=cast("Any", known), text=text, span=place)
+            _parse_setting(path, text, place) if known is None else ScalarNode(value=cast("Any", known), text=text, span=place)
         )
         if isinstance(read, PathNotFound):
             context.say_of_option(path, read.message, read.help)
@@ -79,7 +79,7 @@ def substituted(
     return changed, sound.model_copy(update={"parameters": spec.parameters})  # which no path sets
 
 
-def _read(path: str, text: str, place: Span) -> Node | PathNotFound:
+def _parse_setting(path: str, text: str, place: Span) -> Node | PathNotFound:
     """What a text says at a path, all of it at one place."""
     if (bad := forbidden(text)) is not None:
         return PathNotFound(f"`{path}`: {bad[1]}", "take it out")

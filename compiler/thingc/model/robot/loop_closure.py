@@ -113,7 +113,7 @@ def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -
     if loops is None:
         return q
     place = ("closed", None, None if pose is None else pose.name)
-    return memo(place, _closed, loops, SolverState(q=q, base=NO_POSE), _named(pose), False).state.q
+    return memo(place, _closed, loops, SolverState(q=q, base=NO_POSE), _joint_names(pose), False).state.q
 
 
 def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
@@ -153,7 +153,7 @@ def keyframes_of(
     failed: list[Solution] = []
     for pose in poses:
         start = SolverState(q=coordinates(joints, pose.values), base=loops.base)
-        solution = memo(("closed", of_mode, pose.name), _closed, loops, start, _named(pose), base_moves)
+        solution = memo(("closed", of_mode, pose.name), _closed, loops, start, _joint_names(pose), base_moves)
         closure, residual = _worst(loops, solution)
         moved = _moved(loops, start, solution, following - pose.values.keys())
         if not solution.closed:
@@ -210,7 +210,7 @@ def _report(
     report.add(Code.UNCLOSED, message, closure.origin, path=closure.path, help=help)
 
 
-def _named(pose: NamedPose | None) -> frozenset[str]:
+def _joint_names(pose: NamedPose | None) -> frozenset[str]:
     return frozenset(pose.values) if pose is not None else frozenset()
 
 

@@ -73,17 +73,17 @@ def _canvas(hag: Hag, drawing: Drawing) -> ET.Element:
     )
     ET.SubElement(svg, "title").text = f"{escape_control(hag.label)}: hierarchical assembly graph"
     ET.SubElement(svg, "rect", {"width": "100%", "height": "100%", "fill": "#ffffff"})
-    _text(svg, MARGIN, 26.0, escape_control(hag.label), {"font-size": "16", "font-weight": "bold"})
-    _text(svg, MARGIN, 43.0, total(hag), {"fill": MUTED})
+    _add_text(svg, MARGIN, 26.0, escape_control(hag.label), {"font-size": "16", "font-weight": "bold"})
+    _add_text(svg, MARGIN, 43.0, total(hag), {"fill": MUTED})
     used = [kind for kind in KINDS if any(definition.kind == kind for definition in hag.definitions)]
     x = MARGIN + _width(total(hag), 11.0) + 22.0
     for kind in used:
         ET.SubElement(svg, "rect", _box_style(kind) | {"x": _n(x), "y": "34", "width": "14", "height": "10", "rx": "3"})
-        _text(svg, x + 19.0, 43.0, kind, {"fill": MUTED})
+        _add_text(svg, x + 19.0, 43.0, kind, {"fill": MUTED})
         x += 19.0 + _width(kind, 11.0) + 14.0
     if any(edge.joint is not None for edge in hag.edges):
         ET.SubElement(svg, "path", {"d": f"M{_n(x)} 39H{_n(x + 18.0)}", "stroke": JOINT, "stroke-width": "1.6"})
-        _text(svg, x + 23.0, 43.0, "joint", {"fill": MUTED})
+        _add_text(svg, x + 23.0, 43.0, "joint", {"fill": MUTED})
         x += 23.0 + _width("joint", 11.0)
     if x + MARGIN > width:
         svg.set("width", _n(x + MARGIN))
@@ -174,7 +174,7 @@ def _draw_label(board: ET.Element, strand: EdgeBundle, place: Rectangle, words: 
         "name": {}, "place": {"fill": MUTED, "font-size": "10"}, "joint": {"fill": JOINT, "font-size": "10"},
     }
     for line in words:
-        _text(group, place.x + 5.0, place.y + line.baseline, line.text, styles[line.kind])
+        _add_text(group, place.x + 5.0, place.y + line.baseline, line.text, styles[line.kind])
 
 
 def _draw_box(board: ET.Element, definition: Definition, place: Rectangle, lines: Sequence[str], count: int) -> None:
@@ -183,14 +183,14 @@ def _draw_box(board: ET.Element, definition: Definition, place: Rectangle, lines
     ET.SubElement(group, "rect", _rectangle(place) | _box_style(definition.kind) | {"rx": "7"})
     for row, line in enumerate(lines):
         style = {"font-size": "13", "font-weight": "bold"} if row == 0 else {"fill": MUTED}
-        _text(group, place.x + PADDING, place.y + LEAD * row + 19.5, line, style)
+        _add_text(group, place.x + PADDING, place.y + LEAD * row + 19.5, line, style)
     if count > 1:
         badge = f"x{count}"
         width = _width(badge, 11.0) + 10.0
         x = place.x + place.width - width - 7.0
         pill = Rectangle(x=x, y=place.y + 7.0, width=width, height=16.0)
         ET.SubElement(group, "rect", _rectangle(pill) | {"rx": "8", "fill": EDGE[definition.kind]})
-        _text(group, x + 5.0, place.y + 19.0, badge, {"fill": "#ffffff", "font-weight": "bold"})
+        _add_text(group, x + 5.0, place.y + 19.0, badge, {"fill": "#ffffff", "font-weight": "bold"})
 
 
 def _box_style(kind: DefinitionKind) -> dict[str, str]:
@@ -201,7 +201,7 @@ def _rectangle(place: Rectangle) -> dict[str, str]:
     return {"x": _n(place.x), "y": _n(place.y), "width": _n(place.width), "height": _n(place.height)}
 
 
-def _text(parent: ET.Element, x: float, y: float, text: str, style: dict[str, str]) -> None:
+def _add_text(parent: ET.Element, x: float, y: float, text: str, style: dict[str, str]) -> None:
     ET.SubElement(parent, "text", {"x": _n(x), "y": _n(y), "xml:space": "preserve"} | style).text = text
 
 

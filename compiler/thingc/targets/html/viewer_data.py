@@ -56,7 +56,7 @@ def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, 
             for one in assembly.occurrences
         ],
         "mounts": [{"path": one.path, "occurrence": one.occurrence, "mount": one.mount} for one in assembly.exported],
-        "joints": [_joint(joint, mate, assembly, places) for mate in assembly.mates for joint in mate.joints],
+        "joints": [_joint_data(joint, mate, assembly, places) for mate in assembly.mates for joint in mate.joints],
         "tendons": len(assembly.tendons),
         "magnets": [{"path": one.path, "occurrence": one.occurrence, "mount": one.mount} for one in assembly.adhesions],
         "bom": [
@@ -148,7 +148,7 @@ def _mass(own: MassProperties) -> Data:
     return {"mass": own.mass, "centre": own.centre, "moments": moments, "axes": [x for row in axes for x in row]}
 
 
-def _joint(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) -> Data:
+def _joint_data(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) -> Data:
     """A coordinate, the same in all modes; `parent` and `child` are the document's, links by number."""
     drive = joint.actuator
     return {

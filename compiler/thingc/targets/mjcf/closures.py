@@ -195,9 +195,9 @@ def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:
     """`` `knee` and 2 more moved, by 12 deg at most``: the worst, turns before slides (a radian counts as a metre)."""
     path = max(moved, key=lambda joint: abs(moved[joint]))
     others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""
-    return f"`{path}`{others} moved, by {_shown(moved[path], turn=path in turns)} at most"
+    return f"`{path}`{others} moved, by {_format_value(moved[path], turn=path in turns)} at most"
 
 
-def _shown(value: float, *, turn: bool) -> str:
+def _format_value(value: float, *, turn: bool) -> str:
     return f"{degrees(abs(value)):.3g} deg" if turn else f"{1000.0 * abs(value):.3g} mm"
 

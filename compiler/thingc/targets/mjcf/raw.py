@@ -110,7 +110,7 @@ def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element |
     path = attribute.path
     kind = path[0]
     if kind in NAMED:
-        elements = {_slashed(element.get("name")): element for element in _named(kind, model)}
+        elements = {_slashed(element.get("name")): element for element in _elements_of_kind(kind, model)}
         return next((elements[name] for name in _names(attribute) if name in elements), None)
     if kind == "default":
         classes = _classes(robot, model)
@@ -157,7 +157,7 @@ def _classes(robot: Robot, model: Element) -> dict[str, Element]:
     return {robot.assembly.name: classes[class_name(robot)], **classes} if class_name(robot) in classes else classes
 
 
-def _named(kind: str, model: Element) -> Iterable[Element]:
+def _elements_of_kind(kind: str, model: Element) -> Iterable[Element]:
     where, tags = NAMED[kind]
     section = model.find(where or "worldbody")
     if section is None:
@@ -191,7 +191,7 @@ def _report_unknown(attribute: RawAttribute, robots: Sequence[Robot], models: Se
     if kind == "default":
         known, what = {known for robot, model in zip(robots, models, strict=True) for known in _classes(robot, model)}, "class"
     else:
-        known, what = {element.get("name") for model in models for element in _named(kind, model)}, kind
+        known, what = {element.get("name") for model in models for element in _elements_of_kind(kind, model)}, kind
     message = f"`{attribute.target}` has no {what} `{name}`"
     names = "classes" if what == "class" else "bodies" if what == "body" else f"{what}s"
     report.add(

@@ -310,7 +310,7 @@ def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: s
         error = attempt(written.text, files).error
         if error is None:
             break
-        place = _place(error, written)
+        place = _element_at(error, written)
         blamed = _blame(error, place, candidate, files)
         if blamed is None:
             _say(Code.MJCF_REFUSED, "refuses", error, candidate, written, report)
@@ -359,7 +359,7 @@ def _say(
     severity: Severity = Severity.ERROR,
 ) -> None:
     """Report what MuJoCo said at the origin of the element it said it of, or of the raw attribute that it names."""
-    place = _place(text, written)
+    place = _element_at(text, written)
     for element in (place,) if place is not None else candidate.root.walk():
         for name, value in element.raw.items():
             if f"'{name}'" in text:
@@ -373,7 +373,7 @@ def _say(
     report.add(code, f"MuJoCo {verb} {subject}: {_words(text)}", origin, path=name_of, severity=severity)
 
 
-def _place(text: str, written: XmlText) -> Element | None:
+def _element_at(text: str, written: XmlText) -> Element | None:
     """The element that MuJoCo speaks of: by line, else by its name in the text."""
     line = re.search(r"\bline (?:number=)?(\d+)", text, re.IGNORECASE)
     if line:

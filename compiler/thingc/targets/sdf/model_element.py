@@ -99,7 +99,7 @@ class _Builder:
             for site in sites:
                 name = self._name("frame", site.path, site.origin)
                 frame = model.add("frame", {"name": name, "attached_to": names[index]}, site.origin)
-                _place(frame, site.pose)
+                _set_pose(frame, site.pose)
         for _, steps in self.connections:
             model.children.extend(plugin(robot, self.zero, steps, self.joints))
         return self.root
@@ -122,7 +122,7 @@ class _Builder:
         for step in before:
             between = self._name("link", f"{step.path}{LINK}", connection.origin, f"the link behind joint `{step.path}`")
             link = model.add("link", {"name": between}, connection.origin)
-            _place(link, NO_POSE, child)
+            _set_pose(link, NO_POSE, child)
             _weigh(link, MassProperties(mass=LEAST_MASS, centre=step.at))
             self._joint(model, step, parent, between, connection.origin)
             parent = between
@@ -133,7 +133,7 @@ class _Builder:
     def _joint(self, model: Element, step: SdfJoint, parent: str, child: str, origin: Origin) -> Element:
         """One joint. What follows another follows the one that moves by itself, as in URDF."""
         element = model.add("joint", {"name": self.joints[step.path], "type": step.type}, origin)
-        _place(element, shifted(*step.at))
+        _set_pose(element, shifted(*step.at))
         element.say("parent", parent)
         element.say("child", child)
         if step.type == "screw":
@@ -184,7 +184,7 @@ class _Builder:
         """A link with all that it holds."""
         link = self._link_of(index)
         element = model.add("link", {"name": name}, link.origin)
-        _place(element, pose, parent)
+        _set_pose(element, pose, parent)
         _weigh(element, link.properties)
         for member, at in zip(link.members, link.poses, strict=True):
             shapes = self.geometry.shapes[member]
@@ -203,7 +203,7 @@ class _Builder:
         return self.assembly.links[self.robot.bodies[index].link]
 
 
-def _place(element: Element, pose: Pose, relative_to: str | None = None) -> None:
+def _set_pose(element: Element, pose: Pose, relative_to: str | None = None) -> None:
     """Where something is, if it says anything."""
     if relative_to is not None or pose != NO_POSE:
         turned = (0.0, 0.0, 0.0) if pose.rotation == IDENTITY else rpy_of(pose.rotation)
@@ -212,7 +212,7 @@ def _place(element: Element, pose: Pose, relative_to: str | None = None) -> None
 
 
 def _shape(element: Element, shape: Shape, at: Pose) -> None:
-    _place(element, at @ shape.pose)
+    _set_pose(element, at @ shape.pose)
     geometry = element.add("geometry").add(shape.kind)
     match shape.kind:
         case "mesh":
@@ -263,7 +263,7 @@ def _weigh(link: Element, properties: MassProperties) -> None:
     fault = physical_fault(properties.inertia) is not None
     i = ((least, 0.0, 0.0), (0.0, least, 0.0), (0.0, 0.0, least)) if fault else within_triangle(properties.inertia)
     inertial = link.add("inertial")
-    _place(inertial, shifted(*properties.centre))
+    _set_pose(inertial, shifted(*properties.centre))
     inertial.say("mass", properties.mass or LEAST_MASS)
     inertia = inertial.add("inertia")
     for name, value in (("ixx", i[0][0]), ("ixy", i[0][1]), ("ixz", i[0][2]), ("iyy", i[1][1]), ("iyz", i[1][2]), ("izz", i[2][2])):

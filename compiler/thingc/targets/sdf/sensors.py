@@ -55,7 +55,7 @@ def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames)
 def _sensor(parent: Element, sensor: LinkedSensor, form: SensorForm, pose: Pose | None, names: MangledNames) -> Element:
     element = parent.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": form}, sensor.origin)
     if pose is not None:
-        _place(element, pose)
+        _set_pose(element, pose)
     element.say("always_on", "true")
     return element
 
@@ -104,5 +104,5 @@ def _on(robot: Robot, body: int) -> Iterator[tuple[LinkedSensor, Site]]:
             yield sensor, sites[sensor.site]
 
 
-def _place(element: Element, pose: Pose) -> None:
+def _set_pose(element: Element, pose: Pose) -> None:
     element.say("pose", (*pose.translation, *rpy_of(pose.rotation)))
