@@ -29,7 +29,7 @@ from thingc.tools.diff.take_snapshot import take_snapshot
 
 
 def drawn(document: Path) -> Snapshot | None:
-    """The portrait of a document; None where it does not compile."""
+    """The snapshot of a document; None where it does not compile."""
     with Environment(str(document), Options()) as environment:
         compilation = compile(environment)
         return None if compilation.report.failed or compilation.assembly is None else take_snapshot(compilation)
@@ -59,10 +59,10 @@ def main() -> int:
     arguments = parser.parse_args()
     wrong = 0
     with tempfile.TemporaryDirectory() as folder:
-        portraits = {name: drawn(robot.copy(Path(folder) / name)) for name, robot in ROBOTS.items()}
+        snapshots = {name: drawn(robot.copy(Path(folder) / name)) for name, robot in ROBOTS.items()}
         for title, found in (
-            ("cases", _cases(Path(folder), portraits)), ("designs", _designs(Path(folder), portraits, arguments.designs)),
-            ("rewrites", _rewrites(Path(folder), portraits, arguments.rewrites)),
+            ("cases", _cases(Path(folder), snapshots)), ("designs", _designs(Path(folder), snapshots, arguments.designs)),
+            ("rewrites", _rewrites(Path(folder), snapshots, arguments.rewrites)),
         ):
             count = bad = 0
             for name, said in found:
@@ -75,17 +75,17 @@ def main() -> int:
     return 1 if wrong else 0
 
 
-def _cases(folder: Path, portraits: dict[str, Snapshot | None]) -> Iterator[tuple[str, list[str]]]:
+def _cases(folder: Path, snapshots: dict[str, Snapshot | None]) -> Iterator[tuple[str, list[str]]]:
     for number, one in enumerate(cases()):
         document = ROBOTS[one.robot].copy(folder / f"case_{number}")
         one.write(document)
-        old, new = portraits[one.robot], drawn(document)
+        old, new = snapshots[one.robot], drawn(document)
         yield f"{one.robot}, {one.name}", ["it does not compile"] if old is None or new is None else list(faults(old, new, one.made))
 
 
-def _designs(folder: Path, portraits: dict[str, Snapshot | None], count: int) -> Iterator[tuple[str, list[str]]]:
+def _designs(folder: Path, snapshots: dict[str, Snapshot | None], count: int) -> Iterator[tuple[str, list[str]]]:
     """Designs that break no rule: their parameters, written into the document, are all that is named."""
-    old, number, taken = portraits["minchw"], 0, 0
+    old, number, taken = snapshots["minchw"], 0, 0
     while taken < count:
         number += 1
         design = drawing.design(number, 7)
@@ -111,12 +111,12 @@ def _with(text: str, name: str, value: str) -> str:
     return re.sub(rf'(\n  {name}: )"=leg_length"', rf"\g<1>{value}", text)
 
 
-def _rewrites(folder: Path, portraits: dict[str, Snapshot | None], count: int) -> Iterator[tuple[str, list[str]]]:
+def _rewrites(folder: Path, snapshots: dict[str, Snapshot | None], count: int) -> Iterator[tuple[str, list[str]]]:
     for number in range(count):
         name = list(ROBOTS)[number // 5 % len(ROBOTS)]
         document = ROBOTS[name].copy(folder / f"rewrite_{number}")
         document.write_text(rewritten(document.read_text(), number))
-        old, new = portraits[name], drawn(document)
+        old, new = snapshots[name], drawn(document)
         yield f"{name}, rewrite {number}", ["it does not compile"] if old is None or new is None else list(faults(old, new, frozenset()))
 
 

@@ -84,7 +84,7 @@ def write(folder: Path, *edits: tuple[str, str], cabin: tuple[tuple[str, str], .
 
 
 def drawn(document: Path, store: str) -> Snapshot:
-    """The portrait of a document that compiles."""
+    """The snapshot of a document that compiles."""
     with Environment(str(document), Options(store=store)) as environment:
         compilation = compile(environment)
         assert compilation.assembly is not None and not compilation.report.failed, compilation.report.diagnostics

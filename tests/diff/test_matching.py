@@ -25,29 +25,29 @@ def robot(source: random.Random, size: int, kinds: int = 4) -> Snapshot:
     return Snapshot(name="robot", nodes=tuple(nodes), edges=tuple(edges))
 
 
-def renamed(portrait: Snapshot, names: dict[str, str], source: random.Random) -> Snapshot:
+def renamed(snapshot: Snapshot, names: dict[str, str], source: random.Random) -> Snapshot:
     """The same robot with other names, and in another order."""
-    nodes = [replace(node, path=names.get(node.path, node.path)) for node in portrait.nodes]
-    edges = [replace(one, parent=names.get(one.parent, one.parent), child=names.get(one.child, one.child)) for one in portrait.edges]
+    nodes = [replace(node, path=names.get(node.path, node.path)) for node in snapshot.nodes]
+    edges = [replace(one, parent=names.get(one.parent, one.parent), child=names.get(one.child, one.child)) for one in snapshot.edges]
     source.shuffle(nodes)
     source.shuffle(edges)
     return Snapshot(name="robot", nodes=tuple(nodes), edges=tuple(edges))
 
 
-def graph(portrait: Snapshot, marked: str) -> networkx.MultiDiGraph:
+def graph(snapshot: Snapshot, marked: str) -> networkx.MultiDiGraph:
     """The robot with one of its parts marked."""
     made = networkx.MultiDiGraph()
-    for node in portrait.nodes:
+    for node in snapshot.nodes:
         made.add_node(node.path, colour=(node.text, node.path == marked))
-    for edge in portrait.edges:
+    for edge in snapshot.edges:
         made.add_edge(edge.parent, edge.child, mounts=edge.mounts)
     return made
 
 
-def exchange(portrait: Snapshot, one: str, other: str) -> bool:
+def exchange(snapshot: Snapshot, one: str, other: str) -> bool:
     """Whether an automorphism takes one part to another."""
     matcher = MultiDiGraphMatcher(
-        graph(portrait, one), graph(portrait, other), node_match=lambda a, b: a["colour"] == b["colour"],
+        graph(snapshot, one), graph(snapshot, other), node_match=lambda a, b: a["colour"] == b["colour"],
         edge_match=lambda a, b: sorted(x["mounts"] for x in a.values()) == sorted(x["mounts"] for x in b.values()),
     )
     return bool(matcher.is_isomorphic())

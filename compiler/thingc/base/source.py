@@ -106,7 +106,7 @@ class SequenceNode:
         return [item.plain() for item in self.items]
 
     def index(self, step: int | str) -> int | None:
-        """The index of an item, from 0, that a step of a path says as a number or as a text; None where there is no such item."""
+        """The index, from 0, that a step of a path gives as a number or as text; None if there is no such item."""
         return next((index for index in range(len(self.items)) if step in (index, str(index))), None)
 
 
@@ -151,7 +151,7 @@ def closest(paths: Iterable[str], place: str) -> str:
 
 
 def node_at(root: Node, path: Path) -> Node | None:
-    """The node at `path` (keys, and indices as numbers or texts, from the root), or None where the document has none."""
+    """The node at `path` (keys, and indices as numbers or text, from the root); None if there is none."""
     node: Node | None = root
     for step in path:
         if isinstance(node, MappingNode) and isinstance(step, str):

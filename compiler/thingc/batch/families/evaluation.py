@@ -133,9 +133,8 @@ class Evaluation:
         return self._judged(settings, read, results, tuple(report.ordered()), done)
 
     def _judged(
-        self, settings: Mapping[str, Any], read: ParsedSettings, results: Results, problems: tuple[
-            Diagnostic, ...
-        ], tests: tuple[Any, ...] = (),
+        self, settings: Mapping[str, Any], read: ParsedSettings, results: Results, problems: tuple[Diagnostic, ...],
+        tests: tuple[Any, ...] = (),
     ) -> Evaluated:
         broken = None
         if results and self.rules:

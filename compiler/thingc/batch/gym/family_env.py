@@ -106,10 +106,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
 
     def __init__(
         self, family: RobotFamily, worlds: WorldPool, choices: MorphologyDistribution, simulated: SimulationStep, rules: EpisodeRules, *,
-        descriptor: Sequence[
-            str
-        ],
-        owned: bool,
+        descriptor: Sequence[str], owned: bool,
     ) -> None:
         num_envs = worlds.count
         self.family = family

@@ -50,9 +50,8 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
     render_mode = None
 
     def __init__(
-        self, family: BatchResults, simulated: SimulationStep, rules: EpisodeRules, *, descriptor: Sequence[
-            str
-        ], weights: Array, pad: bool, seed: int | None,
+        self, family: BatchResults, simulated: SimulationStep, rules: EpisodeRules, *, descriptor: Sequence[str], weights: Array,
+        pad: bool, seed: int | None,
     ) -> None:
         self.family = family
         self.mode = simulated.mode

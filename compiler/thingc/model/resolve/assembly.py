@@ -40,10 +40,8 @@ MAX_DEFINITIONS = 2000
 
 
 def resolved(
-    context: ResolveRun, relative: str, spec: AssemblySpec, given: Mapping[
-        str, ExpressionValue | Expression
-    ], choices: chosen.Choices = (), *,
-    top: bool = False,
+    context: ResolveRun, relative: str, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression],
+    choices: chosen.Choices = (), *, top: bool = False,
 ) -> DocumentScope:
     """The table of a document, its `definition` filled in; equal parameters and choices of one document give the same table.
 

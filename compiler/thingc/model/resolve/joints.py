@@ -222,10 +222,8 @@ def _direction(scope: Scope, written: Sequence[Any], place: Path, what: str, cod
 
 
 def _resolve_joint(
-    table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[
-        Reference, Reference
-    ], layers: DefaultLayers,
-    number: int | None,
+    table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[Reference, Reference],
+    layers: DefaultLayers, number: int | None,
 ) -> Joint:
     """A joint, or with a `number` that coordinate of it."""
     scope, spec, path, name = item.scope, item.spec, item.path, CoordinateName(item.name)

@@ -1,4 +1,4 @@
-"""A linked assembly -> what a portrait holds of it: mates, occurrences, links and the rows of its bill of materials."""
+"""A linked assembly -> what a snapshot holds of it: mates, occurrences, links and the rows of its bill of materials."""
 
 from __future__ import annotations
 

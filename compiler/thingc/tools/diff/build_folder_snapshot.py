@@ -1,4 +1,4 @@
-"""Build folders and locks as portraits: what can be compared without their documents."""
+"""Build folders and locks as snapshots: what can be compared without their documents."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class UnreadableSide(Exception):
         self.diagnostics = diagnostics
 
 
-def portrait_of_build(folder: str) -> Snapshot:
+def snapshot_of_build(folder: str) -> Snapshot:
     """What a build folder holds of a robot: components with definitions and masses, modes, joints, the bill of materials, print files.
     Raises `UnreadableSide`."""
     manifest = _json(folder, MANIFEST, dict)
@@ -70,23 +70,23 @@ def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[
     )
 
 
-def outline(portrait: Snapshot) -> Snapshot:
+def outline(snapshot: Snapshot) -> Snapshot:
     """Of a document what a build folder would hold, too."""
-    things = [_component(path, one.definition) for path, one in portrait.occurrences.items()]
-    for (what, _), thing in portrait.things.items():
+    things = [_component(path, one.definition) for path, one in snapshot.occurrences.items()]
+    for (what, _), thing in snapshot.things.items():
         if what == "joint" and "type" in thing.facts:
             things.append(replace(thing, facts={"type": thing.facts["type"]}, of=""))
         elif what == "mode":
             things.append(replace(thing, facts={key: thing.facts[key] for key in ("base", "gravity")}))
     return Snapshot(
-        name=portrait.name, nodes=tuple(_node(path, one.definition) for path, one in portrait.occurrences.items()),
+        name=snapshot.name, nodes=tuple(_node(path, one.definition) for path, one in snapshot.occurrences.items()),
         things={(thing.what, thing.path): thing for thing in things},
-        occurrences={path: _occurrence(path, one.definition, one.mass, one.source) for path, one in portrait.occurrences.items()},
-        rows=tuple(replace(row, stem=None) for row in portrait.rows), coordinates=portrait.coordinates, lacks=portrait.lacks,
+        occurrences={path: _occurrence(path, one.definition, one.mass, one.source) for path, one in snapshot.occurrences.items()},
+        rows=tuple(replace(row, stem=None) for row in snapshot.rows), coordinates=snapshot.coordinates, lacks=snapshot.lacks,
     )
 
 
-def portrait_of_lock(path: str) -> Snapshot:
+def snapshot_of_lock(path: str) -> Snapshot:
     """What a lock says of parts: the parameters of each with defaults and bounds; of every definition volume, area, box, mounts and what
     mass it states. Raises `UnreadableSide`."""
     report = Report()

@@ -1,4 +1,4 @@
-"""A document -> its portrait: compiled, its tests run, and what is costly kept in the store by content."""
+"""A document -> its snapshot: compiled, its tests run, and what is costly kept in the store by content."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Subject:
         if errors or self._compilation.assembly is None:
             self._environment.__exit__()
             raise BrokenDocument(errors)
-        self.portrait: Snapshot = take_snapshot(self._compilation)
+        self.snapshot: Snapshot = take_snapshot(self._compilation)
 
     def __enter__(self) -> Subject:
         return self
@@ -61,17 +61,17 @@ class Subject:
         return self._environment.store
 
     def tested(self) -> Snapshot:
-        """The portrait with the outcomes of the tests; those that have been run before are in the store."""
+        """The snapshot with the outcomes of the tests; those that have been run before are in the store."""
         from thingc.geometry.store.local import StoreUnusable
 
         key = self._key()
         earlier = self.store.get_json("diff-tests", key)
         if earlier is not None:
-            return replace(self.portrait, outcomes=_unpacked(earlier))
+            return replace(self.snapshot, outcomes=_unpacked(earlier))
         outcomes = self._outcomes()
         with contextlib.suppress(StoreUnusable):
             self.store.put_json("diff-tests", key, [[one.test, one.where, one.passed, dict(one.measured)] for one in outcomes])
-        return replace(self.portrait, outcomes=outcomes)
+        return replace(self.snapshot, outcomes=outcomes)
 
     def model(self) -> tuple[str, dict[str, bytes]]:
         """The MuJoCo model of the first mode, and its meshes by name."""

@@ -16,7 +16,7 @@ from thingc.driver.environment import Options
 from thingc.tools.affected.dependents import touched
 from thingc.tools.affected.git_changes import changed_paths
 from thingc.tools.diff.arguments import ComparisonRequest, Side, SideKind, UnknownComparison
-from thingc.tools.diff.build_folder_snapshot import UnreadableSide, outline, portrait_of_build, portrait_of_lock
+from thingc.tools.diff.build_folder_snapshot import UnreadableSide, outline, snapshot_of_build, snapshot_of_lock
 from thingc.tools.diff.cached_snapshots import BrokenDocument, Subject
 from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparison import Comparison, compare
@@ -152,19 +152,19 @@ def compared(
 def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options, *, tests: bool) -> Comparison:
     """Of two documents all that there is to compare; else what a build folder, or a lock, holds."""
     if not isinstance(old, Subject) or not isinstance(new, Subject):
-        before, after = (outline(one.portrait) if isinstance(one, Subject) else one for one in (old, new))
+        before, after = (outline(one.snapshot) if isinstance(one, Subject) else one for one in (old, new))
         return compare(before, after)
     if not options.code:
-        return compare(old.portrait, new.portrait)
+        return compare(old.snapshot, new.snapshot)
     farthest = SurfaceDistances(new.store).farthest
-    comparison = compare(old.portrait, new.portrait, farthest)
+    comparison = compare(old.snapshot, new.snapshot, farthest)
     return compare(old.tested(), new.tested(), farthest) if tests and comparison.changes else comparison
 
 
 def _portrait(laid: Checkout) -> Snapshot:
     """Of a build folder or a lock. Raises `UnknownComparison`, and `BrokenDocument` where a lock is."""
     try:
-        return portrait_of_build(laid.path) if laid.kind == "build" else portrait_of_lock(laid.path)
+        return snapshot_of_build(laid.path) if laid.kind == "build" else snapshot_of_lock(laid.path)
     except UnreadableSide as fault:
         if fault.diagnostics:
             raise BrokenDocument(fault.diagnostics) from fault

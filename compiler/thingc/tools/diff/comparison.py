@@ -1,4 +1,4 @@
-"""Two portraits -> all that changed, and what follows from it."""
+"""Two snapshots -> all that changed, and what follows from it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Comparison(OneLineRepr):
 
 
 def compare(old: Snapshot, new: Snapshot, farthest: Farthest = lambda old, new: None) -> Comparison:
-    """What changed from one portrait to another. `farthest` measures how far surfaces are apart; without it nothing says so."""
+    """What changed from one snapshot to another. `farthest` measures how far surfaces are apart; without it nothing says so."""
     pairing = NameMapping(old, new)
     changes = compare_stated(pairing)
     add_consequences(pairing, changes, farthest)

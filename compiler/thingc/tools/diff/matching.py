@@ -47,20 +47,20 @@ def match(old: Snapshot, new: Snapshot) -> dict[str, Match]:
     return _Matching(old, new).found
 
 
-def _order(portrait: Snapshot) -> list[str]:
-    return sorted(node.path for node in portrait.nodes)
+def _order(snapshot: Snapshot) -> list[str]:
+    return sorted(node.path for node in snapshot.nodes)
 
 
 class _Side:
     """One robot as a graph: its components by path, and whom each meets and how."""
 
-    def __init__(self, portrait: Snapshot) -> None:
-        self.nodes = {node.path: node for node in portrait.nodes}
+    def __init__(self, snapshot: Snapshot) -> None:
+        self.nodes = {node.path: node for node in snapshot.nodes}
         self.left = dict.fromkeys(self.nodes)
         self.beside: dict[str, list[tuple[tuple[str, ...], str]]] = defaultdict(list)
-        for edge in portrait.edges:
+        for edge in snapshot.edges:
             self._join(edge.parent, edge.child, ("mate", edge.joint, *edge.mounts))
-        for node in portrait.nodes:
+        for node in snapshot.nodes:
             if node.parent:
                 self._join(node.parent, node.path, ("holds",))
 

@@ -1,4 +1,4 @@
-"""A compilation -> its portrait: what its documents state, place by place, and what came of it."""
+"""A compilation -> its snapshot: what its documents state, place by place, and what came of it."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ KEYS = {"minimum": "min", "maximum": "max", "base": "from"}
 
 
 def take_snapshot(compilation: Compilation, outcomes: Sequence[TestOutcome] | None = None) -> Snapshot:
-    """The portrait of a compilation without errors, with the outcomes of its tests where they were run."""
+    """The snapshot of a compilation without errors, with the outcomes of its tests where they were run."""
     assembly, documents = compilation.assembly, compilation.documents
     assert assembly is not None and documents is not None, "the compilation failed"
     reader = _Reader(assembly, DocumentTrees(documents))
