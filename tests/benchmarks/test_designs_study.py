@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import runpy
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 import thingc
 from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
@@ -120,7 +121,7 @@ def test_what_names_no_rule_is_a_fault(folder: Path, shared_store: str):
         (Code.MJCF_REFUSED, "mass and inertia", False),
     ):
         said = replace(mute, code=code, message=message, notes=(Note(message="here"),))
-        faults = verdicts.unnamed(replace(design, broken=()), [said])
+        faults = verdicts.unnamed(dataclasses.replace(design, broken=()), [said])
         assert faults == ([] if named else [f"no rule is named: {code.code} {message}"])
 
 
@@ -137,7 +138,7 @@ def test_a_part_that_dies_and_an_exception_are_crashes(tmp_path: Path, shared_st
     leg.write_text(text.replace("        self.sole = ", "        __import__('os').abort()\n        self.sole = "))
     verdict = verdicts.judged(design, document, Path(shared_store))
     assert verdict.outcome == "crashed" and {d.code for d in verdict.diagnostics} == {Code.PART_CRASHED}
-    verdict = verdicts.judged(replace(design, parameters=[1]), document, Path(shared_store))
+    verdict = verdicts.judged(dataclasses.replace(design, parameters=[1]), document, Path(shared_store))
     assert verdict.outcome == "crashed" and "Traceback" in verdict.faults[0]
 
 

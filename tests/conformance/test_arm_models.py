@@ -21,6 +21,7 @@ from conformance import simulation as sim
 from conformance.conftest import ARM
 from conformance.harness import ROOT
 from conformance.harness import thingc as run
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import LONGEST, OneLineRepr
 from thingc.modes import Modes
 from thingc_stock.dynamixel import XM430
@@ -320,11 +321,12 @@ def test_whatever_hangs_on_a_compiled_robot_prints_as_one_line(compiled: thingc.
         if id(value) in seen:
             continue
         seen.add(id(value))
-        if is_dataclass(value):
+        if isinstance(value, FrozenStruct) or is_dataclass(value):
             line = repr(value)
             assert "\n" not in line and len(line) <= (LONGEST if isinstance(value, OneLineRepr) else 300), line
             met.add(type(value).__name__)
-            waiting += [getattr(value, one.name) for one in fields(value)]
+            names = value.__struct_fields__ if isinstance(value, FrozenStruct) else [one.name for one in fields(value)]
+            waiting += [getattr(value, name) for name in names]
         elif isinstance(value, Mapping):
             waiting += value.values()
         elif isinstance(value, (tuple, list)):

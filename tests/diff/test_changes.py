@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from diff.cranes import CRANE, drawn, made, sound, write
 from thingc.tools.diff.change import Change

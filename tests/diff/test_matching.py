@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import random
-from dataclasses import replace
 
 import networkx
+from msgspec.structs import replace
 from networkx.algorithms.isomorphism import MultiDiGraphMatcher
 
 from thingc.base.pose import shifted

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 from xml.etree import ElementTree
@@ -15,6 +14,7 @@ import thingc
 from thingc import modes
 from thingc.base.diagnostics import Severity
 from thingc.base.export_names import JointPath
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.model.robot.types import Robot
 from thingc.targets.custom_names import AS_WRITTEN
 
@@ -214,7 +214,7 @@ PLAIN = {
 
 def records(hint: Any, seen: dict[str, Any]) -> dict[str, Any]:
     """Every field of records in reach of a type, as `Record.field`, but for those that speak as documents do."""
-    if is_dataclass(hint) and isinstance(hint, type):
+    if isinstance(hint, type) and issubclass(hint, FrozenStruct):
         if hint not in AS_WRITTEN and not any(one.startswith(f"{hint.__name__}.") for one in seen):
             fields = {f"{hint.__name__}.{name}": inner for name, inner in get_type_hints(hint, include_extras=True).items()}
             seen.update(fields)

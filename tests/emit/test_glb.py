@@ -6,7 +6,6 @@ import hashlib
 import io
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 import pygltflib
 import pytest
 import trimesh
+from msgspec.structs import replace
 
 from emit import small_robot
 from emit.small_robot import LIFT, X_BRACE_J, X_J_BRACKET, X_J_PALM, X_PLATE_J, X_SERVO_BRACE, YAW, assembly, box_obj, links, request

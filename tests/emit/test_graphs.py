@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import xml.etree.ElementTree as ET
-from dataclasses import replace
 from pathlib import Path
 
 import networkx
 import pytest
+from msgspec.structs import replace
 
 from emit.graphs import arm, awkward, walker
 from emit.small_robot import assembly

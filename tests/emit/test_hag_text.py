@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import html
 import re
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
+from msgspec.structs import replace
 
 from emit.graphs import LABELS, NASTY, SCREW, XM430, arm, awkward, graph, walker
 from thingc.base.safe_text import escape_control

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 import re
@@ -11,7 +12,6 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,6 +20,7 @@ import mujoco
 import numpy as np
 import pytest
 import yaml
+from msgspec.structs import replace
 
 from emit import small_robot
 from graph.builder import MATE, box, component, coordinates_of, linked, mimic, mode, pose, ref, rz, t, where
@@ -117,7 +118,7 @@ def request_of_all(tmp_path_factory: pytest.TempPathFactory) -> EmitRequest:
     model = document("Robot__7", balls(7, radii), joints(), modes=modes, poses=poses, mounts=mounts)
     request = asked(model, radii, str(tmp_path_factory.mktemp("store")))
     said = PackageInfo(maintainer="Ada <3 & co", mail="ada@example.org", license="Apache-2.0", version="1.2.3")
-    return replace(request, workspace=replace(request.workspace, about=said))
+    return replace(request, workspace=dataclasses.replace(request.workspace, about=said))
 
 
 @pytest.fixture(scope="module")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from msgspec.structs import replace
 
 from emit.small_robot import assembly, part, request
 from thingc.base.diagnostics import Code

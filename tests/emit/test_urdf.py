@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from emit import small_robot
 from graph.builder import (
@@ -218,9 +219,9 @@ def test_meshes_are_named_as_the_workspace_wants_it(store: Store, tmp_path: Path
     for word, folder in (
         ("package", "package://my_arm_description/meshes"), ("absolute", (tmp_path / "a b" / "My__Arm" / "urdf" / "meshes").as_uri()),
     ):
-        made = emit(replace(asked_for, workspace=replace(asked_for.workspace, mesh_uri=word)))
+        made = emit(replace(asked_for, workspace=dataclasses.replace(asked_for.workspace, mesh_uri=word)))
         assert made.files["urdf/My__Arm_bench.urdf"] == relative.replace(b'filename="meshes/', f'filename="{folder}/'.encode())
-    nowhere = replace(asked_for, folder=None, workspace=replace(asked_for.workspace, mesh_uri="absolute"))
+    nowhere = replace(asked_for, folder=None, workspace=dataclasses.replace(asked_for.workspace, mesh_uri="absolute"))
     assert emit(nowhere).files["urdf/My__Arm_bench.urdf"] == relative
 
 

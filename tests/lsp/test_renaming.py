@@ -6,10 +6,10 @@ from __future__ import annotations
 import random
 import re
 from collections import Counter
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from lsp.walkers import WALKER, write
 from thingc.base.diagnostics import Report

@@ -5,10 +5,11 @@ Bodies are given as plain 4 x 4 matrices (numpy), so that the tests' own chains 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from graph import builder
 from graph.builder import as_pose, binary_stl, kept, where

@@ -10,12 +10,12 @@ import itertools
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from emit.test_sdf import EVERY
 from mjcf.handmade import Made, Piece, Segment, at, box_part, cylinder_part, drive, matrix, raw

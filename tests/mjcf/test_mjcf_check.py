@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import pickle
 import subprocess
 import sys
 import threading
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import mujoco
 import pytest
+from msgspec.structs import replace
 
 from graph.builder import kept
 from mjcf.handmade import Made, Piece, Segment, box_part, drive, raw
@@ -135,7 +137,7 @@ def test_what_no_raw_attribute_caused(store: Store) -> None:
     made = arm(store)
     part = made.segments[2].pieces[0].part
     broken = kept(store, b"nothing that is a mesh\n", 4, 4)
-    made.segments[3].pieces[0].part = replace(
+    made.segments[3].pieces[0].part = dataclasses.replace(
         part,
         definition=replace(part.definition, text="boxes:Box(high=9)"),
         record=replace(part.record, text="boxes:Box(high=9)", meshes={**part.record.meshes, "visual": broken}),
@@ -157,7 +159,7 @@ def test_an_inertia_that_mujoco_refuses_is_at_the_link(store: Store) -> None:
     made = arm(store)
     request = made.request(store)
     properties = request.assembly.links[2].properties
-    object.__setattr__(request.assembly.links[2], "properties", replace(properties, mass=1e-20))
+    msgspec.structs.force_setattr(request.assembly.links[2], "properties", replace(properties, mass=1e-20))
     emit(request)
     assert [(d.span.line if d.span else None, d.path, d.message) for d in request.report.ordered()] == [
         (12, "forearm", "MuJoCo refuses body `forearm`: mass and inertia of moving bodies must be larger than mjMINVAL"),
@@ -257,13 +259,13 @@ def test_raw_names_of_a_nested_document(store: Store) -> None:
 
 def plain(store: Store) -> object:
     part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1))
-    return replace(part, definition=replace(part.definition, text="boxes:Box"))
+    return dataclasses.replace(part, definition=replace(part.definition, text="boxes:Box"))
 
 
 def test_two_definitions_of_one_file_name(store: Store) -> None:
     one, other = plain(store), plain(store)
-    one = replace(one, definition=replace(one.definition, reference="a/b.step", text="a/b.step", label="a/b.step"))  # type: ignore
-    other = replace(other, definition=replace(other.definition, reference="a.b.step", text="a.b.step", label="a.b.step"))  # type: ignore
+    one = dataclasses.replace(one, definition=replace(one.definition, reference="a/b.step", text="a/b.step", label="a/b.step"))  # type: ignore
+    other = dataclasses.replace(other, definition=replace(other.definition, reference="a.b.step", text="a.b.step", label="a.b.step"))  # type: ignore
     made = Made(segments=[Segment("a", [Piece("a", one), Piece("b", other)])])  # type: ignore[arg-type]
     assert said(made, store) == [
         ("TC751", "error", 21, "`a.b.step` and `a/b.step` would both be written as `mjcf/assets/a.b.step.obj`"),
@@ -376,7 +378,7 @@ def test_of_what_starts_otherwise_only_what_touches_is_read_again(store: Store, 
     made = arm(store)
     record, text = made.segments[0].pieces[0].part.record, b"#" + 90_000 * b"x" + b"\n"
     drawn = kept(store, text + store.read(record.meshes["visual"].sha256), 8, 12)
-    made.segments[0].pieces[0].part = replace(
+    made.segments[0].pieces[0].part = dataclasses.replace(
         made.segments[0].pieces[0].part, record=replace(record, meshes={**record.meshes, "visual": drawn}),
     )
     counted = compiled(monkeypatch)
@@ -408,7 +410,9 @@ def test_a_new_mesh_is_read(store: Store, monkeypatch: pytest.MonkeyPatch) -> No
     assert said(made, store) == []
     part = made.segments[0].pieces[0].part
     broken = kept(store, b"v 0 0 0\nf 1 1 1\n", 4, 4)
-    made.segments[0].pieces[0].part = replace(part, record=replace(part.record, meshes={**part.record.meshes, "visual": broken}))
+    made.segments[0].pieces[0].part = dataclasses.replace(
+        part, record=replace(part.record, meshes={**part.record.meshes, "visual": broken}),
+    )
     assert [(code, line) for code, _, line, _ in said(made, store)] == [("TC702", 20)]
 
 
@@ -419,7 +423,7 @@ def test_of_the_next_model_of_a_session_new_meshes_are_read_and_no_others(store:
     def found(segment: int, mesh: bytes) -> list[tuple[str, int | None]]:
         piece = made.segments[segment].pieces[0]
         meshes = {**piece.part.record.meshes, "visual": kept(store, mesh, 4, 4)}
-        piece.part = replace(piece.part, record=replace(piece.part.record, meshes=meshes))
+        piece.part = dataclasses.replace(piece.part, record=replace(piece.part.record, meshes=meshes))
         request = replace(made.request(store), memo=memo, repeated=True)
         emit(request)
         return [(d.code.code, d.span.line if d.span else None) for d in request.report.ordered()]

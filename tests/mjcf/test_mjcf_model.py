@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Mapping
 
+import msgspec
 import mujoco
 import numpy as np
 import pytest
@@ -564,7 +565,7 @@ def test_a_plate_of_no_thickness_moves(store: Store) -> None:
         )
         heavy = made.request(store)
         link = heavy.assembly.links[1]
-        object.__setattr__(link, "properties", moved(scaled(thin.properties, 1e6), made.segments[1].pieces[0].pose))
+        msgspec.structs.force_setattr(link, "properties", moved(scaled(thin.properties, 1e6), made.segments[1].pieces[0].pose))
         model = load(heavy)
         r = np.zeros(9)
         mujoco.mju_quat2Mat(r, model.body("sheet").iquat)
@@ -593,7 +594,7 @@ def test_a_point_mass_that_never_moves(store: Store) -> None:
     made = arm(store)
     request = made.request(store)
     link = request.assembly.links[0]
-    object.__setattr__(link, "properties", type(link.properties)(mass=0.25, centre=(0.0, 0.0, 0.1)))
+    msgspec.structs.force_setattr(link, "properties", type(link.properties)(mass=0.25, centre=(0.0, 0.0, 0.1)))
     assert load(request).body("plate").mass == 0.25
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from graph.builder import Array, as_pose, assembly, box, component, joint, linked, mode, pose, ref, rx, rz, t, where, whole
 from modes.switching_robots import Made, bodies, emitted, frame, jacobian, joints_of, mass_matrix, same_motion, stir

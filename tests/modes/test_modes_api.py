@@ -7,12 +7,12 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import thingc
 from graph.builder import assembly, box, component, joint, linked, mode, pose, rx, t, whole

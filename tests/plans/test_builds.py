@@ -6,12 +6,12 @@ import builtins
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from families.documents import EVERYTHING, INERTIA, TOOL
 from thingc.base import numeric

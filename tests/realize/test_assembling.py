@@ -6,11 +6,11 @@ import math
 import re
 import tempfile
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from thingc.base.pose import Pose, shifted, turned_z
 from thingc.geometry.client import Workers

@@ -514,7 +514,8 @@ def test_schemas(module_place: Any, records: dict[str, PartRecord]) -> None:
 
 def test_records_survive_json(records: dict[str, PartRecord]) -> None:
     import json
-    from dataclasses import replace
+
+    from msgspec.structs import replace
 
     for record in records.values():
         value = json.loads(json.dumps(record_to_json(record, "/ws")))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from manifold3d import Manifold
+from msgspec.structs import replace
 
 from thingc.base.pose import Vector
 from thingc.geometry.print_slices import Moments, SliceResult, Slicing

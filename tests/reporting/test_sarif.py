@@ -105,7 +105,7 @@ def test_rules_are_told_in_full_and_lead_to_their_pages(tmp_path: Path, root: Pa
 
 @pytest.mark.defect
 def test_a_finding_keeps_its_fingerprint_when_lines_are_added_above(tmp_path: Path) -> None:
-    from dataclasses import replace
+    from msgspec.structs import replace
 
     folder = repository(tmp_path)
     said = [d for d in every_shape(folder) if d.span is not None]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import builtins
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from resolve.resolving import run
 from thingc.geometry.record import PartDefinition

@@ -334,9 +334,9 @@ def test_a_long_chain_needs_no_recursion() -> None:
 
 
 def test_a_link_out_of_reach_is_a_diagnostic() -> None:
-    import dataclasses
+    from msgspec.structs import replace
 
-    found = dataclasses.replace(hinge(), mates=())
+    found = replace(hinge(), mates=())
     report = Report()
     assert root(found, found.modes[0], report) is None
     assert [d.message for d in report.diagnostics] == ["link `arm` does not hang together with the root of mode `bench`"]

@@ -11,7 +11,6 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from shutil import copytree
 from typing import Any
@@ -19,6 +18,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from scipy.optimize import linprog, minimize
 
 from statics.test_statics import at_rest, oracle

@@ -9,10 +9,10 @@ import os
 import shutil
 import tarfile
 import zlib
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code
 from thingc.batch import BatchFault, plan

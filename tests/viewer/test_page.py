@@ -7,13 +7,13 @@ import hashlib
 import io
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
+from msgspec.structs import replace
 
 from conformance.harness import ROOT
 from emit import small_robot

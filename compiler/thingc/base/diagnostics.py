@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 
+from msgspec.structs import force_setattr, replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.safe_text import shortened
 from thingc.base.source import Edit, Node, Origin, Span, stands_in
@@ -273,15 +276,14 @@ class Code(Enum):
         self.warned_by = warned_by
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Note(OneLineRepr):
+class Note(OneLineRepr, FrozenStruct):
     """A second place, or more to know: "mount declared here". The message is shortened as that of a `Diagnostic`."""
 
     message: str
     span: Span | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "message", shortened(self.message))
+        force_setattr(self, "message", shortened(self.message))
 
 
 def noted(message: str, origin: Origin) -> tuple[Note, ...]:
@@ -289,8 +291,7 @@ def noted(message: str, origin: Origin) -> tuple[Note, ...]:
     return (Note(message=message, span=origin[0]),) if origin else ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Diagnostic(OneLineRepr):
+class Diagnostic(OneLineRepr, FrozenStruct):
     """One thing to say. `path` is the key path in the document or the path of the occurrence or joint; `detail` is
     shown only with `--debug` (the traceback of a part); `fixes` what surely mends it, for `thingc check --fix`.
 
@@ -308,13 +309,12 @@ class Diagnostic(OneLineRepr):
     fixes: tuple[Edit, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "message", shortened(self.message))
+        force_setattr(self, "message", shortened(self.message))
         if self.help is not None:
-            object.__setattr__(self, "help", shortened(self.help))
+            force_setattr(self, "help", shortened(self.help))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Allowance:
+class Allowance(FrozenStruct, eq=False):
     """A line of `allow:`. Warnings of `code` are meant so where they show a place in one of `nodes`, each with the span of its
     key: the mapping that the line is written in, and (of a mode) those that are merged over it. `where` is the line's place;
     `path` that of its mapping in the document."""

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from functools import lru_cache
 
+from msgspec.structs import replace
+
 from thingc.base import numeric
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Matrix, Pose, Vector, multiply, transpose
 
 ZERO: Matrix = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MassProperties(OneLineRepr):
+class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
     """Of a rigid body, in some frame: mass [kg], centre of mass [m], inertia [kg m^2] about the centre, frame axes."""
 
     mass: float

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import fields, is_dataclass
 from typing import Any
 
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Span
 
 LONGEST = 160
@@ -17,7 +18,8 @@ _WORD = 40
 
 
 class OneLineRepr:
-    """A dataclass that prints as one line: `Robot('arm', mode=LinkedMode('bench'), base='fixed', bodies=[7 Body])`.
+    """A struct (or a dataclass with `repr=False`) that prints as one line:
+    `Robot('arm', mode=LinkedMode('bench'), base='fixed', bodies=[7 Body])`.
 
     What it is called comes first, then its fields in order; those that are empty are left out. What it holds is named or counted,
     never printed in full: that is what the attributes are for.
@@ -25,9 +27,8 @@ class OneLineRepr:
 
     __slots__ = ()
 
-    def __init_subclass__(cls) -> None:
-        if "__repr__" not in vars(cls):
-            cls.__repr__ = _line  # type: ignore[method-assign]
+    def __repr__(self) -> str:
+        return _line(self)
 
 
 def counted(number: int, noun: str) -> str:
@@ -38,11 +39,12 @@ def counted(number: int, noun: str) -> str:
 def _line(self: Any) -> str:
     named = _called(self)
     words = [] if named is None else [_short_repr(named)]
-    for one in fields(self):
-        value = getattr(self, one.name)
+    shown = self.__struct_fields__ if isinstance(self, FrozenStruct) else [one.name for one in fields(self) if one.repr]
+    for name in shown:
+        value = getattr(self, name)
         empty = value is None or (isinstance(value, (str, bytes, Sequence, Mapping, Set)) and not value)
-        if one.repr and not empty and value is not named:
-            words.append(f"{one.name}={_short_repr(value)}")
+        if not empty and value is not named:
+            words.append(f"{name}={_short_repr(value)}")
     line = f"{type(self).__name__}({', '.join(words)})"
     while len(line) > LONGEST:
         words.pop()
@@ -62,7 +64,7 @@ def _short_repr(value: Any) -> str:
         return repr(value) if len(value) <= _WORD else f"{value[:_WORD]!r}..."
     if isinstance(value, Span):
         return f"{os.path.basename(value.file)}:{value.line}:{value.column}"
-    if is_dataclass(value):
+    if isinstance(value, FrozenStruct) or is_dataclass(value):
         named = _called(value)
         return type(value).__name__ + ("" if named is None else f"({_short_repr(named)})")
     if isinstance(value, (Mapping, Set)):

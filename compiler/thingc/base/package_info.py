@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 
 MAINTAINER = r"([^<>\s][^<>]{0,200}?)\s{0,10}<([A-Za-z0-9_%+-]+(?:\.[A-Za-z0-9_%+-]+)*@[A-Za-z0-9%-]+(?:\.[A-Za-z0-9%-]+)*\.[A-Za-z]{2,})>"
 """Who maintains a package: a name and, as ROS demands it, a mail address."""
@@ -17,8 +17,7 @@ KEYS = frozenset({"maintainer", "license", "version"})
 """What a workspace file may say of a package."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PackageInfo:
+class PackageInfo(FrozenStruct):
     """What a ROS package says of itself: the name and `mail` of its `maintainer`, its `license` and its `version`."""
 
     maintainer: str = "TODO"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import atan2, copysign, cos, hypot, maximum, one_operation, sin, sqrt, sum_of
 
 Vector = tuple[float, float, float]
@@ -53,8 +53,7 @@ def rotate(a: Matrix, v: Vector) -> Vector:
     return (dot(a[0], v), dot(a[1], v), dot(a[2], v))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pose:
+class Pose(FrozenStruct):
     """The pose of a frame: rotation (a proper orthogonal matrix) and translation [m]."""
 
     rotation: Matrix = IDENTITY

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Literal, assert_never
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
 from thingc.base.numeric import hypot
 from thingc.base.one_line_repr import OneLineRepr
@@ -16,8 +16,7 @@ FARTHEST = 1e6
 PrimitiveShape = Literal["box", "cylinder", "capsule", "sphere", "ellipsoid", "plane"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Primitive(OneLineRepr):
+class Primitive(OneLineRepr, FrozenStruct):
     """A shape of few numbers. `size` as MuJoCo's: box half sizes; cylinder and capsule radius, half length (of the straight part)
     along z; sphere radius; ellipsoid half axes; plane half sizes along x and y, 0 of one without an end [m]. `pose` is in the part's
     frame. A plane, whose z points out of the matter, has neither volume nor area."""

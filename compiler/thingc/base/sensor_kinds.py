@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
 from typing import Literal
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.primitives import Primitive
 from thingc.base.source import Origin
@@ -31,8 +30,7 @@ Coordinate = Literal["lower", "velocity", "effort"]
 """In place of a dimension that of such a value of the coordinate that is measured."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SensorReading:
+class SensorReading(FrozenStruct):
     """A number or vector that a sensor gives, `SENSOR:name` in files. `unit` is what its noise and its cutoff are in; of one without it,
     such as a quaternion, none can be said."""
 
@@ -40,8 +38,7 @@ class SensorReading:
     unit: Dimension | Coordinate | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SensorKind:
+class SensorKind(FrozenStruct):
     """One kind of sensor: one key of each group in `needs` is written, those in `may` may be."""
 
     name: SensorType
@@ -62,8 +59,7 @@ class SensorKind:
         return next((one for one in self.readings if one.name == name), None)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Measurement(OneLineRepr):
+class Measurement(OneLineRepr, FrozenStruct):
     """What a sensor measures, by its `kind`, and how well: the `volume` of a touch, in the frame of its mount; `fovy` [rad], the angle of
     view of a camera from bottom to top; `noise` and `cutoff` [SI] by the names of its readings."""
 
@@ -71,8 +67,8 @@ class Measurement(OneLineRepr):
     origin: Origin
     volume: Primitive | None = None
     fovy: float | None = None
-    noise: dict[str, float] = field(default_factory=dict)
-    cutoff: dict[str, float] = field(default_factory=dict)
+    noise: dict[str, float] = {}
+    cutoff: dict[str, float] = {}
 
 
 def _kind(

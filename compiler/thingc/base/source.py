@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import takewhile
 from typing import Union
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 
 Scalar = Union[str, int, float, bool, None]
 Plain = Union[Scalar, list["Plain"], dict[str, "Plain"]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Span:
+class Span(FrozenStruct):
     """A stretch of one file. `file` is an absolute path; lines and columns count from 1, the end is exclusive."""
 
     file: str
@@ -61,8 +60,7 @@ Origin = tuple[Span, ...]
 """The chain of spans that made something, innermost first; never empty for what a document made."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Edit:
+class Edit(FrozenStruct):
     """A change of a document that mends something: `written`, which stands once in `span`, becomes `replacement`."""
 
     span: Span
@@ -70,8 +68,7 @@ class Edit:
     replacement: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScalarNode:
+class ScalarNode(FrozenStruct):
     """A leaf: its typed value (YAML 1.2 core schema or TOML), the text as written, and where.
 
     `damaged`: the value is a stand-in for one that cannot be (a number that is not finite), which has been reported.
@@ -94,8 +91,7 @@ def text_of(node: Node | None) -> str:
     return node.value if isinstance(node.value, str) else node.text
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SequenceNode:
+class SequenceNode(FrozenStruct):
     """A list and where it stands."""
 
     items: tuple[Node, ...]
@@ -110,8 +106,7 @@ class SequenceNode:
         return next((index for index in range(len(self.items)) if step in (index, str(index))), None)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MappingNode:
+class MappingNode(FrozenStruct):
     """A mapping and where it stands; `entries` in the order written, `keys` the span of every key.
 
     `damaged`: it has a key that is none, which has been reported; nobody knows what its value should have been. `again` are further places

@@ -10,7 +10,7 @@ import math
 import re
 from typing import TYPE_CHECKING, Union
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import Suggestion, closest_name, nearest
 from thingc.base.unit_spellings import SYNONYMS, spellings
 
@@ -38,8 +38,7 @@ class UnitError(ValueError):
         self.end = end
 
 
-@dataclass(frozen=True, slots=True)
-class Dimension:
+class Dimension(FrozenStruct, kw_only=False):
     """Exponents of length, mass, time and angle. They are integers except after a square root.
 
     Angle is a dimension so that 30 is not taken for 30 deg; see `fits` for where it does not count.
@@ -161,8 +160,7 @@ def fits(found: Dimension, expected: Dimension) -> bool:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Quantity:
+class Quantity(FrozenStruct, kw_only=False):
     """A finite `value` in SI base units (m, kg, s, rad) and its dimension."""
 
     value: float

@@ -10,7 +10,7 @@ import struct
 import zlib
 from collections.abc import Mapping
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 
 MODEL = "model.xml"
 """The name under which MuJoCo looks for the model first in a `.mjz`, whatever that is called."""
@@ -24,8 +24,7 @@ _HEADER = 30
 """Bytes before the name of an entry."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ZipEntry:
+class ZipEntry(FrozenStruct):
     """A file's content, compressed (RFC 1951), with the CRC-32 and the size [bytes] of what it was."""
 
     data: bytes

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from thingc.base.diagnostics import Code, Note, Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, Path, ScalarNode, dotted, node_at
 from thingc.base.units import NUMBER, Quantity, shortened
 from thingc.batch.values import Paths, as_value, is_whole, of_kind, spaced, spaced_si
@@ -23,8 +23,7 @@ MOST_TRIED = 20
 """Values of one path that are tried in the assembly before the batch begins."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Axis:
+class Axis(FrozenStruct):
     """What changes from variant to variant: a parameter (`key` its name) or, with `choice`, what stands at the path `key`.
 
     `values` are those that it takes, or `range` the interval that it is drawn from (`whole`: only whole numbers, ends included).

@@ -12,9 +12,11 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 from typing import Any
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, shown_path
 from thingc.batch import folder_layout

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import asdict
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.record import Value
 
 STOPPED = "stopped"
 """The status of a row that ends the batch: nothing is wrong with its variant, but nothing can be written (or read) any more."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
+class Job(FrozenStruct):
     """What all variants of a batch have in common.
 
     `assembly` is the absolute path of the document, `folder` that of the batch's folder (None: nothing is written); `rules` the
@@ -54,8 +54,7 @@ class Job:
         return Job(**values)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
+class Task(FrozenStruct):
     """One variant: its settings as texts, and the values of its parameters (for rules)."""
 
     index: int

@@ -26,7 +26,7 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import shown_path
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch import folder_layout
 from thingc.batch.arrow_columns import column
 from thingc.batch.journal import Journal, Line, lines
@@ -194,8 +194,7 @@ def seal(folder: str, number: int) -> None:
         os.unlink(_chunk_path(folder, number, ".jsonl"))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Row:
+class _Row(FrozenStruct):
     """A row of a chunk: `heads` (index, id, name, status), `losses`, `line`, `run` and `shared` as JSON, `files` by path."""
 
     index: int

@@ -9,12 +9,12 @@ import os
 import posixpath
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, assert_never
 
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import Dimension, Quantity
 from thingc.batch.axes import Axis
@@ -79,8 +79,7 @@ class PlanError(Exception):
         self.diagnostics = tuple(diagnostics)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Variant(OneLineRepr):
+class Variant(OneLineRepr, FrozenStruct):
     """One member of the family. `index` is its place in the plan, `id` 12 hex of the SHA-256 of its settings.
 
     `parameters` and `choices` are the settings as `thingc build -p` and `--set` take them, in the units of the documents (without those
@@ -97,8 +96,7 @@ class Variant(OneLineRepr):
     failed: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Setting:
+class Setting(FrozenStruct):
     """What is set for one variant, as planned: `name` where the document gives one."""
 
     name: str | None
@@ -106,8 +104,7 @@ class Setting:
     choices: Mapping[str, str]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Plan(OneLineRepr):
+class Plan(OneLineRepr, FrozenStruct, dict=True):
     """The variants of a document, in their order; iterating makes them one by one, the same each time.
 
     `document` and `assembly` are absolute paths, `relative` and `assembly_relative` those in the workspace, `sha256` is of

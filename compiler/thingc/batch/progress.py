@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from thingc.base.diagnostics import Diagnostic
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr, counted
 
 
@@ -19,8 +19,7 @@ class Interrupted(Exception):
         self.count = count
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Progress(OneLineRepr):
+class Progress(OneLineRepr, FrozenStruct):
     """How far a batch is. `before` are the variants that an earlier run has done; `rate` variants per second of this one."""
 
     count: int
@@ -39,8 +38,7 @@ class Progress(OneLineRepr):
         return (self.count - self.done) / self.rate if self.rate > 0.0 else None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Summary(OneLineRepr):
+class Summary(OneLineRepr, FrozenStruct):
     """What came of a batch: how many variants have each status (those of earlier runs included), parts that were modelled in this
     run, and how long it took [s]. `duplicates` were asked for more than once; `lossy` variants, those of earlier runs included, have
     `losses`, by what becomes of them; `notes` are the warnings about the documents, `layout` how variants lie in the folder."""

@@ -16,7 +16,7 @@ from bisect import bisect_left
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
 from numbers import Integral, Real
@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from thingc.base.diagnostics import shown_path
 from thingc.base.filesystem import listing
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr, counted
 from thingc.base.suggestions import did_you_mean
 from thingc.batch import folder_layout
@@ -62,8 +62,7 @@ class UnknownVariant(FamilyError, KeyError):
         return ValueError.__str__(self)  # a KeyError would show the repr
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sizes:
+class Sizes(FrozenStruct):
     """Numbers of coordinates `nq`, degrees of freedom `nv` and controls `nu` of a model."""
 
     nq: int
@@ -75,7 +74,7 @@ Where = Callable[["BuiltVariant"], bool] | Mapping[str, Any]
 """Which variants: a function of one, or values by column; two numbers `(low, high)` are a range, its ends included."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
 class BuiltVariant(OneLineRepr):
     """A variant that has been built. `index` is its place in the plan, `settings` its parameters (SI) and choices by name,
     `results` its row of the table by column (absent where the table is empty), `folder` what `thingc build` would have written: of a
@@ -175,8 +174,7 @@ class BuiltVariant(OneLineRepr):
             ) from None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BatchFolder:
+class BatchFolder(FrozenStruct, eq=False):
     """A batch in a folder, as it was when it was loaded: its `robot` is the name of the assembly, `mode` the one that is meant unless
     another is said."""
 

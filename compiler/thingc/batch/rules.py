@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, Path
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import INERTIA, LENGTH, MASS, NUMBER, Dimension, Quantity
@@ -29,8 +29,7 @@ PARAMETERS = "parameters."
 OF_RESULTS = "results."
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Rule:
+class Rule(FrozenStruct):
     """A comparison. `names` maps every name in it to the result that it means, or to None for a parameter."""
 
     text: str

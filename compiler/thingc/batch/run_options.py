@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Code
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch import variants_document
 from thingc.batch.cluster.protocol import FileTransferExecutor
 from thingc.batch.folder import FOLDERS, PACKED, BatchFault
@@ -48,8 +49,7 @@ def as_names(**given: Any) -> tuple[Any, ...]:
     return tuple(names)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunOptions:
+class RunOptions(FrozenStruct):
     """How a batch is to be run: the first `count` variants, by `jobs` runners or so many chunks at once; all else as of `run`."""
 
     options: Options

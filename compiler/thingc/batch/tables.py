@@ -9,11 +9,12 @@ import contextlib
 import csv
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
+from msgspec.structs import replace
+
 from thingc.base.csv_text import format_cell
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch import folder_layout
 from thingc.batch.arrow_columns import column
 from thingc.batch.build_records import in_order, lengths_in
@@ -33,8 +34,7 @@ RUN = ("parts_modelled", "parts_reused", "seconds")
 """Columns that tell of the run and differ from one to the next."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
+class Column(FrozenStruct):
     """`name`, `kind` (`integer | number | text | flag`) and SI `unit` (empty for what has none). `written` is the unit in which documents
     write it (empty: that of SI): the page shows it so."""
 

@@ -12,7 +12,7 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import Any
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.units import (
     Dimension,
     Quantity,
@@ -103,8 +103,7 @@ def identity(assembly: str, parameters: Mapping[str, ExpressionValue], choices: 
     return hashlib.sha256(text.encode()).hexdigest()[:ID_DIGITS]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Paths:
+class Paths(FrozenStruct):
     """Every path at which a document of variants sets values, in the order written: `kinds` has a value of the kind that stands there,
     `own` those that the assembly says itself, of which `expressions` are worked out."""
 

@@ -11,12 +11,12 @@ import math
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.filesystem import NotARegularFile, beginning
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.installed_packages import dotted_name
 from thingc.base.package_info import KEYS, MEMORY, PackageInfo
 from thingc.base.safe_text import is_text
@@ -44,8 +44,7 @@ CONSUMERS = ("mjx", "warp", "drake", "pymjcf")
 """Programs besides MuJoCo that MuJoCo models may be written for."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tessellation:
+class Tessellation(FrozenStruct):
     """How finely curved surfaces are meshed: the mesh is at most `linear` [m] off the surface, and neighbouring facets have at most
     `angular` [rad] between them."""
 
@@ -243,8 +242,7 @@ def _parse_workspace(path: str, data: bytes, root: str, inputs: dict[str, str | 
     return _explained(path, data, root, prefix, inputs, report)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Settings:
+class _Settings(FrozenStruct):
     """What a workspace file says, in its own words (paths relative) and SI."""
 
     parts: tuple[str, ...] | None

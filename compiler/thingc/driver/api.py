@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic, Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.driver import pipeline
@@ -31,8 +31,7 @@ class CompileError(Exception):
         self.diagnostics = tuple(diagnostics)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CompiledMode(OneLineRepr):
+class CompiledMode(OneLineRepr, FrozenStruct):
     """One mode of a compiled robot. `robot` is its tree of links and joints."""
 
     robot: Robot
@@ -59,8 +58,7 @@ class CompiledMode(OneLineRepr):
         return mujoco.MjModel.from_xml_string(self.mjcf(), self.assets())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shown(OneLineRepr):
+class Shown(OneLineRepr, FrozenStruct):
     """A page (HTML) that a notebook shows in a frame of its own, `height` pixels high."""
 
     page: str
@@ -76,7 +74,7 @@ class Shown(OneLineRepr):
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Compiled(OneLineRepr):
     """A robot, compiled. `modes` in document order; `diagnostics` the warnings; `modelled` and `reused` definition texts."""
 

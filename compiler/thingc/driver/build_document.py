@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Stage, allow_hint
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Origin
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, geometry_of
@@ -16,8 +17,7 @@ from thingc.driver.pipeline import Compilation
 from thingc.targets.artifact import Content, Loss
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BuildRequest:
+class BuildRequest(FrozenStruct):
     """What a build is to be: of which `modes` (none: all), for which `targets`, in which folder's folder (`output`; None: the workspace's).
     `strict`: warnings are errors; `deny_loss`: so are losses;
     `force`: strange files in the folder are given up; `twice`: parts are modelled again, and compared."""
@@ -31,8 +31,7 @@ class BuildRequest:
     twice: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BuildResult:
+class BuildResult(FrozenStruct):
     """What came of it: all that was said, and what is written, `files` by path in the folder; None with errors. `place` is the folder in
     which that lies (an absolute path), and what it is called. `twice` is how many parts were modelled again."""
 
@@ -40,7 +39,7 @@ class BuildResult:
     diagnostics: tuple[Diagnostic, ...] = ()
     place: tuple[str, str] = ("", "")
     files: Mapping[str, Content] | None = None
-    losses: Sequence[Loss] = field(default=())
+    losses: Sequence[Loss] = ()
     twice: int = 0
 
 

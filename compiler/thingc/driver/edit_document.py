@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity, Stage
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.replacement import ReplacementRefused, replace_files
 from thingc.base.source import Document, MappingNode, Node, SequenceNode, line_of, node_at
@@ -21,8 +22,7 @@ from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EditResult:
+class EditResult(FrozenStruct):
     """What came of values: `found` are all diagnostics. `text` is what the document `root` would say with them (None: it was not worked
     out). `done`, of what was written: each path, what stood there (None: nothing) and what does now."""
 

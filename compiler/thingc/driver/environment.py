@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Report, Severity
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 
 if TYPE_CHECKING:
@@ -33,8 +34,7 @@ Lend = Callable[["Workspace", "Store"], "PartSource"]
 Answer = TypeVar("Answer")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Options:
+class Options(FrozenStruct):
     """How to compile. `parameters` are texts as on the command line (`{"reach": "120 mm"}`), `choices` texts by dotted path in
     the document (`{"components.foot.part": "feet:Wide"}`); `store` a folder or a URL (None: the user's cache); `jobs` how many parts are
     modelled at once; `part_timeout` [s] (None: the workspace's); `compat` the programs besides MuJoCo that read its models (None: those of
@@ -46,8 +46,8 @@ class Options:
     `texts`: what documents and workspace files hold instead of what is on disk, by absolute path. `ahead`: modules that what follows the
     compilation will need, which are imported while the kernel loads, where it does."""
 
-    parameters: Mapping[str, str] = field(default_factory=dict)
-    choices: Mapping[str, str] = field(default_factory=dict)
+    parameters: Mapping[str, str] = {}
+    choices: Mapping[str, str] = {}
     store: str | None = None
     jobs: int = 0
     part_timeout: float | None = None
@@ -56,7 +56,7 @@ class Options:
     printed: Printed | None = None
     lock: bool = False
     code: bool = True
-    texts: Mapping[str, bytes] = field(default_factory=dict)
+    texts: Mapping[str, bytes] = {}
     ahead: Sequence[str] = ()
 
 

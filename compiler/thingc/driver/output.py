@@ -25,7 +25,7 @@ from typing import Any, NoReturn, Protocol
 from thingc.base.atomic_swap import exchange
 from thingc.base.diagnostics import Code, Report, shown_path
 from thingc.base.filesystem import check_tree
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import quoted
 from thingc.geometry.store.file_digests import Digests, digest_of
 from thingc.geometry.store.local import Store
@@ -75,8 +75,7 @@ NOTHING = hashlib.sha256(b"").hexdigest()
 """The content of a file that a power failure has emptied, or that somebody has: there is nothing to lose."""
 
 
-@dataclass(frozen=True, slots=True)
-class UnexpectedFiles:
+class UnexpectedFiles(FrozenStruct, kw_only=False):
     """What a build must not delete from a folder, by path in it, sorted: files that no build wrote (`others`), and those that one
     wrote and somebody has `changed` since: edited, or replaced by a link. `owner` is the document whose build the folder holds,
     None where it holds none."""

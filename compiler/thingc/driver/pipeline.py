@@ -11,14 +11,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import field, replace
 from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Code, Report, Stage, shown_path
 from thingc.base.filesystem import beginning
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.safe_text import shortened
 from thingc.base.suggestions import did_you_mean
@@ -69,8 +70,7 @@ def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
     return tuple(name for name in CONSUMERS if name in words)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Compilation:
+class Compilation(FrozenStruct):
     """What came of a document with one choice of settings: what was said, and what each pass has made of sound input.
 
     `documents` are the document and those that it names, or choices do; `robots` one per chosen mode. `decisions` are why each part was
@@ -80,10 +80,10 @@ class Compilation:
     settings: Settings
     report: Report
     documents: Documents | None = None
-    schemas: Mapping[str, PartSchema | PartFailure] = field(default_factory=dict)
+    schemas: Mapping[str, PartSchema | PartFailure] = {}
     model: AssemblyDefinition | None = None
-    records: Mapping[str, PartRecord | PartFailure] = field(default_factory=dict)
-    decisions: Mapping[str, BuildReason] = field(default_factory=dict)
+    records: Mapping[str, PartRecord | PartFailure] = {}
+    decisions: Mapping[str, BuildReason] = {}
     assembly: Assembly | None = None
     robots: tuple[Robot, ...] = ()
     repeated: bool = False

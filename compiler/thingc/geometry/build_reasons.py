@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.key.build_key import BuildKey, difference
 from thingc.geometry.key.result_cache import Results
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord
@@ -13,8 +13,7 @@ RECENT = 512
 """How many records a service keeps at hand for its next answer; the oldest goes first."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BuildReason:
+class BuildReason(FrozenStruct):
     """Why a part was modelled, or not: `reason` in words: "module `arm` changed"."""
 
     text: str

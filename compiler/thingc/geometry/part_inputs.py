@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.part_code import PartCode
 from thingc.geometry.lock.lock import LOCK_FILE
@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartInputs:
+class PartInputs(FrozenStruct):
     """`files` are absolute paths, there or not: of the code of parts and of what it imports in the workspace, of where a module of it
     would be found if it were there, and of the lock. `folders`: a part may read any file in them while it is made."""
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import asdict, replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.key.build_key import BuildKey, record_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.part_code import PartCode, file_state
@@ -24,8 +25,7 @@ Likely = Callable[[], Mapping[str, Collection[LikelySlicing]]] | None
 """How parts will likely be sliced, by text, asked for when one has to be modelled."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartRequest:
+class PartRequest(FrozenStruct):
     """What the record of a definition is kept under, its code (None: of an installed package, or a file), and the request to make it."""
 
     build_key: BuildKey

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Matrix, Vector, added
@@ -22,8 +22,7 @@ BRIDGE_FLOW = 1.0
 """How much is laid into a bridge where nobody says: PrusaSlicer's `bridge_flow_ratio`."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Slicing:
+class Slicing(FrozenStruct):
     """How a part is cut into layers and what is laid into them.
 
     `up` is the direction away from the bed, a unit vector in the part's frame; `layer` the height of a layer and `line_width` the
@@ -45,8 +44,7 @@ LikelySlicing = tuple[Slicing, bool]
 """How a part that is not modelled yet will be cut, and whether the way up that it may know itself goes before that of the slicing."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Moments(OneLineRepr):
+class Moments(OneLineRepr, FrozenStruct):
     """Of some matter, about the origin of the part's frame: `volume` [m^3], `first` the integrals of x, y, z [m^4], `second` those of
     their products [m^5]."""
 
@@ -90,8 +88,7 @@ class Moments(OneLineRepr):
         return MassProperties(mass=v, centre=c, inertia=((yy + zz, -xy, -xz), (-xy, xx + zz, -yz), (-xz, -yz, xx + yy)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SliceResult(OneLineRepr):
+class SliceResult(OneLineRepr, FrozenStruct):
     """What is laid into a part: `solid`, whatever the infill; `joins`, the pieces along the walls that join the lines of infill, as
     soon as there is any; `sparse`, the lines themselves, as if the infill were 100 %."""
 
@@ -106,8 +103,7 @@ class SliceResult(OneLineRepr):
         return self.solid.plus(self.joins).plus(self.sparse, infill).properties
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SliceFailure:
+class SliceFailure(FrozenStruct):
     """Why a part cannot be cut into layers, in words that follow its name."""
 
     reason: str

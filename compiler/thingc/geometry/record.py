@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import field, replace
 from enum import Enum
 from typing import Literal
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Matrix, Pose, Vector
 from thingc.base.primitives import Primitive
@@ -49,8 +50,7 @@ def written(kind: str, value: Value, digits: int = 12) -> str:
     return Quantity(value, DIMENSIONS.get(kind, NUMBER)).shown(digits)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterSchema(OneLineRepr):
+class ParameterSchema(OneLineRepr, FrozenStruct, array_like=True):
     """One argument of a part's `__init__`.
 
     One of the kind `choice` takes one of `choices`. `default` is None where `required`.
@@ -60,8 +60,8 @@ class ParameterSchema(OneLineRepr):
     kind: ParameterKind
     required: bool
     default: Value | None
-    minimum: float | None = None
-    maximum: float | None = None
+    minimum: float | int | None = None
+    maximum: float | int | None = None
     choices: tuple[Value, ...] = ()
     doc: str = ""
 
@@ -70,8 +70,7 @@ class ParameterSchema(OneLineRepr):
         return written(self.kind, value)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartSchema(OneLineRepr):
+class PartSchema(OneLineRepr, FrozenStruct):
     """What `module:Class` takes. `file`, `line` are where it is written."""
 
     reference: str
@@ -115,8 +114,7 @@ FILE_UNIT = "mm"
 """What the numbers of a mesh file are in unless the document says otherwise."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartDefinition(OneLineRepr):
+class PartDefinition(OneLineRepr, FrozenStruct):
     """A part class with its complete canonical parameters: equal definitions are one node of the HAG.
 
     `reference` is `module:Class`, or for a part of a file its path in the workspace (`kind` says which: `code | file`). `parameters`
@@ -186,8 +184,7 @@ def _printed(reference: str, arguments: Mapping[str, str]) -> str:
     return f"{reference}({', '.join(f'{name}={value}' for name, value in arguments.items())})" if arguments else reference
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MountRecord(OneLineRepr):
+class MountRecord(OneLineRepr, FrozenStruct):
     """A mount of a part: its frame in the part's frame, z out of the material."""
 
     pose: Pose
@@ -195,8 +192,7 @@ class MountRecord(OneLineRepr):
     tolerance: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MountExpectation(OneLineRepr):
+class MountExpectation(OneLineRepr, FrozenStruct, array_like=True):
     """`mount` was cut for the part `text` (a definition text; `label` for people) sitting on it with its mount `child_mount`."""
 
     mount: str
@@ -205,8 +201,7 @@ class MountExpectation(OneLineRepr):
     child_mount: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DeclaredValue(OneLineRepr):
+class DeclaredValue(OneLineRepr, FrozenStruct):
     """A number (or three, or a matrix) that a Thing states, and its source (`measured | vendor | estimated | stated`)."""
 
     value: float | Vector | Matrix
@@ -217,8 +212,7 @@ DriveType = Literal["position", "velocity", "motor"]
 """What a drive is told: where to go, how fast, or how hard to push."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ActuatorRecord(OneLineRepr):
+class ActuatorRecord(OneLineRepr, FrozenStruct):
     """A Thing's actuator in SI; `sources` says where a number came from, by field name."""
 
     kind: DriveType
@@ -228,7 +222,7 @@ class ActuatorRecord(OneLineRepr):
     rotor_inertia: float | None = None
     kp: float | None = None
     kv: float | None = None
-    sources: dict[str, str] = field(default_factory=dict)
+    sources: dict[str, str] = {}
 
     @property
     def armature(self) -> float | None:
@@ -236,8 +230,7 @@ class ActuatorRecord(OneLineRepr):
         return None if self.rotor_inertia is None else self.rotor_inertia * self.gear_ratio * self.gear_ratio
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mesh(OneLineRepr):
+class Mesh(OneLineRepr, FrozenStruct, array_like=True):
     """A mesh file in the store by content. `closed` and `flat` say whether simulators can take it as a solid."""
 
     sha256: str
@@ -260,8 +253,7 @@ class ImpureInputs(str, Enum):
     LEFT = "left"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartWarning(OneLineRepr):
+class PartWarning(OneLineRepr, FrozenStruct, array_like=True):
     """Something the part's author should know, and the line of the part file where there is one. `asked` is what the part asked
     there, None for a remark of its own."""
 
@@ -271,8 +263,7 @@ class PartWarning(OneLineRepr):
     asked: ImpureInputs | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartRecord(OneLineRepr):
+class PartRecord(OneLineRepr, FrozenStruct):
     """Everything the passes know of a part. All lengths in metres, in the part's own frame.
 
     `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals
@@ -316,7 +307,7 @@ class PartRecord(OneLineRepr):
     apart: tuple[float, ...] = ()
     own_image: bool = False
     up: Vector | None = None
-    slices: dict[Slicing, SliceResult | SliceFailure] = field(default_factory=dict)
+    slices: dict[Slicing, SliceResult | SliceFailure] = {}
     exact: bool = True
 
     @property
@@ -332,8 +323,7 @@ FailureKind = Literal[
 """How it goes wrong that a part is described or modelled; `absent`: nobody was there to do it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartFailure(OneLineRepr):
+class PartFailure(OneLineRepr, FrozenStruct):
     """Why a part could not be described or modelled.
 
     `message` is the exception's words; `file`, `line` the place in the part file; `candidates`, for
@@ -353,8 +343,7 @@ NO_PARTS = frozenset({"invalid", "missing", "resultless"})
 """Kinds of failures of classes that are no parts: news only where somebody asks for such a class by name."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Placed(OneLineRepr):
+class Placed(OneLineRepr, FrozenStruct):
     """One instance in a STEP assembly: its name, B-rep, pose and colour (`#rrggbb`); groups nest by `/` in the name."""
 
     path: str
@@ -364,8 +353,7 @@ class Placed(OneLineRepr):
     color: str | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredFile(OneLineRepr):
+class StoredFile(OneLineRepr, FrozenStruct):
     """A file in the store by content: what `assemble` answers with."""
 
     sha256: str

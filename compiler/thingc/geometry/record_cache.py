@@ -5,15 +5,17 @@ from __future__ import annotations
 import contextlib
 import hashlib
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
+
+from msgspec import convert
+from msgspec.structs import replace
 
 from thingc.geometry.key.build_key import BuildKey, record_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.part_code import PartCode
 from thingc.geometry.key.result_cache import CANDIDATES, CachedResult, Results
-from thingc.geometry.record import PartDefinition, PartFailure, PartRecord
-from thingc.geometry.record_json import blobs_of, mesh_from_json
+from thingc.geometry.record import Mesh, PartDefinition, PartFailure, PartRecord
+from thingc.geometry.record_json import blobs_of
 from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.geometry.store.slice_cache import Records, Run
 
@@ -136,4 +138,4 @@ class ConvexAnswers:
             for text in wanted[mesh]:
                 record = records[text]
                 if isinstance(record, PartRecord):
-                    records[text] = replace(record, convex=tuple(mesh_from_json(piece) for piece in made))
+                    records[text] = replace(record, convex=tuple(convert(piece, Mesh) for piece in made))

@@ -9,6 +9,9 @@ import os
 from collections.abc import Iterable
 from typing import Any
 
+from msgspec import convert, to_builtins
+from msgspec.structs import replace
+
 from thingc.base.pose import Matrix, Pose, Vector
 from thingc.base.primitives import Primitive
 from thingc.geometry.record import (
@@ -18,7 +21,6 @@ from thingc.geometry.record import (
     Mesh,
     MountExpectation,
     MountRecord,
-    ParameterSchema,
     PartFailure,
     PartRecord,
     PartSchema,
@@ -44,28 +46,12 @@ def full(file: str | None, root: str) -> str | None:
 
 def schema_to_json(schema: PartSchema, root: str) -> Any:
     """The inverse of `schema_from_json`."""
-    return {
-        "reference": schema.reference, "kind": schema.kind, "doc": schema.doc, "material": schema.material,
-        "actuator": schema.actuator, "file": shortened(schema.file, root), "line": schema.line,
-        "parameters": [
-            [p.name, p.kind, p.required, p.default, p.minimum, p.maximum, list(p.choices), p.doc] for p in schema.parameters
-        ],
-    }
+    return {**to_builtins(schema), "file": shortened(schema.file, root)}
 
 
 def schema_from_json(value: Any, root: str) -> PartSchema:
     """A part schema."""
-    return PartSchema(
-        reference=value["reference"], kind=value["kind"], doc=value["doc"], material=value["material"],
-        actuator=value["actuator"], file=full(value["file"], root) or "", line=value["line"],
-        parameters=tuple(
-            ParameterSchema(
-                name=name, kind=kind, required=required, default=default, minimum=minimum, maximum=maximum,
-                choices=tuple(choices), doc=doc,
-            )
-            for name, kind, required, default, minimum, maximum, choices, doc in value["parameters"]
-        ),
-    )
+    return convert({**value, "file": full(value["file"], root) or ""}, PartSchema)
 
 
 # --- failures ---------------------------------------------------------------------------------------------------------
@@ -73,18 +59,12 @@ def schema_from_json(value: Any, root: str) -> PartSchema:
 
 def failure_to_json(failure: PartFailure, root: str) -> Any:
     """The inverse of `failure_from_json`."""
-    return {
-        "subject": failure.subject, "kind": failure.kind, "message": failure.message, "file": shortened(failure.file, root),
-        "line": failure.line, "candidates": list(failure.candidates), "detail": failure.detail,
-    }
+    return {**to_builtins(failure), "file": shortened(failure.file, root)}
 
 
 def failure_from_json(value: Any, root: str) -> PartFailure:
     """A failure."""
-    return PartFailure(
-        subject=value["subject"], kind=value["kind"], message=value["message"], file=full(value["file"], root),
-        line=value["line"], candidates=tuple(value["candidates"]), detail=value["detail"],
-    )
+    return convert({**value, "file": full(value["file"], root)}, PartFailure)
 
 
 def with_left(answer: dict[str, Any], commands: Iterable[str]) -> dict[str, Any]:
@@ -108,13 +88,13 @@ def record_to_json(record: PartRecord, root: str) -> Any:
         "mounts": {name: [_pose(m.pose), m.interface, m.tolerance] for name, m in record.mounts.items()},
         "mount_order": list(record.mounts),
         "references": list(record.references),
-        "expectations": [[e.mount, e.text, e.label, e.child_mount] for e in record.expectations],
+        "expectations": to_builtins(record.expectations),
         "actuator": None if record.actuator is None else _actuator(record.actuator),
         "mass": _stated(record.mass), "com": _stated(record.com), "matrix": _stated(record.matrix),
         "density": _stated(record.density), "bom": dict(sorted(record.bom.items())),
-        "warnings": [[w.message, shortened(w.file, root), w.line, w.asked and w.asked.value] for w in record.warnings],
+        "warnings": [to_builtins(replace(w, file=shortened(w.file, root))) for w in record.warnings],
         "fits": {name: _primitive(fit) for name, fit in sorted(record.fits.items())},
-        "meshes": {name: mesh_to_json(mesh) for name, mesh in sorted(record.meshes.items())},
+        "meshes": to_builtins(dict(sorted(record.meshes.items()))),
         "pieces": [_piece(piece) for piece in record.pieces],
         "brep": record.brep, "apart": list(record.apart),
         "up": record.up, "own_image": record.own_image,
@@ -128,28 +108,27 @@ def record_from_json(value: Any, root: str) -> PartRecord:
     code = value["code"]
     return PartRecord(
         text=value["text"], material=value["material"], color=value["color"], volume=value["volume"], area=value["area"],
-        centre=vector_from_json(value["centre"]), inertia=matrix_from_json(value["inertia"]),
-        box=None if box is None else (vector_from_json(box[0]), vector_from_json(box[1])),
+        centre=_vector(value["centre"]), inertia=_matrix(value["inertia"]),
+        box=None if box is None else (_vector(box[0]), _vector(box[1])),
         mounts={
             name: MountRecord(pose=pose_from_json(pose), interface=interface, tolerance=tolerance)
             for name in value["mount_order"]
             for pose, interface, tolerance in (value["mounts"][name],)
         },
         references=tuple(value["references"]),
-        expectations=tuple(MountExpectation(mount=m, text=t, label=n, child_mount=c) for m, t, n, c in value["expectations"]),
-        actuator=None if value["actuator"] is None else ActuatorRecord(**value["actuator"]),
+        expectations=tuple(convert(one, MountExpectation) for one in value["expectations"]),
+        actuator=None if value["actuator"] is None else convert(value["actuator"], ActuatorRecord),
         mass=_read_stated(value["mass"]), com=_read_stated(value["com"]), matrix=_read_stated(value["matrix"]),
         density=_read_stated(value["density"]), bom=value["bom"],
         warnings=tuple(
-            PartWarning(message=message, file=full(file, root), line=line, asked=None if asked is None else ImpureInputs(asked))
-            for message, file, line, asked in value["warnings"]
+            convert([message, full(file, root), *more], PartWarning) for message, file, *more in value["warnings"]
         ),
         fits={name: _read_primitive(fit) for name, fit in value["fits"].items()},
-        meshes={name: mesh_from_json(mesh) for name, mesh in value["meshes"].items()},
+        meshes={name: convert(mesh, Mesh) for name, mesh in value["meshes"].items()},
         pieces=tuple(_read_piece(piece) for piece in value["pieces"]),
         convex=(),
         brep=value["brep"], apart=tuple(value["apart"]), own_image=value["own_image"],
-        up=None if value["up"] is None else vector_from_json(value["up"]),
+        up=None if value["up"] is None else _vector(value["up"]),
         code=None if code is None else (full(code[0], root) or "", code[1]),
     )
 
@@ -161,23 +140,12 @@ def blobs_of(value: Any) -> list[tuple[str, int | None]]:
     return blobs if value["brep"] is None else [*blobs, (value["brep"], None)]
 
 
-def mesh_to_json(mesh: Mesh) -> Any:
-    """The inverse of `mesh_from_json`."""
-    return [mesh.sha256, mesh.size, mesh.vertices, mesh.faces, mesh.closed, mesh.flat]
-
-
-def mesh_from_json(value: Any) -> Mesh:
-    """A mesh file."""
-    sha256, size, vertices, faces, closed, flat = value
-    return Mesh(sha256=sha256, size=size, vertices=vertices, faces=faces, closed=closed, flat=flat)
-
-
 def _piece(piece: Mesh | Primitive) -> Any:
-    return {"mesh": mesh_to_json(piece)} if isinstance(piece, Mesh) else {"primitive": _primitive(piece)}
+    return {"mesh": to_builtins(piece)} if isinstance(piece, Mesh) else {"primitive": _primitive(piece)}
 
 
 def _read_piece(value: Any) -> Mesh | Primitive:
-    return mesh_from_json(value["mesh"]) if "mesh" in value else _read_primitive(value["primitive"])
+    return convert(value["mesh"], Mesh) if "mesh" in value else _read_primitive(value["primitive"])
 
 
 def _primitive(primitive: Primitive) -> Any:
@@ -199,16 +167,14 @@ def pose_from_json(value: Any) -> Pose:
     return Pose(rotation=((a, b, c), (d, e, f), (g, h, i)), translation=(x, y, z))
 
 
-def vector_from_json(value: Any) -> Vector:
-    """Three numbers."""
+def _vector(value: Any) -> Vector:
     x, y, z = value
     return (x, y, z)
 
 
-def matrix_from_json(value: Any) -> Matrix:
-    """Three rows of three numbers."""
+def _matrix(value: Any) -> Matrix:
     a, b, c = value
-    return (vector_from_json(a), vector_from_json(b), vector_from_json(c))
+    return (_vector(a), _vector(b), _vector(c))
 
 
 def _stated(stated: DeclaredValue | None) -> Any:
@@ -220,13 +186,9 @@ def _read_stated(value: Any) -> DeclaredValue | None:
         return None
     held, source = value
     if isinstance(held, list):
-        held = matrix_from_json(held) if isinstance(held[0], list) else vector_from_json(held)
+        held = _matrix(held) if isinstance(held[0], list) else _vector(held)
     return DeclaredValue(value=held, source=source)
 
 
 def _actuator(actuator: ActuatorRecord) -> Any:
-    return {
-        "kind": actuator.kind, "stall_torque": actuator.stall_torque, "no_load_speed": actuator.no_load_speed,
-        "gear_ratio": actuator.gear_ratio, "rotor_inertia": actuator.rotor_inertia, "kp": actuator.kp, "kv": actuator.kv,
-        "sources": dict(sorted(actuator.sources.items())),
-    }
+    return {**to_builtins(actuator), "sources": dict(sorted(actuator.sources.items()))}

@@ -6,11 +6,12 @@ With nothing new to model no process is started and nothing heavy is imported.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.build_reasons import BuildReason, RecentRecords, unchanged, why
 from thingc.geometry.key.build_key import BuildKey, schema_key
 from thingc.geometry.key.module_key import CodeIngredients
@@ -40,8 +41,7 @@ Progress = Callable[[str, int, int], None]
 Printed = Callable[[str, Sequence[str]], None]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Task:
+class _Task(FrozenStruct):
     """A request for the worker and what its answer is for."""
 
     subject: str

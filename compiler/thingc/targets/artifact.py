@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import field
 from typing import Final, Literal, get_args
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Origin, Span
 
 MANIFEST = "manifest.json"
 """The manifest's own path in a build folder; the only file that it does not list."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredArtifact:
+class StoredArtifact(FrozenStruct):
     """A file that already lies in the content-addressed store: copied, not read, when the build is written."""
 
     sha256: str
@@ -33,8 +31,7 @@ CARRIED: Final = "carried as custom data"
 HOW: tuple[How, ...] = get_args(How)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Loss:
+class Loss(FrozenStruct):
     """Something a target cannot say. `mode` None where it is not of one mode; `path` of the occurrence, joint or
     mount; `what` in words; `origin` what in the documents made it."""
 
@@ -62,9 +59,8 @@ def counts_of(losses: Iterable[Loss]) -> dict[str, int]:
     return {how: counts[how] for how in HOW if counts[how]}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Artifacts:
+class Artifacts(FrozenStruct):
     """One emitter's answer: `{path in the build folder: content}` and the losses."""
 
     files: dict[str, Content]
-    losses: tuple[Loss, ...] = field(default=())
+    losses: tuple[Loss, ...] = ()

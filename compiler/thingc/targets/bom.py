@@ -7,7 +7,7 @@ import io
 from itertools import count
 
 from thingc.base.csv_text import format_cell
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.targets import json_writer
@@ -23,8 +23,7 @@ MACHINED = frozenset({"cnc", "machine", "machined", "mill", "milled", "milling",
 _ORDER = {"print": 0, "machine": 1, "buy": 2}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BomRow:
+class BomRow(FrozenStruct):
     """One row: `quantity` equal pieces of `mass` [kg] each; `cost` as the document wrote it."""
 
     number: str

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Generic, Literal, TypedDict, TypeVar, assert_never
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO, physical_fault
 from thingc.base.joints.kind import JointKind
 from thingc.base.pose import NO_POSE, Vector
@@ -34,8 +34,7 @@ Shape = TypeVar("Shape")
 Sensor = TypeVar("Sensor")
 
 
-@dataclass(frozen=True, slots=True)
-class Supported(Generic[By]):
+class Supported(FrozenStruct, Generic[By], kw_only=False):
     """The format says it; `how`, where that is not by the same word. `by`: the emitter's own word for how it writes it, None where there is
     one way only."""
 
@@ -43,8 +42,7 @@ class Supported(Generic[By]):
     how: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Lossy(Generic[By]):
+class Lossy(FrozenStruct, Generic[By], kw_only=False):
     """The format does, `by` this, but not quite: `how` is that of the `Loss`, whose words `words` go on with, with the comma or colon
     before."""
 
@@ -53,8 +51,7 @@ class Lossy(Generic[By]):
     words: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Omitted:
+class Omitted(FrozenStruct, kw_only=False):
     """The format does not: nothing of it is written."""
 
     words: str = ""
@@ -65,8 +62,7 @@ class Omitted:
         return "omitted"
 
 
-@dataclass(frozen=True, slots=True)
-class Companion:
+class Companion(FrozenStruct, kw_only=False):
     """Nobody looks for it in files of this format: neither said nor lost."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist
 from thingc.base.pose import NO_POSE, Pose
 from thingc.base.source import Origin
@@ -18,8 +18,7 @@ HOLD = "_hold"
 """What the name of the joint ends with that holds a mount."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Connection:
+class Connection(FrozenStruct):
     """How a body meets another (None: the world), by their indices: `X_0` is a frame on the parent, `X_1` one on the child, and the first
     moved by its `coordinates` is the second, by `twists` in the first with the coordinates after each at 0. Without any it is fixed, or
     where it `turns` only the origins meet. `path` is that of the whole joint, `joints` are its coordinates, where it is one of the

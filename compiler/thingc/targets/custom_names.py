@@ -10,10 +10,12 @@ Fields that hold paths are found by their types (`base/export_names.py`). Record
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import is_dataclass, replace
 from functools import cache
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.types import Assembly, FileNames, JointEdge, LinkedSensor, LinkedTendon, LinkedTest, Occurrence
 from thingc.model.resolve.coordinates import CoordinateName
@@ -53,7 +55,7 @@ def fields_of(record: type) -> Mapping[str, Any]:
 def _holds(hint: Any, within: frozenset[type]) -> bool:
     if get_origin(hint) is Annotated or hint is CoordinateName:
         return True
-    if is_dataclass(hint) and isinstance(hint, type) and hint not in AS_WRITTEN | within:
+    if isinstance(hint, type) and issubclass(hint, FrozenStruct) and hint not in AS_WRITTEN | within:
         return any(_holds(inner, within | {hint}) for inner in get_type_hints(hint, include_extras=True).values())
     return any(_holds(argument, within) for argument in get_args(hint))
 
@@ -109,7 +111,7 @@ class _Caller:
         if kind is dict:
             of_key, of_value = get_args(hint)
             return {self.value(of_key, key): self.value(of_value, one) for key, one in old.items()}
-        if is_dataclass(old):
+        if isinstance(old, FrozenStruct):
             return self.record(old) if type(old) not in AS_WRITTEN else old
         return self.value(next(one for one in get_args(hint) if _holds(one, frozenset())), old) if get_args(hint) else old
 

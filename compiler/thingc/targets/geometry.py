@@ -11,7 +11,7 @@ from typing import Literal
 
 from thingc.base import numeric
 from thingc.base.diagnostics import Code, Note, Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.primitives import Primitive, PrimitiveShape
 from thingc.base.source import Origin
@@ -30,8 +30,7 @@ Takes = Callable[[Occurrence, Mesh | Primitive], bool]
 """Whether a target takes a shape to collide an occurrence with. What it does not take, or otherwise, it has said when it answers."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeshAsset:
+class MeshAsset(FrozenStruct):
     """A mesh with a file of its own: its name, the mesh in the store (OBJ) [m], the `volume` [m^3] of the part that it is of, and
     the origin of the occurrence that it was first met at. `own` are the bytes of the mesh file that it was read from, whose numbers are
     metres by the factors `scale`, for MuJoCo."""
@@ -54,8 +53,7 @@ class MeshAsset:
         return self.own or StoredArtifact(sha256=self.mesh.sha256, size=self.mesh.size)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shape:
+class Shape(FrozenStruct):
     """A shape in its occurrence's frame: `kind` `mesh` (named by `mesh`) or a primitive of `size`, both as a `Primitive` has them [m]; of
     what it is, and in which colour. `name` is what the document calls it in files, behind the path of its document."""
 
@@ -68,8 +66,7 @@ class Shape:
     name: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shapes:
+class Shapes(FrozenStruct):
     """Of one occurrence, at `path`: what is drawn, and what collides."""
 
     path: str
@@ -78,8 +75,7 @@ class Shapes:
     collision: tuple[Shape, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Geometry:
+class Geometry(FrozenStruct):
     """Of an assembly: `shapes[i]` of occurrence i, and the mesh assets in the order first met."""
 
     shapes: tuple[Shapes, ...]

@@ -11,13 +11,12 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Mapping
-from dataclasses import field
 from typing import Any, Literal, Never, assert_never
 
 import numpy as np
 import trimesh
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist, moved
 from thingc.base.pose import Pose, along, shifted
 from thingc.base.primitives import Primitive
@@ -91,8 +90,7 @@ def emit(request: EmitRequest) -> Artifacts:
     return Artifacts(files=dict(sorted(files.items())), losses=losses("glb", CAPABILITIES, request.assembly, request.robots))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Node:
+class _Node(FrozenStruct):
     """A node below `parent`, at a pose in it; `shown` is what it shows, called `called`, `extras` data of its own."""
 
     name: str
@@ -100,7 +98,7 @@ class _Node:
     pose: Pose
     shown: Surface | None = None
     called: str = ""
-    extras: Mapping[str, object] = field(default_factory=dict)
+    extras: Mapping[str, object] = {}
 
 
 def _nodes(robot: Robot) -> Iterator[_Node]:

@@ -7,12 +7,11 @@ import hashlib
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import field
 from typing import TYPE_CHECKING
 
 from thingc import __version__
 from thingc.base.filesystem import listing
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.model.assembly.types import Assembly
 from thingc.targets import json_writer
 from thingc.targets.artifact import MANIFEST, Content, Loss, StoredArtifact
@@ -24,15 +23,14 @@ DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "t
 """Installed distributions whose version changes what a build holds, besides our own; one that is not installed is left out."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BuildChoice:
+class BuildChoice(FrozenStruct):
     """What the build was asked for: modes, targets and readers of MuJoCo models by name, in document and table order, parameters and
     choices as texts."""
 
     modes: tuple[str, ...]
     emit: tuple[str, ...]
     parameters: Mapping[str, str]
-    choices: Mapping[str, str] = field(default_factory=dict)
+    choices: Mapping[str, str] = {}
     compat: tuple[str, ...] = ()
 
 

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import networkx
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import Hag
 from thingc.model.assembly.types import Assembly
@@ -93,8 +93,7 @@ def plain(graph: Graph) -> dict[str, Any]:
     return node_link
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Loop:
+class Loop(FrozenStruct):
     """A loop that is cut at joint `cut`: `through` are the joints that it goes through besides, from the cut joint's parent to its child,
     each with why it was not cut instead (nothing where the loop is closed rigidly)."""
 

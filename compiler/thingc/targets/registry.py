@@ -10,13 +10,14 @@ import os
 import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Code
 from thingc.base.filesystem import listing
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import shortened
 from thingc.base.suggestions import did_you_mean
 
@@ -30,8 +31,7 @@ if TYPE_CHECKING:
 GROUP = "thingc.emitters"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Target:
+class Target(FrozenStruct):
     """A target of our own: what it is, in few words (`says`); its `emitters`, `module:function`; what its files are called (`writes`); and
     whether a build writes it `unasked`, where nobody names targets. `capabilities` is the module that has the `CAPABILITIES` of a
     format that is of whole robots. What reads it looks things up `by_name`: they have the names that documents give them for files."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
+from msgspec import field
+
 from thingc.base.diagnostics import Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.model.assembly.types import Assembly
 from thingc.model.robot.types import Robot
@@ -17,8 +18,7 @@ if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EmitRequest:
+class EmitRequest(FrozenStruct):
     """The robot, once without a root (`assembly`) and once per chosen mode (`robots`, document order), and the doors
     an emitter may need: the store for meshes, the geometry service for a STEP file, the report for diagnostics. `verify`: what
     another program shall read is given to that program first, of so many models that differ in nothing but numbers one (1: all, 0: none).
@@ -36,7 +36,7 @@ class EmitRequest:
     compat: tuple[str, ...] = ()
     folder: str | None = None
     repeated: bool = False
-    memo: Memo = field(default_factory=Memo, compare=False, repr=False)
+    memo: Memo = field(default_factory=Memo)
     """What is worked out once for all modes, and in a session for all requests."""
-    made: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    made: dict[str, Any] = {}
     """What one target has made that others use, by a name of its own."""

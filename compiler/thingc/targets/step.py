@@ -6,14 +6,13 @@ from functools import partial
 
 from thingc.base.background import BackgroundValue
 from thingc.base.diagnostics import Code
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.record import AssemblyFailed, Placed, StoredFile
 from thingc.targets.artifact import Artifacts, Loss, StoredArtifact
 from thingc.targets.request import EmitRequest
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Begun:
+class _Begun(FrozenStruct):
     """A file that the kernel writes: `file` is waited for. `losses` are what it cannot hold."""
 
     file: BackgroundValue[StoredFile] | None

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import formatter
 from thingc.base.safe_text import escape_control
 from thingc.base.source import Origin
@@ -18,8 +19,7 @@ XmlValue = str | float | tuple[float, ...]
 """What an attribute or an element holds: text, or numbers, which are formatted when the document is written."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RawValue:
+class RawValue(FrozenStruct):
     """A raw attribute on an element, and the value that it replaces (None: there was none)."""
 
     attribute: RawAttribute
@@ -117,8 +117,7 @@ class Element:
         return value
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class XmlText:
+class XmlText(FrozenStruct):
     """A document as text. `lines[k]` is the element that opens on line `k + 1` (None: it closes one, or is blank)."""
 
     text: str

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Literal, assert_never
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist, Z
 from thingc.base.pose import Vector
 from thingc.base.units import Dimension
@@ -18,8 +19,7 @@ Limits = Literal["required", "optional", "none", "cone"]
 """Whether `limit.lower` and `limit.upper` must, may or must not be written; or `limit.cone` may."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointKind:
+class JointKind(FrozenStruct):
     """One kind of joint.
 
     `twists` are what its coordinates do, in order, each seen in the parent mount's frame as those before it have moved it: the

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Literal
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.dimensions import dimensions_of
 from thingc.base.numeric import degrees, hypot, pi, remainder, sin, sum_of, tau
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector, cross, dot, rotate, turned_about, turned_x, turned_y, turned_z
@@ -19,8 +19,7 @@ from thingc.base.units import ANGLE, LENGTH, Dimension
 NONE: Vector = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Twist:
+class Twist(FrozenStruct, kw_only=False):
     """What moves per unit of q, seen in some frame: it turns by `angular` (a unit vector, or 0 where it only slides), and its point
     `anchor` [m], which lies on the axis, moves by `linear` (along the axis where there is one, else a unit vector: m per unit of q)."""
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import replace
 from typing import Any
 
 from distributed import WorkerPlugin
+from msgspec.structs import replace
 
 from thingc.batch.cluster.remote_workers import leave, settle
 from thingc.batch.cluster.workspace_archive import WorkspaceArchive

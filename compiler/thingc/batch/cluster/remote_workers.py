@@ -23,12 +23,13 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any, TypeVar
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Code, shown_path
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch import folder_layout
 from thingc.batch.cluster.protocol import Cluster, FileTransferExecutor, WorkerLost
 from thingc.batch.cluster.workspace_archive import WorkspaceArchive
@@ -55,8 +56,7 @@ FAREWELL = 30.0
 # --- on the worker ----------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WorkerFolder:
+class WorkerFolder(FrozenStruct):
     """Where a worker keeps what a batch needs: an absolute folder, links resolved. `worker` is its address."""
 
     folder: str
@@ -109,8 +109,7 @@ Listed = tuple[str, int, str, bool]
 """A file of a variant: path in its folder, bytes, SHA-256 (hex; of the manifest empty), and whether it lies in `assets/`."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class Answer(FrozenStruct):
     """What came of a chunk: a row for each variant, and the files of those that were built, by id. They lie with `place`."""
 
     place: WorkerFolder
@@ -380,8 +379,7 @@ class _Blobs:
         return contents
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FileRequest:
+class FileRequest(FrozenStruct):
     """A file to be fetched: of a variant its path in the folder, or a shared one by its SHA-256."""
 
     id: str

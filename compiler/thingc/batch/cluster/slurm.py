@@ -16,7 +16,7 @@ from concurrent.futures import Future
 from typing import Any, TypeVar
 
 from thingc.base.diagnostics import Code
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import TIME, UnitError, parse_quantity
 from thingc.batch.cluster.protocol import Cluster, missing
@@ -34,8 +34,7 @@ POLL = 0.5
 """How often [s] the driver looks for results. SLURM itself is asked once a minute by submitit."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SlurmSettings:
+class SlurmSettings(FrozenStruct):
     """What follows `slurm:`. `cpus` of each job, which builds as many variants at once; `minutes` is its time limit; `cluster` is
     submitit's name of the engine (`slurm`, `local`); `more` are further parameters of submitit."""
 

@@ -23,7 +23,7 @@ from collections.abc import Iterator
 
 from thingc.base.diagnostics import Code
 from thingc.base.filesystem import check_tree
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch.folder import BatchFault, read_batch
 from thingc.batch.planning import OUTSIDE, Plan
 from thingc.documents.workspace import OWN_FILE, Workspace
@@ -38,8 +38,7 @@ MODIFIED = 946_684_800
 """The modification time [s] of everything in a transfer (2000-01-01)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WorkspaceArchive:
+class WorkspaceArchive(FrozenStruct):
     """A packed workspace. `root` is its absolute folder here, `sha256` (hex) that of the tar archive which `data` is when it is
     inflated (zlib), `names` how many files, folders and links are in it."""
 

@@ -7,7 +7,7 @@ import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.batch.families.merged_mesh_model import ModelSource, likeness, united
 from thingc.batch.families.results import NoModel
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, np.dtype[Any]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Batched(OneLineRepr):
+class Batched(OneLineRepr, FrozenStruct, eq=False):
     """Settings that one model stands for. `fields` are the arrays in which they differ, by the name of the field of `MjModel` (`body_mass`;
     `opt.gravity` for an option), each (settings, *shape of the field), as `thingc.batch.apply` takes them; of `bvh_aabb` and its like
     the rows of bodies. `indices` are their places in what was given. `model` is that of the first; where they differ in meshes it has those
@@ -33,8 +32,7 @@ class Batched(OneLineRepr):
     indices: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Batches(OneLineRepr):
+class Batches(OneLineRepr, FrozenStruct):
     """What became of a list of settings: the groups that one model stands for, in the order of their first settings, and by their places
     those that are refused."""
 

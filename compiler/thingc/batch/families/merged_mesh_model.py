@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch.mujoco_arrays.equality import content, names
 from thingc.batch.shared_model import NUMBERS, OPTIONS, SHORTCUTS
 
@@ -25,8 +25,7 @@ _OF_MESHES = ("mesh_", "nmesh", "bvh_", "nbvh", "oct_", "names", "name_", "paths
 _FOLLOWING = frozenset(("noct", "nnames", "nnames_map", "npaths", "nbuffer", "narena", "nmat", "geom_dataid"))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ModelSource:
+class ModelSource(FrozenStruct, eq=False):
     """What a model is made from: its text, and its meshes by file."""
 
     text: str

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import Diagnostic, Severity
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.results import UnknownVariant
@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from thingc.driver.testing.results import Result as TestResult
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Evaluated(OneLineRepr):
+class Evaluated(OneLineRepr, FrozenStruct):
     """What is worked out of one variant. `results` as in the table of a batch, SI: `mass`, `centre.x`, `reach`, `length.elbow`,
     `torque_margin`; empty where the settings are refused. `problems` are all diagnostics, warnings too. `broken` is the rule of the
     document of variants that is not kept (None: all are). `tests` are those of the assembly's document, where they were asked for."""
@@ -47,8 +46,7 @@ class Evaluated(OneLineRepr):
         raise UnknownVariant(f"there is no result `{name}`: {did_you_mean(str(name), self.results, what='results')}")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NoModel(OneLineRepr):
+class NoModel(OneLineRepr, FrozenStruct):
     """Settings of which there is no model, and why: `problems` are all diagnostics. It is false where a model is true."""
 
     settings: Mapping[str, Any]
@@ -66,8 +64,7 @@ class NoModel(OneLineRepr):
         return f"NoModel({dict(self.settings)}: {self.reason})"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Explanation(OneLineRepr):
+class Explanation(OneLineRepr, FrozenStruct):
     """How a number goes into the models of a mode: `way` is `arrays` (into the arrays of one compiled model, `fields`), `text` (into the
     text of one model, which MuJoCo compiles anew), `parts` (the same, with the meshes and numbers of other parts) or `passes` (everything
     is compiled anew); `why` says in words why it is not the quicker one."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import NUMBER, Quantity
@@ -15,8 +15,7 @@ from thingc.documents.expressions.evaluation import ExpressionValue, plain
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SpaceDimension(OneLineRepr):
+class SpaceDimension(OneLineRepr, FrozenStruct):
     """One thing that may be set: a number between `low` and `high` (SI, in `unit`; None: no bound; `whole`: whole numbers only), or one of
     `choices`. `value` is what the document says itself."""
 

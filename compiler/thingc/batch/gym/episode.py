@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.gym.rewards import TASKS, Array, Reward, StepInfo, Terminated
 from thingc.batch.results import FamilyError, UnknownVariant
@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     import mujoco
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EpisodeRules:
+class EpisodeRules(FrozenStruct):
     """What holds for all episodes: an action lasts `frame_skip` steps of the simulation, an episode `max_steps` actions; it begins with the
     keyframe `pose` (None: the first), each degree of freedom moved by up to `noise` [rad or m]."""
 
@@ -31,8 +30,7 @@ class EpisodeRules:
     noise: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SimulationStep:
+class SimulationStep(FrozenStruct):
     """Which models robots are simulated by: those of a `mode`, on a `floor` or without, with what is only drawn (`visual`) or without; so
     many are kept (`cache`)."""
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.families.family import RobotFamily, as_many
 from thingc.batch.families.family import family as family_of
@@ -56,8 +56,7 @@ Settings = Mapping[str, Any]
 Draw = Callable[[np.random.Generator], Settings]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MorphologyDistribution:
+class MorphologyDistribution(FrozenStruct):
     """Whose episodes there may be: `many` settings, of which all are alike likely, called by `ids` in `infos["variant"]` (empty: by their
     places) and by `names`; or, where there are none, what `draw` makes of a source of chance."""
 
@@ -67,8 +66,7 @@ class MorphologyDistribution:
     draw: Draw | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WorldPool:
+class WorldPool(FrozenStruct):
     """How many worlds there are, by how many threads they are stepped, when one that has ended begins anew, and the seed of the first
     `reset` without one."""
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 
 if TYPE_CHECKING:
     import mujoco
@@ -20,8 +20,7 @@ class NotAnArrayEntry(Exception):
         self.attribute = attribute
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
+class Entry(FrozenStruct):
     """An entry of a field of `MjModel` (`opt.timestep`: of its options, `stat.extent`: of its statistics), counted through all of it, and
     by what the number is multiplied (1 or -1)."""
 

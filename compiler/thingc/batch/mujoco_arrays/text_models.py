@@ -9,7 +9,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Seq
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch.mujoco_arrays.arrays import TOGETHER, Arrays, Prepared
 from thingc.batch.mujoco_arrays.entries import NotAnArrayEntry
 from thingc.batch.mujoco_arrays.equality import different_fields
@@ -25,8 +25,7 @@ KINDS, SHAPES = 32, 100_000
 _NUMBERS = re.compile(r"[-+0-9.e ]*[0-9][-+0-9.e ]*")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ModelText:
+class ModelText(FrozenStruct, eq=False):
     """The text of a model, without includes. `meshes` says which its files are: equal where they are the same. `assets` reads them, by the
     names that the text has for them; `compiled` gives MuJoCo's model of it."""
 

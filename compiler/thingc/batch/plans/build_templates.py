@@ -6,13 +6,14 @@ import copy
 import hashlib
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from json.encoder import encode_basestring
 from typing import TYPE_CHECKING, Any, cast
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Diagnostic
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.safe_text import json_text
 from thingc.base.zip_files import MODEL, entries, inflate, zipped
@@ -53,8 +54,7 @@ Measured = Callable[[Compilation], "dict[str, Any] | None"]
 """What gives results of a compilation; None where there are none, and no build is wanted."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Build:
+class Build(FrozenStruct):
     """What comes of settings that are sound: `results`, of whatever was measured; `problems`, all that was said; how many `losses` there
     are, by what becomes of them; and of how many definitions its `parts` are. `files` makes those of the folder, by path, with the
     manifest."""
@@ -178,8 +178,7 @@ class Builds:
         return _WrittenBuild(files=files, results=results)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _WrittenBuild:
+class _WrittenBuild(FrozenStruct):
     """Files with slots in them, and results with traced numbers."""
 
     files: Mapping[str, Content]

@@ -6,10 +6,11 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import astuple, replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch.plans.program import compiled
 from thingc.batch.plans.tape import Tape, Traced, value_of
 from thingc.geometry.print_slices import Slicing
@@ -30,8 +31,7 @@ _ASIDE = frozenset(("text", "bom", "brep", "code", "slices"))
 """Fields of a record from which nothing follows of a model or of what is said, or that are looked at later."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Exchanged:
+class Exchanged(FrozenStruct):
     """What comes of the records of some parameters: their numbers, in the order in which they stand there, the names of their meshes that
     a model names, and all of its meshes by file."""
 
@@ -100,7 +100,7 @@ class TracedParts:
         """As a geometry service does."""
         for one in definitions:
             for slicing in slicings.get(one.text, ()):
-                for value in (*slicing.up, *(getattr(slicing, name.name) for name in fields(slicing))):
+                for value in (*slicing.up, *astuple(slicing)):
                     if isinstance(value, Traced):
                         raise PartDependsOnNumber(one.label, value)
         answers = self._parts.slice([_plain(one) for one in definitions], {**records, **self._records}, slicings)
@@ -237,8 +237,8 @@ class _Walk:
 
     def through(self, record: PartRecord) -> PartRecord:
         """A record, with other numbers and meshes, but for what it holds when it is printed."""
-        known = {one.name: getattr(record, one.name) for one in fields(record) if one.name in _ASIDE}
-        changed = {one.name: self._in(one.name, record) for one in fields(record) if one.name not in known}
+        known = {name: getattr(record, name) for name in record.__struct_fields__ if name in _ASIDE}
+        changed = {name: self._in(name, record) for name in record.__struct_fields__ if name not in known}
         self._record, self._mesh = self._record + 1, 0
         return PartRecord(**known, **changed)
 
@@ -270,9 +270,9 @@ class _Walk:
         if isinstance(value, tuple):
             self.rest.append(len(value))
             return tuple(self._of(one) for one in value)
-        if is_dataclass(value) and not isinstance(value, type):
+        if isinstance(value, FrozenStruct):
             self.rest.append(type(value))
-            return replace(value, **{one.name: self._of(getattr(value, one.name)) for one in fields(value)})
+            return replace(value, **{name: self._of(getattr(value, name)) for name in value.__struct_fields__})
         self.rest.append(repr(value))
         return value
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.units import Quantity
 from thingc.batch.plans.part_exchange import PartDependsOnNumber, TracedParts
@@ -37,8 +38,7 @@ class NotTraceable(Exception):
         self.unused = unused
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TraceResult:
+class TraceResult(FrozenStruct):
     """What came of it: `made` of the compilation, whose numbers may be traced, the tape, and the names of the variables in their order
     (behind them those of records); `parts` where some are modelled by traced numbers."""
 
@@ -83,8 +83,7 @@ def trace_compilation(
     return TraceResult(made=made, tape=tape, names=tuple(numbers), parts=parts if parts.before is not None else None)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WrittenModel:
+class WrittenModel(FrozenStruct):
     """The text of a model, with slots for numbers of the tape in it, and its meshes by file."""
 
     text: str

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import CheckKind
@@ -57,8 +57,7 @@ class CentreTest(Model):
     """Bounds on its coordinates in that frame."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CentreCheck(OneLineRepr):
+class CentreCheck(OneLineRepr, FrozenStruct):
     """The centre of mass of components (none named: of the robot) in a box: `box["x"]` is (smallest, largest) [m]."""
 
     of: tuple[Reference, ...]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import CheckKind
@@ -36,8 +36,7 @@ class GroundClearanceTest(Model):
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GroundClearance(OneLineRepr):
+class GroundClearance(OneLineRepr, FrozenStruct):
     """No part but those of the components `spared` is lower than `least` [m] over z = `plane` [m] of the mode's world."""
 
     plane: float

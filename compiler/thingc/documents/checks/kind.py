@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 
 from pydantic import ConfigDict
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import fault
@@ -26,8 +26,7 @@ Written = TypeVar("Written", bound=Model)
 Stated = TypeVar("Stated", bound=OneLineRepr)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CheckKind(Generic[Written, Stated]):
+class CheckKind(FrozenStruct, Generic[Written, Stated]):
     """One kind of test.
 
     `model` is what is written under the key `name`. With a field `mode` the test is run in modes, with a field `pose` in poses of these,

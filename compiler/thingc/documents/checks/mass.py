@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import model_validator
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import MASS
 from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
@@ -37,8 +37,7 @@ class MassTest(Model):
         return self
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MassCheck(OneLineRepr):
+class MassCheck(OneLineRepr, FrozenStruct):
     """The mass [kg] of components (none named: of the robot) within bounds."""
 
     of: tuple[Reference, ...]

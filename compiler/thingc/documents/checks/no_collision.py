@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from thingc.base.diagnostics import Code
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Origin
 from thingc.base.units import ANGLE, LENGTH, NUMBER
@@ -74,8 +74,7 @@ class NoCollisionTest(Model):
         return self
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AllowedContact(OneLineRepr):
+class AllowedContact(OneLineRepr, FrozenStruct):
     """A pair that may touch: every component of `one` and every component of `other`. `text` names it for people."""
 
     one: tuple[Reference, ...]
@@ -85,8 +84,7 @@ class AllowedContact(OneLineRepr):
     origin: Origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CollisionCheck(OneLineRepr):
+class CollisionCheck(OneLineRepr, FrozenStruct):
     """No components overlap, and none on links without a common joint are nearer than `clearance` [m]; with `ranges` at `samples` positions
     of them."""
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import ConfigDict, Field, model_validator
 
 from thingc.base.diagnostics import Code
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import hypot, radians
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Vector
@@ -55,8 +55,7 @@ class PointTest(Model):
         return self
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PointCheck(OneLineRepr):
+class PointCheck(OneLineRepr, FrozenStruct):
     """`mount` comes `within` [m] of `point` [m]; with a `direction` (a unit vector) its z is off it by at most `angle` [rad]."""
 
     mount: Reference

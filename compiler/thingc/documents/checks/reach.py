@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field, model_validator
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
@@ -38,8 +38,7 @@ class ReachTest(Model):
         return self
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReachCheck(OneLineRepr):
+class ReachCheck(OneLineRepr, FrozenStruct):
     """The greatest distance [m] of the mounts `of` and `base` over the ranges of all joints within bounds."""
 
     of: Reference

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH, TIME
 from thingc.documents.checks.kind import CheckKind
@@ -45,8 +45,7 @@ class SettlesTest(Model):
     """Whether there is the floor of the mode's scene (the plane z = 0 of the world)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SettleCheck(OneLineRepr):
+class SettleCheck(OneLineRepr, FrozenStruct):
     """In simulation every point of every link is, from `within` [s] on for `hold` [s], nearer than `drift` [m] to where it ends;
     at most `moved` [m] from the pose (None: any), with contacts at most `penetration` [m] deep."""
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from thingc.base.diagnostics import Code, noted
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import NUMBER
 from thingc.documents.checks.kind import CheckKind
@@ -36,8 +36,7 @@ class TorqueMarginTest(Model):
     """The least margin: 1.5 asks for a limit of 1.5 times the torque that is needed."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TorqueCheck(OneLineRepr):
+class TorqueCheck(OneLineRepr, FrozenStruct):
     """The effort limits of the drives of `joints` (paths) are at least `minimum` times the static effort."""
 
     joints: tuple[str, ...]

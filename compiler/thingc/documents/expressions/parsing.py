@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.base.suggestions import Suggestion, did_you_mean
 from thingc.base.units import MAX_TEXT, NUMBER, UNITS, Quantity, UnitError, converted, scan_number, scan_unit, shortened

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Union
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.units import Quantity, scan_number
 
 
@@ -26,8 +26,7 @@ class ExpressionError(ValueError):
         self.end = end
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Literal:
+class Literal(FrozenStruct):
     """A number with its unit. `zero`: written as a bare 0, which is 0 of every dimension."""
 
     value: Quantity
@@ -36,8 +35,7 @@ class Literal:
     end: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NameUse:
+class NameUse(FrozenStruct):
     """A name: a parameter, or the index of a repeat."""
 
     name: str
@@ -45,8 +43,7 @@ class NameUse:
     end: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Unary:
+class Unary(FrozenStruct):
     """`-a` (a leading `+` leaves no trace)."""
 
     operand: Term
@@ -54,8 +51,7 @@ class Unary:
     end: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Binary:
+class Binary(FrozenStruct):
     """`a op b`, `op` one of `+ - * / ** < <= > >= == !=`."""
 
     operator: str
@@ -65,8 +61,7 @@ class Binary:
     end: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Call:
+class Call(FrozenStruct):
     """`function(a, b)`."""
 
     function: str
@@ -91,8 +86,7 @@ MAX_DEPTH = 60
 """Levels of parentheses, signs and powers in one expression."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Expression:
+class Expression(FrozenStruct):
     """A parsed expression: its text as written (with the `=` where it had one) and its tree."""
 
     text: str

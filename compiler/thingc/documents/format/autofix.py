@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, Edit, MappingNode, ScalarNode, walk
 from thingc.documents.load.text import Source
 
@@ -29,8 +29,7 @@ PASSES = 5
 """Times that the mended documents are looked at again: a fault may hide others."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TextEdit:
+class TextEdit(FrozenStruct):
     """One change: characters `start` to before `end` of the text of `file`, in `line` and `column` (from 1)."""
 
     file: str
@@ -42,8 +41,7 @@ class TextEdit:
     replacement: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CheckResult:
+class CheckResult(FrozenStruct):
     """What a check found, and the documents that it read (empty where it could read none)."""
 
     found: Sequence[Diagnostic]

@@ -8,6 +8,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
+from thingc.base.frozen_struct import FrozenStruct
+
 COMMENT_GAP = 2
 """Spaces before a comment at the end of a line, at least."""
 
@@ -84,8 +86,7 @@ class Segment:
         return self.kind != "scalar" and not self.flow
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Trivia:
+class Trivia(FrozenStruct):
     """What stands between two pieces: a comment at the end of the line, and lines of their own: (column, text), None for
     an empty one."""
 

@@ -6,12 +6,11 @@ import hashlib
 import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import field
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.filesystem import beginning
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.safe_text import unseen
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span
@@ -31,8 +30,7 @@ MAX_CHAIN = 100
 """Documents that may nest in one another."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Documents:
+class Documents(FrozenStruct):
     """A document and all that it names, directly or not.
 
     `by_path` is keyed by path in the workspace, in the order first named. `links` maps (path of a document, text in it)
@@ -43,7 +41,7 @@ class Documents:
 
     root: Document
     by_path: dict[str, Document]
-    links: dict[tuple[str, str], str] = field(default_factory=dict)
+    links: dict[tuple[str, str], str] = {}
     broken: frozenset[str] = frozenset()
     files: frozenset[str] = frozenset()
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.source import MappingNode, Node, SequenceNode, Span

@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.units import shortened
 from thingc.documents.load.text import Source
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SyntaxFault:
+class SyntaxFault(FrozenStruct):
     """A message, the characters to blame, a hint, and a second place with its words."""
 
     message: str

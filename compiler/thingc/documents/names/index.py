@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal, assert_never
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import MappingNode, Path, ScalarNode, Span, node_at
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import ExpressionError
@@ -25,8 +25,7 @@ Role = Literal["declared", "used", "fits"]
 """`fits`: a pattern that the name fits without standing in it, or a text in which it is written with other characters (escapes)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Name:
+class Name(FrozenStruct, kw_only=False):
     """Something that has a name. `what` is a word of `name_types.py`, or `document`, `part`, `part mount`, `part parameter`; `file` the
     absolute path of the document or module that declares it (empty: nobody that is seen); `owner` what it belongs to there
     (`components.leg`, a class)."""
@@ -37,8 +36,7 @@ class Name:
     owner: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class NamePlace:
+class NamePlace(FrozenStruct, kw_only=False):
     """Where a name is declared or used: just the characters of the name itself, but for a pattern that it `fits`."""
 
     name: Name
@@ -46,8 +44,7 @@ class NamePlace:
     role: Role
 
 
-@dataclass(frozen=True, slots=True)
-class NameIndex:
+class NameIndex(FrozenStruct, kw_only=False):
     """All places, in the order of files and lines of each."""
 
     places: tuple[NamePlace, ...]

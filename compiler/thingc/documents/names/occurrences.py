@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, walk
 from thingc.documents.spec.annotation_types import FieldType, alternatives, branch_of, model_keys, shape_of
 from thingc.documents.spec.assembly import AssemblySpec
@@ -16,8 +16,7 @@ from thingc.documents.spec.validation import model_of
 EXPRESSION = RefersTo("expression")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NameOccurrence:
+class NameOccurrence(FrozenStruct):
     """A text that names something: the key at `path`, or (`key` False) the scalar there."""
 
     path: Path
@@ -26,8 +25,7 @@ class NameOccurrence:
     names: DeclaresName | RefersTo
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SettingWord:
+class SettingWord(FrozenStruct):
     """A word of the path of a setting (`components.leg.joints.knee.limit.upper`) that names something, at an `offset` in it: what a key at
     `path` names in the document that is nested through the components `through`."""
 

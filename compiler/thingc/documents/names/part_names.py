@@ -7,17 +7,15 @@ import ast
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass as mutable
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import lru_cache
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.python_source import parse_python
 from thingc.base.source import Span
 
 
-@dataclass(frozen=True, slots=True)
-class PartName:
+class PartName(FrozenStruct, kw_only=False):
     """A mount (an attribute) or a parameter of a Thing: `what` is `part mount` or `part parameter`, `file` the absolute path of its module
     and `owner` the class in it; of one whose declaration is not seen `file` is empty and `owner` the reference of the class."""
 
@@ -27,8 +25,7 @@ class PartName:
     owner: str
 
 
-@dataclass(frozen=True, slots=True)
-class PartPlace:
+class PartPlace(FrozenStruct, kw_only=False):
     """Where one is written, and whether that declares it."""
 
     name: PartName
@@ -36,7 +33,7 @@ class PartPlace:
     declared: bool
 
 
-@mutable(slots=True)
+@dataclass(slots=True)
 class _Module:
     """A module: its tree, its classes, what it imports by name, and what its text is."""
 
@@ -96,7 +93,7 @@ class _Inside:
             places.sort(key=lambda one: (not isinstance(one.ctx, ast.Store), one.lineno, one.col_offset))
 
 
-@mutable(slots=True)
+@dataclass(slots=True)
 class PartClass:
     """A class that documents name as a part, with the classes of the workspace that it is derived from, itself first."""
 

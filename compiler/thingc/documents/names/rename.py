@@ -8,9 +8,10 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.python_source import parse_python
 from thingc.base.safe_text import escape_control
 from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span, node_at
@@ -37,8 +38,7 @@ class RenameRefused(Exception):
     """A rename that is not possible, with the reason as its message."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RenameEdits:
+class RenameEdits(FrozenStruct):
     """What is written anew: `texts` whole by absolute path, and each place, the last of a file first, for who edits; what there is `after`
     it."""
 

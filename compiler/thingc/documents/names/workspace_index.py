@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, ScalarNode
 from thingc.documents.load.discovery import documents_in
 from thingc.documents.load.documents import read_tree
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 MAX_TEXT = 10_000_000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WorkspaceIndex:
+class WorkspaceIndex(FrozenStruct):
     """`documents` are those that can be read, by absolute path, `broken` the texts of those that cannot, `read` gives the text of any file
     (None where there is none), `relative` what messages call a file."""
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 
 KEYS = ("part", "file", "assembly", "material")
 """Keys of a component that may be chosen."""
@@ -15,8 +15,7 @@ SECTIONS = ("components", "defaults", "joints", "links", "materials", "poses", "
 """Sections of a nested assembly in which something may be set from outside; none is a key of a component."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChoicePath:
+class ChoicePath(FrozenStruct):
     """A path taken apart: the names of the components on the way, and the key (`DEFAULT_MATERIAL` or one of `KEYS`)."""
 
     components: tuple[str, ...]

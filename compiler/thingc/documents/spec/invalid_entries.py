@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import Allowance
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
 
 if TYPE_CHECKING:
@@ -18,8 +18,7 @@ ANY_NAME = "*"
 """In a path in doubt the name of an entry that was no name (reported): it may stand for any that is referred to."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InvalidEntries:
+class InvalidEntries(FrozenStruct):
     """The key paths of a document whose values were wrong (reported) and left out, or may be what a wrong key meant.
 
     What a later pass would say of such a place, of what is around it, or of what is inside, is no news.

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.spec.fields import JointValueField, Name, ReferenceField
 
 Declared = Literal[
@@ -31,15 +31,13 @@ RESERVED = frozenset({"world", "root", "origin"})
 """Names that nothing in a document may have: they have a meaning."""
 
 
-@dataclass(frozen=True, slots=True)
-class DeclaresName:
+class DeclaresName(FrozenStruct, kw_only=False):
     """Of a key or a text: it declares a name."""
 
     what: Declared
 
 
-@dataclass(frozen=True, slots=True)
-class RefersTo:
+class RefersTo(FrozenStruct, kw_only=False):
     """Of a key or a text: it names something."""
 
     what: ReferenceKind

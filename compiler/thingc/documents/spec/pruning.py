@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
 from thingc.base.suggestions import nearest
 from thingc.documents.spec.annotation_types import FieldType, model_keys
@@ -26,8 +26,7 @@ MISPLACED = "misplaced"
 before every entry)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
+class Fault(FrozenStruct):
     """One error of the document: at `path`, of the key with `key`; the type and context as pydantic or `fields` gave
     them; `shape` what is expected there, or the mapping that it is in where a key is unknown or missing."""
 

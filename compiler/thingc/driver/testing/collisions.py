@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 
 from thingc.base.diagnostics import Code
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose
 from thingc.model.assembly.types import Assembly
 from thingc.model.robot.types import Keyframe
@@ -23,8 +23,7 @@ CELL = (0.1, 0.1, 0.1, 0.002)
 """The size of a cell of poses: of the rows of the rotation (about 6 deg), and of the translation [m]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NearPair:
+class NearPair(FrozenStruct):
     """Two occurrences (indices) near each other in a keyframe: their `gap` [m]; where it is 0 the `volume` [m^3] of what they
     share and its mean thickness `depth` [m]; and the number of the allowance that they fall under."""
 

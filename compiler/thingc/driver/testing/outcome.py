@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.units import Dimension, Quantity
 
 Measure = float | int | str | list[float] | dict[str, float] | dict[str, list[str]] | None
@@ -15,8 +15,7 @@ ROUNDING = 1e-9
 """How far beyond a bound counts as rounding: of a mass or a length in proportion, of a place in metres."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Failure:
+class Failure(FrozenStruct):
     """What a failed test says: its code and words, and which of the test's values (`max`, `within.x`) it contradicts."""
 
     code: Code
@@ -26,8 +25,7 @@ class Failure:
     notes: tuple[Note, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class Outcome(FrozenStruct):
     """What was measured (SI, by name), what was expected, both in words, and why it failed, if it did.
 
     `needed` are the numbers of the allowances of a collision test that were needed.

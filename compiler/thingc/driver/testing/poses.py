@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Report
 from thingc.driver.testing.numpy_tree import quasi_random

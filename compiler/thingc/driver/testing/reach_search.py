@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import NO_POSE, Pose, Vector, rotate
 from thingc.base.source import Origin
 from thingc.driver.testing.numpy_tree import Array, NumpyTree, quasi_random
@@ -108,8 +108,7 @@ def _climb(chain: NumpyTree, ends: Ends, start: Array) -> tuple[float, Array] | 
     return _distance(chain, ends, x)[0], x
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReachGoal:
+class ReachGoal(FrozenStruct):
     """Where a mount is to go: to a point [m] of a frame (None: the world), `within` [m] of it; with a direction (a unit vector in the
     same frame) its z at most `angle` [rad] off that."""
 

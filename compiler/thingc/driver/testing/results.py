@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import escape_control
 from thingc.driver.testing.outcome import Outcome
 from thingc.model.assembly.types import LinkedTest
@@ -16,8 +16,7 @@ from thingc.model.robot.types import Keyframe, Robot
 from thingc.targets.request import EmitRequest
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TestCase:
+class TestCase(FrozenStruct):
     """A test to be run once: `robot` in a mode, with keyframes for the poses that the test looks at in this case (`frames`), of which
     `missing` could not be closed. A test that is of no mode has the first mode's robot and no frames."""
 
@@ -34,8 +33,7 @@ class TestCase:
         return sorted({index for reference in references for index in self.linked.components[reference]})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Result:
+class Result(FrozenStruct):
     """A case that was run, the time that it took [s], and what was said of it where it failed."""
 
     name: str

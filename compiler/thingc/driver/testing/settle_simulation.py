@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose, Vector
 from thingc.model.robot.types import Keyframe, Robot
 from thingc.targets.mjcf.scene import FLOOR
@@ -21,8 +21,7 @@ BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoc
 """What MuJoCo warns of when numbers grow beyond all bounds."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SettleResult:
+class SettleResult(FrozenStruct):
     """Where points of the robot went: `path` (times x points x 3) [m], a time every `step` [s]; and how `deep` [m] contacts were, at most,
     from when the robot should have been at rest."""
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from fnmatch import fnmatchcase
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.checks import kinds
 from thingc.driver.testing.kinds import runner_of
 from thingc.driver.testing.outcome import Failure, Outcome, unclosed
@@ -19,8 +20,7 @@ from thingc.model.resolve.types import NamedPose
 from thingc.targets.request import EmitRequest
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Selection:
+class Selection(FrozenStruct):
     """What to run: names of tests, patterns allowed (none: all), and of modes (none: those of each test)."""
 
     only: tuple[str, ...] = ()
@@ -75,8 +75,7 @@ def _say(linked: LinkedTest, result: Result, failure: Failure, report: Report) -
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Attempt:
+class _Attempt(FrozenStruct):
     """One case, not yet run."""
 
     mode: str | None

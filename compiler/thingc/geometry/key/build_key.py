@@ -6,15 +6,14 @@ import hashlib
 import json
 from collections.abc import Mapping
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import some
 from thingc.documents.workspace import Workspace
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.record import PartDefinition, Value
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BuildKey:
+class BuildKey(FrozenStruct):
     """Ingredients by label (`module arm`, `parameter length`, `version build123d`) and the key they make."""
 
     ingredients: dict[str, str]

@@ -12,9 +12,8 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import field
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.key.modules import Finder, Module
 from thingc.geometry.store.local import Store
 
@@ -28,8 +27,7 @@ MAX_STEPS = 20
 """Modules through which a name is followed to where it is defined, which is for messages."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModuleFacts:
+class ModuleFacts(FrozenStruct):
     """What a source file says, made by `source_reader` and kept as JSON.
 
     `syntax` is the digest of its syntax tree without positions and docstrings, `documented` that with docstrings, `outline` that without
@@ -52,8 +50,7 @@ class ModuleFacts:
     broken: bool
 
 
-@dataclass(frozen=True, slots=True)
-class ModuleSource:
+class ModuleSource(FrozenStruct, kw_only=False):
     """A module's source as read. `path` is where it lies in the workspace, since code looks for files beside itself; of what lies
     elsewhere only the file's name, which is the same on every machine."""
 
@@ -68,8 +65,7 @@ class ModuleSource:
         return f"module {self.module.name}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CodeIngredients:
+class CodeIngredients(FrozenStruct):
     """What a part's code is made of.
 
     `ingredients` are digests and paths by module (`module arm`), `documented` the same with docstrings; `installed` the modules of
@@ -78,14 +74,14 @@ class CodeIngredients:
     file, none where its code may look at itself: then it counts as a whole, whatever of it runs.
     """
 
-    ingredients: dict[str, str] = field(default_factory=dict)
-    documented: dict[str, str] = field(default_factory=dict)
-    installed: set[str] = field(default_factory=set)
-    files: dict[str, str] = field(default_factory=dict)
-    plain: set[str] = field(default_factory=set)
+    ingredients: dict[str, str] = {}
+    documented: dict[str, str] = {}
+    installed: set[str] = set()
+    files: dict[str, str] = {}
+    plain: set[str] = set()
     hiding: tuple[Module, ...] = ()
     place: tuple[str, int] | None = None
-    sources: dict[str, ModuleSource] = field(default_factory=dict, compare=False)
+    sources: dict[str, ModuleSource] = {}
 
 
 class ModuleSources:

@@ -15,7 +15,7 @@ from functools import cache
 
 import thingc
 from thingc.base.filesystem import listing
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.installed_packages import import_path, specification_of
 
 OWN_FOLDER = os.path.dirname(os.path.abspath(thingc.__file__))
@@ -44,8 +44,7 @@ MAX_NAME = 500
 """Characters of a dotted name that is looked for: no module lies deeper."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Module:
+class Module(FrozenStruct):
     """A module as found by name, without importing it.
 
     `kind` is `content` (its code is read, followed and counts), `installed` (what Python finds by itself: it counts by its version,

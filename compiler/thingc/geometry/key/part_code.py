@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
+
+from msgspec.structs import replace
 
 from thingc.base.filesystem import listing
 from thingc.geometry.key.module_key import CodeIngredients, ModuleSources, code_of, defined_in, may_have

@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import some
 from thingc.geometry.key.build_key import BuildKey
 from thingc.geometry.key.file_states import state_of
@@ -19,8 +19,7 @@ CANDIDATES = 8
 """How many answers are kept under one build_key; the oldest goes first."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CachedResult:
+class CachedResult(FrozenStruct):
     """An answer from the store, the reads it depends on, and why it was made."""
 
     value: Any

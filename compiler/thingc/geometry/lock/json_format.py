@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import asdict
 from typing import Any, TypeVar, get_args
+
+from msgspec.structs import asdict
 
 from thingc.base.inertia import physical_fault
 from thingc.base.numeric import hypot, sum_of

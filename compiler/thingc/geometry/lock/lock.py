@@ -10,11 +10,10 @@ import hashlib
 import json
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import field
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from thingc.base.diagnostics import Code, Report, Severity
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Span, line_of
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.lock.json_format import BadLock, mapping, read_record, read_schema, text_at
@@ -30,8 +29,7 @@ REMAKE = "run `thingc lock` where the code of the parts may run, and keep what i
 """What to do about any fault of the lock."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LockedThing:
+class LockedThing(FrozenStruct):
     """What the lock says of one Thing. `code` is the hash of its code, `reads` are the files that it read (states by path in
     the workspace), `values` its schema as it stands there, `records` those of its definitions by their text."""
 
@@ -41,8 +39,7 @@ class LockedThing:
     records: Mapping[str, Any]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Lock:
+class Lock(FrozenStruct):
     """A lock that has been read. `things` by `module:Class`, `files` (parts that are files) by path in the workspace: the state
     of the file's content and its record; `others` are the classes in reach that are no Things. Records and schemas are looked
     at when they are asked for."""
@@ -52,7 +49,7 @@ class Lock:
     things: Mapping[str, LockedThing]
     files: Mapping[str, tuple[str, Any]]
     others: frozenset[str]
-    _schemas: dict[str, PartSchema] = field(default_factory=dict, repr=False)
+    _schemas: dict[str, PartSchema] = {}
 
     def schema(self, reference: str) -> PartSchema | None:
         """The part schema of `module:Class` (without its place), None where the lock has none. Raises `BadLock`."""

@@ -7,13 +7,13 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from msgspec import convert, to_builtins
+
 from thingc.base.diagnostics import Code, Report
-from thingc.base.inertia import MassProperties
 from thingc.base.memo import Memo
 from thingc.base.source import Origin
 from thingc.geometry.mesh_bounds import BadMesh
-from thingc.geometry.meshes.files import MeshFile, MeshPiece, MeshRecord
-from thingc.geometry.record_json import matrix_from_json, mesh_from_json, mesh_to_json, vector_from_json
+from thingc.geometry.meshes.files import MeshFile, MeshRecord
 from thingc.geometry.store.local import Store
 
 KIND = "mesh-files"
@@ -28,7 +28,7 @@ def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | No
     key = json.dumps([VERSION, *file.content])
     known = store.get_json(KIND, key)
     if known is not None and all(store.has(sha256, size) for sha256, size in known["blobs"]):
-        return _record(known)
+        return convert(known, MeshRecord)
     if not read:
         return None
     from thingc.geometry.meshes.mesh_reader import read_mesh
@@ -58,21 +58,5 @@ def mesh_records(
 
 def _as_json(record: MeshRecord) -> dict[str, Any]:
     meshes = [record.mesh, *(piece.mesh for piece in record.pieces)]
-    matter = record.matter
-    return {
-        "mesh": mesh_to_json(record.mesh), "pieces": [[mesh_to_json(piece.mesh), piece.color] for piece in record.pieces],
-        "matter": None if matter is None else [matter.mass, matter.centre, matter.inertia], "box": record.box, "own": record.own,
-        "blobs": [*([mesh.sha256, mesh.size] for mesh in meshes), *([record.own] if record.own is not None else [])],
-    }
-
-
-def _record(plain: dict[str, Any]) -> MeshRecord:
-    matter, (low, high) = plain["matter"], plain["box"]
-    return MeshRecord(
-        mesh=mesh_from_json(plain["mesh"]),
-        pieces=tuple(MeshPiece(mesh=mesh_from_json(mesh), color=color) for mesh, color in plain["pieces"]),
-        matter=None if matter is None else MassProperties(
-            mass=matter[0], centre=vector_from_json(matter[1]), inertia=matrix_from_json(matter[2]),
-        ),
-        box=(vector_from_json(low), vector_from_json(high)), own=None if plain["own"] is None else (plain["own"][0], plain["own"][1]),
-    )
+    blobs = [*([mesh.sha256, mesh.size] for mesh in meshes), *([record.own] if record.own is not None else [])]
+    return {**to_builtins(record), "blobs": blobs}

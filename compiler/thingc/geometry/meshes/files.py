@@ -6,7 +6,7 @@ import hashlib
 import os
 from collections.abc import Callable
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Vector
@@ -15,8 +15,7 @@ from thingc.geometry.record import Mesh
 from thingc.geometry.store.file_digests import digest_of
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeshFile(OneLineRepr):
+class MeshFile(OneLineRepr, FrozenStruct):
     """A mesh file of the workspace: its path there, the SHA-256 of its content (and of those that its colours come from), and the factors
     by which its numbers are metres along x, y and z; of one that is mirrored some are negative. `folder` is where it lies (absolute)."""
 
@@ -56,16 +55,14 @@ def mesh_file(absolute: str, path: str, scale: Vector, digest: Callable[[str], s
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeshPiece(OneLineRepr):
+class MeshPiece(OneLineRepr, FrozenStruct, array_like=True):
     """The triangles of one colour (`#rrggbb`, `#rrggbbaa`; None: the file says none)."""
 
     mesh: Mesh
     color: str | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeshRecord(OneLineRepr):
+class MeshRecord(OneLineRepr, FrozenStruct):
     """A mesh file [m], mirrored and turned as its scale, unit and up axis say. `mesh` is all of it, in the store as OBJ; `pieces` what is
     drawn, by colour. `matter` is what it holds at density 1: volume [m^3], centre, inertia [m^5]; None of a surface that is open. `box` are
     two corners. `own` are the bytes of the file, in the store, where MuJoCo reads them as they are."""

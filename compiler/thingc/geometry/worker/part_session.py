@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from time import monotonic
 from typing import Any
 
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.key.file_states import state_of
 from thingc.geometry.record import FailureKind, ImpureInputs, PartFailure, SchemaKind
 from thingc.geometry.worker import captured_output, executed_functions, sandbox
@@ -33,8 +34,7 @@ class NoPart(Exception):
         self.place = place
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RequestContext:
+class RequestContext(FrozenStruct):
     """What a request says about where it runs: the workspace's `root`, part folders and packages, the files of the code that has
     a key (`hashes`: SHA-256 by file), part packages without `__init__.py`, the store, and the part's own folder `scratch`."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note, noted
 from thingc.base.joints.twist import Twist

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Literal, assert_never
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve.link_definition import LinkDefinition
@@ -15,8 +16,7 @@ DefinitionKind = Literal["assembly", "part", "file", "link", "frame"]
 """What a node of the HAG is."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Definition(OneLineRepr):
+class Definition(OneLineRepr, FrozenStruct):
     """A node of the HAG. `text` prints it exactly and is its identity together
     with `reference` (`module:Class`, a file or a document path in the workspace); `label` prints it for people. Of a mirror image
     `mirror` is the axis, `plain` what it mirrors."""
@@ -45,8 +45,7 @@ class Definition(OneLineRepr):
         return cls(text=made.text, label=made.label, reference=reference, kind=kind, mirror=made.mirror, plain=plain)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DefinitionEdge(OneLineRepr):
+class DefinitionEdge(OneLineRepr, FrozenStruct):
     """"is a subcomponent of": `child` stands in `parent` (texts of definitions) as `component`.
 
     `mounts` prints how (`back -> plate.servo_seat`), `joint` is the name of the joint that places it, if one does.
@@ -59,8 +58,7 @@ class DefinitionEdge(OneLineRepr):
     joint: str | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Hag(OneLineRepr):
+class Hag(OneLineRepr, FrozenStruct):
     """The hierarchical assembly graph: acyclic, equal definitions one node, in the order first met (top first)."""
 
     root: str

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from thingc.base.diagnostics import Code, Note, Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import line_of
 from thingc.geometry.record import DeclaredValue, PartDefinition, PartFailure, PartRecord
 from thingc.model.assembly.report import written_at
@@ -24,8 +24,7 @@ Show = Callable[[Any, int], str]
 """A value for people, numbers to so many digits."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordDifference:
+class RecordDifference(FrozenStruct, kw_only=False):
     """Something that two records do not agree on: what it is called (`volume`), and in words (`its volume is 1.2 cm^3 and
     1.3 cm^3`)."""
 
@@ -49,8 +48,7 @@ def _text(value: Any, digits: int) -> str:
     return f"`{value}`"
 
 
-@dataclass(frozen=True, slots=True)
-class _Field:
+class _Field(FrozenStruct, kw_only=False):
     """A field of a record as people call it, and how its value is shown; what cannot be shown in a few words only differs."""
 
     name: str

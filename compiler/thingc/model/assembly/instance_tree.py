@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
 from thingc.base.diagnostics import Code, Note, noted
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.mirror import Mirror
 from thingc.base.pose import Pose
 from thingc.base.source import Origin
@@ -52,8 +53,7 @@ class Instance:
             waiting.extend(reversed(instance.children.values()))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FoundMount:
+class FoundMount(FrozenStruct):
     """A mount that was looked up: the occurrence that carries it, its name there, and its frame in the occurrence's."""
 
     occurrence: int
@@ -61,8 +61,7 @@ class FoundMount:
     pose: Pose
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Fault:
+class _Fault(FrozenStruct):
     """Why a name leads nowhere. `silent`: because of something that has been, or will be, reported by itself."""
 
     code: Code = Code.INCOMPLETE

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from thingc.base.diagnostics import Code, noted
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties, total
 from thingc.base.memo import Memo
 from thingc.base.pose import NO_POSE, Pose
@@ -37,8 +37,7 @@ def connected_components(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
     return tuple(numbers.setdefault(find(k), len(numbers)) for k in range(count))
 
 
-@dataclass(frozen=True, slots=True)
-class _Naming:
+class _Naming(FrozenStruct, kw_only=False):
     """A line of `links:`: what it calls a link, and the occurrence whose frame it picks."""
 
     name: str

@@ -6,11 +6,12 @@ or, with an infill, what is printed of it.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import cast
 
+from msgspec.structs import replace
+
 from thingc.base import numeric
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO, MassProperties
 from thingc.base.pose import Matrix, Vector
 from thingc.geometry.print_slices import BRIDGE_FLOW, OVERLAP, UPRIGHT, SliceResult, Slicing
@@ -20,16 +21,14 @@ from thingc.model.resolve.types import Overrides, Process
 NOTHING = MassProperties(mass=0.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Density:
+class Density(FrozenStruct):
     """A density [kg/m^3] and whether it is a guess, which makes every mass computed from it one."""
 
     value: float
     estimated: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MassResult:
+class MassResult(FrozenStruct):
     """The answer: properties in the component's frame, and where the mass came from
     (`measured | vendor | stated | derived | estimated`); `estimate` is `layers | skin` where it was worked out from an infill."""
 
@@ -42,7 +41,7 @@ def merged(over: Process | None, under: Process | None) -> Process | None:
     """`over` key by key on top of `under`."""
     if over is None or under is None:
         return over if over is not None else under
-    stated = {name: value for name in Process.__dataclass_fields__ if (value := getattr(over, name)) is not None}
+    stated = {name: value for name in Process.__struct_fields__ if (value := getattr(over, name)) is not None}
     wrong = over.wrong | (under.wrong - stated.keys())
     return replace(under, **{**stated, "origins": {**under.origins, **over.origins}, "wrong": wrong})
 

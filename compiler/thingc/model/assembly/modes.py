@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, noted
 from thingc.base.numeric import hypot, isfinite, maximum

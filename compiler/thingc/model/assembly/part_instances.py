@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
 from typing import cast
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Code, Note, allow_hint, noted
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties, physical_fault
 from thingc.base.memo import Memo
 from thingc.base.mirror import Mirror
@@ -66,8 +67,7 @@ _INSTEAD: Mapping[ImpureInputs, str] = {
 _SHOWN_PLACES = 8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartInstance:
+class PartInstance(FrozenStruct):
     """A component that is a part or a frame. `properties` and `mounts` are in its own frame; `sound` is False where its
     mass is wrong and that has been reported."""
 
@@ -467,7 +467,7 @@ def _bom(component: Component, record: PartRecord | None) -> BomEntry:
     """What the document says of buying or making it, on top of what the Thing says."""
     if record is None:
         return component.bom
-    names = {field.name for field in fields(BomEntry)}
+    names = set(BomEntry.__struct_fields__)
     thing = BomEntry(**{key: value for key, value in record.bom.items() if key in names})
     stated = {name: value for name in names if (value := getattr(component.bom, name)) is not None}
     return replace(thing, **stated)

@@ -9,7 +9,7 @@ import re
 from collections.abc import Collection, Iterator, Sequence
 
 from thingc.base.diagnostics import Code, Note, allow_hint, noted
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist, hypot, maximum, minimum, pi, sqrt, sum_of, tau
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.source import Origin
@@ -313,8 +313,7 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> No
 # --- places ------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Offset:
+class _Offset(FrozenStruct):
     """What leads somewhere, in words that a length [m] follows, the path of its owner, where it is said, and what to look at."""
 
     words: str

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 
 from thingc.base.diagnostics import Code, Note, allow_hint, noted
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Span
 from thingc.model.assembly.instance_tree import Tree
 from thingc.model.assembly.mass import merged
@@ -29,8 +29,7 @@ _SLIPS = (1e-1, 1e-2, 1e-3, 1e1, 1e2, 1e3)
 """By what a slip of units multiplies, the smallest first; those of a number that is too large before those of one that is too small."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Doubt:
+class _Doubt(FrozenStruct):
     """The key of a process whose number is odd, in words, and what to look at."""
 
     key: str

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord
 from thingc.model.resolve.types import AssemblyDefinition, Component

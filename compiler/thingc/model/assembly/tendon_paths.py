@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import acos, dist, hypot, maximum, minimum, pi, sqrt, sum_of
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, Vector, cross, dot
@@ -20,8 +20,7 @@ TINY = 1e-15
 """Below this [m] lengths are nothing: MuJoCo's `mjMINVAL`."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TendonSpan(OneLineRepr):
+class TendonSpan(OneLineRepr, FrozenStruct):
     """A straight piece of it, from a point of the part that has one mount to one of that of another; all of it is divided by `divisor`."""
 
     ends: tuple[LinkedMount, LinkedMount]
@@ -34,8 +33,7 @@ class TendonSpan(OneLineRepr):
         return dist(*self.points)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TendonCourse(OneLineRepr):
+class TendonCourse(OneLineRepr, FrozenStruct):
     """How long a tendon is [m], and its straight pieces, which pull on what they end at."""
 
     length: float

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import fields, is_dataclass
 
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.checks import kinds
 from thingc.model.assembly.instance_tree import Tree
 from thingc.model.assembly.report import LinkReport
@@ -46,6 +46,6 @@ def _references(stated: object) -> Iterator[Reference]:
     elif isinstance(stated, tuple):
         for item in stated:
             yield from _references(item)
-    elif is_dataclass(stated):
-        for field in fields(stated):
-            yield from _references(getattr(stated, field.name))
+    elif isinstance(stated, FrozenStruct):
+        for name in stated.__struct_fields__:
+            yield from _references(getattr(stated, name))

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
 
 from thingc.base.export_names import JointPath, LinkPath, PoseName, SensorPath, SitePath, TendonPath
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
 from thingc.base.joints.bases import BaseType
 from thingc.base.joints.kind import JointKind
@@ -36,16 +35,14 @@ from thingc.model.resolve.types import (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MountFrame(OneLineRepr):
+class MountFrame(OneLineRepr, FrozenStruct):
     """A mount on an occurrence: its frame in the occurrence's frame."""
 
     pose: Pose
     interface: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Surface(OneLineRepr):
+class Surface(OneLineRepr, FrozenStruct):
     """A shape of an occurrence that is drawn or touched: `solid` at `pose` in the occurrence's frame, of what it is made and in which
     colour (`#rrggbb`, `#rrggbbaa`; None: of its own). Of a mesh that a link lists `name` is what its file may be called, `volume` [m^3]
     what it holds, `own` the bytes that it was read from (SHA-256 and size) where MuJoCo reads them with the factors `scale`. `title` is the
@@ -62,8 +59,7 @@ class Surface(OneLineRepr):
     title: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Listed(OneLineRepr):
+class Listed(OneLineRepr, FrozenStruct):
     """The geometry of a link, whose shapes are listed, in its frame: what is drawn, what touches, of which `solids` it is taken to be made,
     and the `box` around all of it (two corners [m]; None: there is nothing, or nobody has measured it yet)."""
 
@@ -73,8 +69,7 @@ class Listed(OneLineRepr):
     box: tuple[Vector, Vector] | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Occurrence(OneLineRepr):
+class Occurrence(OneLineRepr, FrozenStruct):
     """A part, a link or a frame at a path of the unrolled HAG (`hand/cap`).
 
     `index` is its place in document order; `properties` in its own frame; `mass_source` is
@@ -150,8 +145,7 @@ class Occurrence(OneLineRepr):
         return self.listed.box if self.listed is not None else self.record.box if self.record is not None else None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ActuatorModel(OneLineRepr):
+class ActuatorModel(OneLineRepr, FrozenStruct):
     """A joint's drive with defaults from the Thing's actuator filled in; SI. `effort` the force limit; `axis` of a drive of a ball is
     the one about which it turns it, a unit vector that is fixed in the child, in the parent mount's axes at q = 0. `name` is what files
     call it where that is not what they call the joint."""
@@ -166,8 +160,7 @@ class ActuatorModel(OneLineRepr):
     name: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointEdge(OneLineRepr):
+class JointEdge(OneLineRepr, FrozenStruct):
     """A coordinate of a mate, by its `name` in the top document (`hand.wrist[0]`), all defaults worked out.
 
     `twist` is what it does, seen in the frame that the coordinates before it in the mate have moved. `mimic.joint`
@@ -190,8 +183,7 @@ class JointEdge(OneLineRepr):
         return self.name.path
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mate(OneLineRepr):
+class Mate(OneLineRepr, FrozenStruct):
     """An edge of the mate graph between occurrences `parent` and `child` (indices).
 
     `X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ X_JC` over its `joints`; rigid without any.
@@ -212,8 +204,7 @@ class Mate(OneLineRepr):
     loop: JointPath | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Link(OneLineRepr):
+class Link(OneLineRepr, FrozenStruct):
     """Occurrences joined rigidly: one body in every simulator.
 
     `frame` is the index of the occurrence whose frame is the link's; `poses[k]` is the pose of `members[k]` in it;
@@ -229,8 +220,7 @@ class Link(OneLineRepr):
     origin: Origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExportedMount(OneLineRepr):
+class ExportedMount(OneLineRepr, FrozenStruct):
     """A mount that an assembly shows, at its path (`tip`, `hand/tip`): an occurrence's mount."""
 
     path: SitePath
@@ -239,8 +229,7 @@ class ExportedMount(OneLineRepr):
     origin: Origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RootChoice(OneLineRepr):
+class RootChoice(OneLineRepr, FrozenStruct):
     """A mode with its references worked out to occurrences.
 
     `mount` None: a component root (its origin). `path` is the site's name: a mount by its path as the document says it
@@ -252,8 +241,7 @@ class RootChoice(OneLineRepr):
     path: SitePath
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Adhesion(OneLineRepr):
+class Adhesion(OneLineRepr, FrozenStruct):
     """A magnet: a mount that pulls. `path` names it (`front_foot/sole`), `force` [N] its largest in any mode."""
 
     path: SitePath
@@ -262,8 +250,7 @@ class Adhesion(OneLineRepr):
     force: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedHold(OneLineRepr):
+class LinkedHold(OneLineRepr, FrozenStruct):
     """A hold of a mode: `mount` is mated to the world frame moved to `pose` (None: where the mode's own pose puts it), or with
     `turns` only its origin is laid there."""
 
@@ -273,8 +260,7 @@ class LinkedHold(OneLineRepr):
     turns: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Foot(OneLineRepr):
+class Foot(OneLineRepr, FrozenStruct):
     """A mount that a floating mode stands on, with the sliding friction between it and the floor."""
 
     mount: RootChoice
@@ -282,8 +268,7 @@ class Foot(OneLineRepr):
     origin: Origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedMount(OneLineRepr):
+class LinkedMount(OneLineRepr, FrozenStruct):
     """A mount that a document speaks of: the path of its site (`hand/tip`), and which mount of which occurrence it is."""
 
     path: SitePath
@@ -291,7 +276,6 @@ class LinkedMount(OneLineRepr):
     mount: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class LinkedSensor(Measurement):
     """A sensor at its path (`leg/imu`), with its references worked out: `joint` and `tendon` are paths, `touching` the indices of links.
     `parts` says which readings files have a name of its own for."""
@@ -302,7 +286,7 @@ class LinkedSensor(Measurement):
     joint: JointPath | None = None
     tendon: TendonPath | None = None
     touching: tuple[int, ...] = ()
-    parts: dict[str, str] = field(default_factory=dict)
+    parts: dict[str, str] = {}
 
     @property
     def mounts(self) -> tuple[LinkedMount, ...]:
@@ -319,7 +303,6 @@ class LinkedSensor(Measurement):
         return self.parts.get(reading, f"{self.path}:{reading}")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class TendonStep(Wrap):
     """A step of a path, with its mounts worked out."""
 
@@ -327,8 +310,7 @@ class TendonStep(Wrap):
     side: LinkedMount | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedTendon(OneLineRepr):
+class LinkedTendon(OneLineRepr, FrozenStruct):
     """A tendon at its path (`hand/grip`): `moves` by joint path how much longer it gets per unit of q, `turns` whether its length is an
     angle [rad], else it is [m]. One on a path has `steps`, and a `width` [m] if one is stated; its spring rests where it is stated, else
     where its length is that at q = 0."""
@@ -353,8 +335,7 @@ class LinkedTendon(OneLineRepr):
         return sum_of(factor * q[path] for path, factor in self.moves.items())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedMode(OneLineRepr):
+class LinkedMode(OneLineRepr, FrozenStruct):
     """A mode of the top document with its references worked out; `exclude` are pairs of link indices, `adhesion` by path.
 
     `pose` is the mode's own, the first of `poses`; `cut` the joints (by path) it wants loops cut at. Of a mode that is `on_floor` the
@@ -379,35 +360,32 @@ class LinkedMode(OneLineRepr):
     feet: tuple[Foot, ...] = ()
     on_floor: bool = False
     stated: bool = True
-    at_in: dict[PoseName, Pose] = field(default_factory=dict)
+    at_in: dict[PoseName, Pose] = {}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MountAt(OneLineRepr):
+class MountAt(OneLineRepr, FrozenStruct):
     """A mount of an occurrence."""
 
     occurrence: int
     mount: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FileNames(OneLineRepr):
+class FileNames(OneLineRepr, FrozenStruct):
     """What files call things that have another path: components (which is what links are called after), exported mounts, whole joints,
     tendons, drives by the coordinate or tendon that they drive, equalities by the joint that mimics or closes a loop, sensors (or a part of
     one, `imu:gyro`) and poses."""
 
-    components: dict[str, str] = field(default_factory=dict)
-    mounts: dict[str, str] = field(default_factory=dict)
-    joints: dict[str, str] = field(default_factory=dict)
-    tendons: dict[str, str] = field(default_factory=dict)
-    actuators: dict[str, str] = field(default_factory=dict)
-    equalities: dict[str, str] = field(default_factory=dict)
-    sensors: dict[str, str] = field(default_factory=dict)
-    poses: dict[str, str] = field(default_factory=dict)
+    components: dict[str, str] = {}
+    mounts: dict[str, str] = {}
+    joints: dict[str, str] = {}
+    tendons: dict[str, str] = {}
+    actuators: dict[str, str] = {}
+    equalities: dict[str, str] = {}
+    sensors: dict[str, str] = {}
+    poses: dict[str, str] = {}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedTest(OneLineRepr):
+class LinkedTest(OneLineRepr, FrozenStruct):
     """A test of the top document with its references worked out: mounts, and components to all occurrences that they hold."""
 
     test: Test
@@ -415,8 +393,7 @@ class LinkedTest(OneLineRepr):
     components: dict[Reference, tuple[int, ...]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Connected(OneLineRepr):
+class Connected(OneLineRepr, FrozenStruct):
     """What hangs together with what, before anything has a place; all as of an `Assembly`, which it becomes where nothing is wrong."""
 
     occurrences: tuple[Occurrence, ...]
@@ -431,8 +408,7 @@ class Connected(OneLineRepr):
     between: frozenset[int]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Assembly(OneLineRepr):
+class Assembly(OneLineRepr, FrozenStruct):
     """The output of `link`: everything about the robot that does not depend on a root.
 
     `base` is the occurrence whose frame is the assembly's; `rest[i]` the pose of occurrence i in it at q = 0;

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import inf, sum_of
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Limit(OneLineRepr):
+class Limit(OneLineRepr, FrozenStruct):
     """Of a joint: `lower`, `upper` [rad or m]; `effort` [N m or N] and `velocity` [rad/s or m/s] as far as written. Of a ball `cone`, how
     far it may turn [rad] from q = 0, about whatever axis."""
 
@@ -27,8 +26,7 @@ class Limit(OneLineRepr):
         return (self.lower, self.upper, self.cone) != (None, None, None)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Dynamics(OneLineRepr):
+class Dynamics(OneLineRepr, FrozenStruct):
     """Of a joint, SI, as far as written: viscous `damping`, dry `friction`, reflected inertia `armature`, `stiffness` of a spring, and the
     q at which that does nothing, `rest`."""
 
@@ -78,8 +76,7 @@ class CoordinateName(str):
 _NUMBERED = re.compile(r"(.*)\[(\d+)\]")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mimic(OneLineRepr):
+class Mimic(OneLineRepr, FrozenStruct):
     """q = offset + multiplier * x + higher[0] * x^2 + higher[1] * x^3 ... with x = q(joint), SI; `joint` is a coordinate of the same
     document, as that calls it. `name` is that of its equality in files, if any is given."""
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
 
 
@@ -18,8 +18,7 @@ def numbered(written: list[Any] | dict[str, Any], number: int) -> tuple[Any, int
     return (written[number], number) if number < len(written) else None
 
 
-@dataclass(frozen=True, slots=True)
-class DefaultLayers:
+class DefaultLayers(FrozenStruct, kw_only=False):
     """Models of one kind with the key paths where they stand, the most specific first."""
 
     items: tuple[tuple[BaseModel, Path], ...]

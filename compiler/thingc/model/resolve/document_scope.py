@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 from pydantic import BaseModel
 
 from thingc.base.diagnostics import Code, Report
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.source import SET, Document, Path
 from thingc.documents.expressions.evaluation import ExpressionValue
@@ -131,8 +132,7 @@ class DocumentScope:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DeclaredParameters:
+class DeclaredParameters(FrozenStruct):
     """The parameters of a document with nothing set: their values (absent where wrong), and the names that were wrong."""
 
     values: Mapping[str, ExpressionValue]

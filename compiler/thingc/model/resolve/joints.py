@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from typing import Any, get_args
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
 from thingc.base.joints.dimensions import SLIDE, TURN, dimensions_of

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
-from dataclasses import field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.mirror import Mirror
 from thingc.base.one_line_repr import OneLineRepr, counted
 from thingc.base.pose import NO_POSE, Pose
@@ -22,7 +25,7 @@ NAMED = 3
 """How many shapes a label names."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LinkShape(OneLineRepr):
     """A shape of a link, in its frame: whether it is `drawn`, and whether it `touches`. `pose` is that of a mesh file: a primitive has its
     own. `material`, `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) are what the shape itself says; None: as its
@@ -55,12 +58,11 @@ class LinkShape(OneLineRepr):
     def mirrored(self, mirror: Mirror) -> LinkShape:
         """Its mirror image: every primitive is the image of itself, in a frame that is mirrored, and a mesh file is read mirrored."""
         if isinstance(self.solid, MeshFile):
-            return replace(self, solid=replace(self.solid, scale=mirror.vector(self.solid.scale)), pose=mirror.frame(self.pose))
-        return replace(self, solid=replace(self.solid, pose=mirror.frame(self.solid.pose)))
+            return dataclasses.replace(self, solid=replace(self.solid, scale=mirror.vector(self.solid.scale)), pose=mirror.frame(self.pose))
+        return dataclasses.replace(self, solid=replace(self.solid, pose=mirror.frame(self.solid.pose)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkDefinition(OneLineRepr):
+class LinkDefinition(OneLineRepr, FrozenStruct):
     """The shapes of a link: equal ones are one node of the HAG. `text` is `link-` and 12 hex of the SHA-256 of what it lists (`link`
     where that is nothing), `label` for people. Of a mirror image `mirror` is the axis of its frame, `plain` what it mirrors."""
 

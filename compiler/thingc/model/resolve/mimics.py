@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from typing import Any
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Code, Note
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.graphs import MAX_CIRCLE, circle_words, find_cycles
 from thingc.base.source import Path
 from thingc.base.units import NUMBER, Dimension, Quantity
@@ -98,8 +99,7 @@ def _polynomial(
     return Mimic(joint=followed.name, multiplier=multiplier, offset=offset, higher=tuple(higher), origin=scope.origin(path, key=True))
 
 
-@dataclass(frozen=True, slots=True)
-class _Followed:
+class _Followed(FrozenStruct, kw_only=False):
     """A coordinate that may be followed: its name, its joint and what it is measured in."""
 
     name: CoordinateName

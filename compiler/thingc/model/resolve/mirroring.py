@@ -14,7 +14,8 @@ and loops stay as they are written. What lies `at` X in a frame lies at `D X D`.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.base.mirror import Mirror
 from thingc.base.pose import Vector

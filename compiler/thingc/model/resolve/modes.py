@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from fnmatch import fnmatchcase
 from itertools import product
 from typing import cast
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
 from thingc.base.graphs import MAX_CIRCLE, circle_words, find_cycles

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Vector
 from thingc.base.units import LENGTH, Quantity, parse_quantity
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
@@ -22,8 +22,7 @@ _STEP = 1000.0
 """Between kg/m^3 and g/cm^3, g and kg."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Implausible:
+class Implausible(FrozenStruct):
     """What is odd about a number, in words that follow what has it, and the number that was probably meant, in SI (None: nobody
     can tell)."""
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Generic, TypeVar
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
 from thingc.documents.spec.assembly import ComponentSpec, JointSpec
 from thingc.documents.spec.name_types import RESERVED
@@ -21,8 +21,7 @@ MAX_OCCURRENCES = 100_000
 Spec = TypeVar("Spec", ComponentSpec, JointSpec)
 
 
-@dataclass(frozen=True, slots=True)
-class Unrolled(Generic[Spec]):
+class Unrolled(FrozenStruct, Generic[Spec], kw_only=False):
     """A component or joint after unrolling, with the scope of its own index."""
 
     name: str

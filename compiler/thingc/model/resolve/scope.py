@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Set
-from dataclasses import field, replace
 from typing import Any
+
+from msgspec.structs import replace
 
 from thingc.base import numeric
 from thingc.base.diagnostics import MAX_FAULTS, Code, Note, Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Matrix, Pose, Vector, placed, rotation_of
 from thingc.base.primitives import FARTHEST
 from thingc.base.source import Document, Origin, Path, ScalarNode, Span, dotted, node_at, walk
@@ -32,8 +33,7 @@ class TooManyErrors(Exception):
     """More faults than anybody reads have been said: the pass ends here."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scope:
+class Scope(FrozenStruct):
     """The names that expressions of a document (or of one item of a `repeat`) may use, and where to report.
 
     `broken` are names that were wrong and have been reported: what uses them is unsound, silently. `index` is the name
@@ -47,7 +47,7 @@ class Scope:
     names: Mapping[str, ExpressionValue]
     broken: Set[str] = NOTHING
     index: tuple[str, str] | None = None
-    said: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
+    said: set[tuple[str, Code, Path, bool]] = set()
     doubts: InvalidEntries = NO_DOUBTS
 
     def repeated(self, name: str, value: int) -> Scope:

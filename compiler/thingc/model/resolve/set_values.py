@@ -11,8 +11,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, cast
 
+from msgspec import structs
+
 from thingc.base.diagnostics import Code, Diagnostic, Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span, closest, option_span
 from thingc.base.suggestions import did_you_mean, nearest
 from thingc.base.units import shortened
@@ -33,8 +35,7 @@ FIXED = {
 """Keys of an assembly at which nothing is set, and why."""
 
 
-@dataclass(frozen=True, slots=True)
-class PathNotFound:
+class PathNotFound(FrozenStruct, kw_only=False):
     """Why a text cannot stand at a path, and what helps."""
 
     message: str
@@ -98,7 +99,7 @@ def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
         return leaf
     if isinstance(node, SequenceNode):
         place = node.index(keys[0])
-        return replace(node, items=tuple(_with(one, keys[1:], leaf) if k == place else one for k, one in enumerate(node.items)))
+        return structs.replace(node, items=tuple(_with(one, keys[1:], leaf) if k == place else one for k, one in enumerate(node.items)))
     entries, spans = (dict(node.entries), dict(node.keys)) if isinstance(node, MappingNode) else ({}, {})
     if len(keys) == 1 or keys[0] not in spans:
         spans[keys[0]] = leaf.span

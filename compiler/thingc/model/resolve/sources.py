@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import field
 from typing import TYPE_CHECKING
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.store.file_digests import digest_of
 
 if TYPE_CHECKING:
@@ -17,19 +16,17 @@ if TYPE_CHECKING:
     from thingc.geometry.record import PartFailure, PartSchema
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class Settings(FrozenStruct):
     """What one compilation has of its own. `parameters` are texts as `-p` takes them (`{"reach": "120 mm"}`), `choices` texts by
     dotted path in the root document (`{"components.foot.part": "feet:Wide"}`). `quantities` are values for some of these paths: each is
     set in place of its text."""
 
-    parameters: Mapping[str, str] = field(default_factory=dict)
-    choices: Mapping[str, str] = field(default_factory=dict)
-    quantities: Mapping[str, Quantity] = field(default_factory=dict)
+    parameters: Mapping[str, str] = {}
+    choices: Mapping[str, str] = {}
+    quantities: Mapping[str, Quantity] = {}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sources:
+class Sources(FrozenStruct):
     """Documents, their models (or the sound rest of these) by path in the workspace, what the parts that they name take, and who
     tells the SHA-256 of a file."""
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Any, Literal
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
 from thingc.base.joints.dimensions import dimensions_of

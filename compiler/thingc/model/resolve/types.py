@@ -5,11 +5,10 @@ Mounts of parts depend on geometry: references carry their names, which `model/a
 
 from __future__ import annotations
 
-from dataclasses import field
 from typing import Any, Literal
 
 from thingc.base.export_names import JointPath, PoseName, RawAttributes, RawPath
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.bases import BaseType
 from thingc.base.joints.kind import JointKind
 from thingc.base.joints.twist import Twist
@@ -25,8 +24,7 @@ COUNTED = "the reference is repeated this often"
 """The note on the count of a `repeat` whose index leads nowhere."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reference(OneLineRepr):
+class Reference(OneLineRepr, FrozenStruct):
     """`hand.cap.pen`: `path` the component names from this document down, `mount` the last word.
 
     `mount` None means the component itself (`links`, `drive`, a mode's root). A mount may be one that a nested
@@ -45,8 +43,7 @@ class Reference(OneLineRepr):
         return ".".join((*self.path, self.mount) if self.mount is not None else self.path)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Process(OneLineRepr):
+class Process(OneLineRepr, FrozenStruct):
     """How a part is made. `kind` such as `fdm`; widths and layer [m]; infill and overlap 0..1, bridge flow a ratio; `estimate` is how
     the mass of a part with an infill is worked out, `layers | skin` (None: by the kind). `origins` are where the keys are written; those in
     `wrong` are written, and what is wrong with them has been said."""
@@ -61,12 +58,11 @@ class Process(OneLineRepr):
     overlap: float | None = None
     bridge_flow: float | None = None
     estimate: str | None = None
-    origins: dict[str, Origin] = field(default_factory=dict)
+    origins: dict[str, Origin] = {}
     wrong: frozenset[str] = frozenset()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Material(OneLineRepr):
+class Material(OneLineRepr, FrozenStruct):
     """A material in scope. `density` [kg/m^3]; `color` `#rrggbb` or `#rrggbbaa`; `slide` the sliding friction (torsional and
     rolling likewise); `process_origin` is where its `process` is written, empty where it has none, `density_origin` the same of its
     density."""
@@ -83,8 +79,7 @@ class Material(OneLineRepr):
     density_origin: Origin = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StatedValue(OneLineRepr):
+class StatedValue(OneLineRepr, FrozenStruct):
     """A number a document states (mass [kg], com [m], inertia [kg m^2] as ixx iyy izz ixy ixz iyz), its source and place. One that
     was wrong, which has been reported, is a `stand_in`."""
 
@@ -94,8 +89,7 @@ class StatedValue(OneLineRepr):
     stand_in: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExtraMount(OneLineRepr):
+class ExtraMount(OneLineRepr, FrozenStruct):
     """A mount that the document adds to a component."""
 
     pose: Pose
@@ -103,8 +97,7 @@ class ExtraMount(OneLineRepr):
     origin: Origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Overrides(OneLineRepr):
+class Overrides(OneLineRepr, FrozenStruct):
     """What a document says about one component on top of what its part says. None: not said. `up` is the direction away from the
     bed of a printer, a unit vector in the component's axes."""
 
@@ -117,8 +110,7 @@ class Overrides(OneLineRepr):
     up: Vector | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BomEntry(OneLineRepr):
+class BomEntry(OneLineRepr, FrozenStruct):
     """Of the bill of materials. `make` is `buy | print | machine`; `cost` as written (`12.50 EUR`)."""
 
     number: str | None = None
@@ -127,8 +119,7 @@ class BomEntry(OneLineRepr):
     make: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Attach(OneLineRepr):
+class Attach(OneLineRepr, FrozenStruct):
     """The rigid mate: this component's `mount` onto `to`; `turn` [rad] and `gap` [m] along the other mount's z.
 
     `mount` is a reference whose path starts with this component's own name.
@@ -141,8 +132,7 @@ class Attach(OneLineRepr):
     origin: Origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class At(OneLineRepr):
+class At(OneLineRepr, FrozenStruct):
     """Plain placement: this component's frame at `pose` in the frame `to`."""
 
     to: Reference
@@ -150,8 +140,7 @@ class At(OneLineRepr):
     origin: Origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Component(OneLineRepr):
+class Component(OneLineRepr, FrozenStruct):
     """A node placed in an assembly.
 
     Exactly one of: `definition` a part, a link or a nested assembly, or `frame` True. `definition` None without
@@ -181,8 +170,7 @@ class Component(OneLineRepr):
         return self.definition.label if self.definition is not None else "frame"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Drive(OneLineRepr):
+class Drive(OneLineRepr, FrozenStruct):
     """What moves a joint: `component` whose Thing declares an actuator, or an inline one (`component` None); of a ball about an `axis`
     (a unit vector fixed in the child, in the parent mount's axes at q = 0)."""
 
@@ -197,8 +185,7 @@ class Drive(OneLineRepr):
     axis: Vector | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Joint(OneLineRepr):
+class Joint(OneLineRepr, FrozenStruct):
     """An edge that moves (or a `fixed` one): it places the component that `child` belongs to, unless it closes a `loop`.
 
     One that has several coordinates is as many of these, next to each other: `name` is the coordinate's (`wrist[0]`), `twist` what that
@@ -222,7 +209,7 @@ class Joint(OneLineRepr):
     mimic: Mimic | None
     origin: Origin
     spans: dict[str, Span]
-    written: dict[str, str] = field(default_factory=dict)
+    written: dict[str, str] = {}
     loop: bool = False
     mirrored: bool = False
     axis: Vector | None = None
@@ -233,8 +220,7 @@ class Joint(OneLineRepr):
         return self.name.path
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wrap(OneLineRepr):
+class Wrap(OneLineRepr, FrozenStruct):
     """Of the path of a tendon: a `mount` that it goes through, or, with a `shape` of a `radius` [m], that it goes around, on the side of
     the mount `side` if there is one; or (without a mount) a pulley, behind which lengths are divided by `divisor`."""
 
@@ -244,7 +230,6 @@ class Wrap(OneLineRepr):
     origin: Origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PathStep(Wrap):
     """A step of a path, with its mounts as the document names them."""
 
@@ -252,8 +237,7 @@ class PathStep(Wrap):
     side: Reference | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tendon(OneLineRepr):
+class Tendon(OneLineRepr, FrozenStruct):
     """A sum of coordinates, its length: `moves` has the factor of each [by the units of q], `turns` says whether the length is an angle
     [rad], else it is [m]. Or the length of a `path`, drawn with a `width` [m]. Limit, dynamics and drive are along it."""
 
@@ -268,8 +252,7 @@ class Tendon(OneLineRepr):
     width: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkName(OneLineRepr):
+class LinkName(OneLineRepr, FrozenStruct):
     """`links: {base_link: plate}`: names a link and picks its frame."""
 
     name: str
@@ -280,8 +263,7 @@ class LinkName(OneLineRepr):
 NamedKind = Literal["components", "mounts", "joints", "tendons", "actuators", "equalities", "sensors", "poses"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NameInFiles(OneLineRepr):
+class NameInFiles(OneLineRepr, FrozenStruct):
     """`names: {joints: {joint_1: "1"}}`: what files call a thing of the document. `own` is what the document calls it, of coordinates as
     artifacts have it (`wrist_0`)."""
 
@@ -291,8 +273,7 @@ class NameInFiles(OneLineRepr):
     origin: Origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NamedPose(OneLineRepr):
+class NamedPose(OneLineRepr, FrozenStruct):
     """A pose with its globs and nested poses worked out: joint path (`hand/finger`) to q [rad or m], and where each
     value was written. Joints not named are at 0."""
 
@@ -302,7 +283,6 @@ class NamedPose(OneLineRepr):
     origin: Origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor(Measurement):
     """By its kind it sits `at` a mount, and is seen from another; `joint` is the path of the joint (`leg/knee`) that is measured or driven,
     `tendon` the name of such a tendon; `touching` are the component whose link is touched, and the one that touches it, if it is not
@@ -316,8 +296,7 @@ class Sensor(Measurement):
     touching: tuple[Reference, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Hold(OneLineRepr):
+class Hold(OneLineRepr, FrozenStruct):
     """A further mount that a mode holds to the world: mated to the world frame moved to `pose`, as a root is mated to `at`.
 
     `pose` None: `here`, where the mode's own pose puts it. `mount.mount` None: a component, whose origin lies on `pose`. One that
@@ -330,8 +309,7 @@ class Hold(OneLineRepr):
     turns: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Standing(OneLineRepr):
+class Standing(OneLineRepr, FrozenStruct):
     """The mounts that a floating mode stands on, points that the floor pushes and does not pull. `friction` None: that of their
     materials."""
 
@@ -340,16 +318,14 @@ class Standing(OneLineRepr):
     origin: Origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Cut(OneLineRepr):
+class Cut(OneLineRepr, FrozenStruct):
     """A joint (its path) at which a mode wants a loop to be cut."""
 
     joint: JointPath
     origin: Origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mode(OneLineRepr):
+class Mode(OneLineRepr, FrozenStruct):
     """One simulation model. `extends` has been merged. `root.mount` None: a component root.
 
     `at` is the world side's pose (without its height if `on_floor`), `at_in` that in some poses; `gravity` [m/s^2] in the world frame;
@@ -378,11 +354,10 @@ class Mode(OneLineRepr):
     step_origin: Origin = ()
     gravity_origin: Origin = ()
     worked_out: bool = False
-    at_in: dict[str, Pose] = field(default_factory=dict)
+    at_in: dict[str, Pose] = {}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RawAttribute(OneLineRepr):
+class RawAttribute(OneLineRepr, FrozenStruct):
     """`raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`: the target, the keys on the way, and the value as text (of `usd`, whose
     attributes have types, as JSON).
 
@@ -406,8 +381,7 @@ class RawAttribute(OneLineRepr):
         return self.keys[index : index + 1] + self.origin[1:] if index < len(self.keys) else self.origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RawElement(OneLineRepr):
+class RawElement(OneLineRepr, FrozenStruct):
     """An element that `raw: {mjcf: {add: ...}}` adds to a `section` of the model, with what it has in it."""
 
     section: str
@@ -428,8 +402,7 @@ class RawElement(OneLineRepr):
         return words + "".join(f" ({child.text})" for child in self.children)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointRange(OneLineRepr):
+class JointRange(OneLineRepr, FrozenStruct):
     """A joint (its path) to move from `lower` to `upper` [rad or m]."""
 
     joint: str
@@ -437,8 +410,7 @@ class JointRange(OneLineRepr):
     upper: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Test(OneLineRepr):
+class Test(OneLineRepr, FrozenStruct):
     """A test of a document, to be run in each of its `modes` (none: it does not depend on the mode) and `poses`.
 
     `kind` is the key in the document. In `poses` None is where the mode starts; `every_pose` asks for all keyframes of the mode,
@@ -457,8 +429,7 @@ class Test(OneLineRepr):
     spans: dict[str, Span]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AssemblyDefinition(OneLineRepr):
+class AssemblyDefinition(OneLineRepr, FrozenStruct):
     """A document with its parameters worked out: equal definitions are one node of the HAG.
 
     `document` is its path in the workspace, `parameters` the complete canonical ones; `text` prints those that differ

@@ -7,8 +7,9 @@ nothing in it. A mode has its height from its start pose; a `free` base from eac
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.memo import Memo

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.joints.bases import stays

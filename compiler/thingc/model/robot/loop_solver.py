@@ -14,9 +14,10 @@ Plain Python, because `check` must not pay for numpy; a handful of equations eac
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist, moved, velocities
 from thingc.base.numeric import dist, hypot, inf, maximum, minimum, sum_of
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, rotate, transpose, turn_of, turned_about
@@ -54,16 +55,14 @@ ROUNDING = 1e-13
 the steepest descent: of two joints that a step takes to their limits, only one may belong there."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SolverState:
+class SolverState(FrozenStruct):
     """q [rad or m] of every joint by path, and the pose of the root link in the world."""
 
     q: dict[str, float]
     base: Pose
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Solution:
+class Solution(FrozenStruct):
     """Where the method ended: the state, and the residual (|p| [m], |w| [rad]) of every closure."""
 
     state: SolverState
@@ -80,8 +79,7 @@ class Solution:
         return maximum((p for p, _ in self.residuals), default=0.0), maximum((w for _, w in self.residuals), default=0.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Coordinate:
+class Coordinate(FrozenStruct):
     """What a step changes: one joint and those that follow it (their paths, with dq / dcoordinate, of polynomials where leaders are at 0),
     within limits [rad or m] that keep all of them within theirs. `unit` is the length that counts as much as a radian [m], 1 of a turn."""
 

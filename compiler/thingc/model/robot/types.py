@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import field
 from typing import Literal
 
 from thingc.base import numeric
 from thingc.base.export_names import JointPath, PoseName, SitePath
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.bases import BaseType
 from thingc.base.joints.kind import JointKind
 from thingc.base.joints.twist import Twist
@@ -18,8 +17,7 @@ from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge, Link
 from thingc.model.resolve.coordinates import Dynamics, Limit, Mimic
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TreeJoint(OneLineRepr):
+class TreeJoint(OneLineRepr, FrozenStruct):
     """A coordinate of a joint as the tree crosses it: child link relative to its tree parent.
 
     `twist` is in the child link's frame with the coordinates after it in the body at 0, the same at every q of its own and of those
@@ -40,8 +38,7 @@ class TreeJoint(OneLineRepr):
     origin: Origin
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Body(OneLineRepr):
+class Body(OneLineRepr, FrozenStruct):
     """A link in the tree. `parent` is an index into `Robot.bodies` (None: the world); `X_PL` the pose of its frame in the
     parent link's frame at q = 0 (of the root: in the world, as the mode's `at` puts it). It moves in it by its `joints`, one after
     the other, `X_PL @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...`, or those of a ball at once; the root has none."""
@@ -62,8 +59,7 @@ class Body(OneLineRepr):
         return bool(self.joints) and self.joints[0].kind.at_once
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Site(OneLineRepr):
+class Site(OneLineRepr, FrozenStruct):
     """A named frame on a link: `path`, the body's index, and its pose in the link's frame."""
 
     path: SitePath
@@ -77,8 +73,7 @@ ClosureKind = Literal["weld", "ball", "hinge", "slide", "screw", "universal", "s
 right angles, or several coordinates."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Closure(OneLineRepr):
+class Closure(OneLineRepr, FrozenStruct):
     """A loop that the tree leaves open: body `parent` (None: the world) and body `child` meet. With A a frame on the parent and
     B one on the child, it is closed where
 
@@ -124,8 +119,7 @@ def residual_words(residual: tuple[float, float]) -> str:
     return f"{apart:.3g} mm and {turned:.3g} deg" if apart or turned else "less than 0.0001 mm and 0.0001 deg"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Keyframe(OneLineRepr):
+class Keyframe(OneLineRepr, FrozenStruct):
     """A pose of this mode: q of every joint by path [rad or m], those that mimic included, and those that were cut.
 
     In a mode with closures it is the named pose with the loops closed: `moved` says by how much [rad or m] each joint had to
@@ -138,12 +132,11 @@ class Keyframe(OneLineRepr):
     q: dict[JointPath, float]
     origin: Origin
     base: Pose | None = None
-    moved: dict[JointPath, float] = field(default_factory=dict)
+    moved: dict[JointPath, float] = {}
     residual: tuple[float, float] | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Unclosed(OneLineRepr):
+class Unclosed(OneLineRepr, FrozenStruct):
     """A pose that the mode has no keyframe for, because its loops do not close from there within the limits of the joints:
     `path` names the closure that stays open most, `residual` how far [m, rad] at best. Or they do close, but so far from the
     pose that it would be another: then `moved` is that of the keyframe it would have been."""
@@ -152,11 +145,10 @@ class Unclosed(OneLineRepr):
     path: JointPath | SitePath
     residual: tuple[float, float]
     origin: Origin
-    moved: dict[JointPath, float] = field(default_factory=dict)
+    moved: dict[JointPath, float] = {}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Robot(OneLineRepr):
+class Robot(OneLineRepr, FrozenStruct):
     """One mode. `bodies` in depth-first order, root first, parents before children, children in document order.
 
     `base` is `fixed | held | free | planar | ball`, `moves` the coordinates of the last two (the root body stands at 0 of them in every

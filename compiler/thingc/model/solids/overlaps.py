@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from thingc.base.diagnostics import Code, Note, Report, allow_hint
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.numeric import maximum, minimum, sum_of
 from thingc.base.pose import Pose, Vector
@@ -26,8 +26,7 @@ KIND = "overlaps"
 """Documents in the store: what two parts share in a pose to each other."""
 
 
-@dataclass(frozen=True, slots=True)
-class PartPair:
+class PartPair(FrozenStruct, kw_only=False):
     """Two occurrences in document order, and the pose of the `other` in the frame of the `one`."""
 
     one: Occurrence

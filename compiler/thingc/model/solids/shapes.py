@@ -9,7 +9,7 @@ import numpy as np
 from manifold3d import Manifold, Mesh64, OpType
 from numpy.typing import NDArray
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
 from thingc.geometry.record import Mesh
@@ -25,8 +25,7 @@ ENDLESS = 100.0
 """How far [m] a plane reaches, and the matter below it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Solid:
+class Solid(FrozenStruct, kw_only=False):
     """What something is made of. `whole` is all of it, with facets where it is round. `cores` are solids each with a radius [m]: what is
     nearer to the core than that is of it. So gaps to balls and capsules are exact, and are found in no time: their cores are points and
     lines."""

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import get_args
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import Definition, DefinitionEdge, DefinitionKind, Hag
@@ -15,8 +15,7 @@ KINDS: tuple[DefinitionKind, ...] = get_args(DefinitionKind)
 """Kinds of definitions, in the order of a legend."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EdgeBundle:
+class EdgeBundle(FrozenStruct):
     """All edges from one definition to another: drawn as one line."""
 
     parent: str

@@ -14,6 +14,7 @@ from bisect import bisect_left, insort
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import sum_of
 
 GAP = 40.0
@@ -30,16 +31,14 @@ PORT = 9.0
 """Between two lines at the side of a box."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Size:
+class Size(FrozenStruct):
     """Of a box or a label."""
 
     width: float
     height: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Line:
+class Line(FrozenStruct):
     """From box `source` to box `target` (indices), with a label of a size."""
 
     source: int
@@ -47,8 +46,7 @@ class Line:
     label: Size
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Rectangle:
+class Rectangle(FrozenStruct):
     """`x`, `y` of the upper left corner; y grows downwards."""
 
     x: float
@@ -57,16 +55,14 @@ class Rectangle:
     height: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Route:
+class Route(FrozenStruct):
     """A line's way: `stretches` are level pieces `(x0, x1, y)` from left to right, joined by curves; `label` lies on one."""
 
     stretches: tuple[tuple[float, float, float], ...]
     label: Rectangle
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Drawing:
+class Drawing(FrozenStruct):
     """Boxes in the order given, routes in the order of the lines, and the size of everything, from (0, 0)."""
 
     width: float

@@ -6,7 +6,7 @@ import unicodedata
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import Definition, DefinitionKind, Hag
 from thingc.targets.hag.labels import KINDS, EdgeBundle, bundles, entries, how, quantities, short, total
@@ -119,8 +119,7 @@ def _box_size(lines: Sequence[str], count: int) -> Size:
     return Size(width=round(max(width, 96.0), 1), height=LEAD * len(lines) + 15.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Words:
+class _Words(FrozenStruct):
     """A line of a label: its baseline below the label's upper edge, and `kind` `name | place | joint`."""
 
     text: str

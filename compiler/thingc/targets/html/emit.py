@@ -6,7 +6,7 @@ import base64
 import html
 from importlib import resources
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.html_page import in_script, pieces
 from thingc.base.safe_text import escape_control
 from thingc.targets.artifact import Artifacts
@@ -20,8 +20,7 @@ _AGAINST = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Page:
+class Page(FrozenStruct):
     """What a page is made from: the `name` of the robot, what the page is told of it (`data`, JSON), and its meshes (`glb`)."""
 
     name: str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from thingc.base.diagnostics import Code
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.generated_header import heading
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Artifacts, Content, Loss, StoredArtifact
@@ -18,8 +18,7 @@ from thingc.targets.request import EmitRequest
 from thingc.targets.xml_writer import Element, write
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Models:
+class Models(FrozenStruct):
     """What is written of every mode, before it is laid out as files: `assets` are the meshes, by their name in `assets/`."""
 
     candidates: tuple[verify.Candidate, ...]

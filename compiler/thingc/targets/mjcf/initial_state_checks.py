@@ -10,11 +10,12 @@ import hashlib
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Code, Note, Report, allow_hint
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import quoted
 from thingc.base.source import Origin
@@ -43,8 +44,7 @@ def apart(text: str) -> tuple[str, ...]:
     return (head, rest.partition(">")[0], *_INDIFFERENT.findall(rest))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Penetration:
+class Penetration(FrozenStruct):
     """Two parts, by path, that start in each other by `depth` [m]."""
 
     one: str
@@ -52,8 +52,7 @@ class Penetration:
     depth: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gains:
+class Gains(FrozenStruct):
     """A drive as the step of a simulation sees it: `stiffness` (kp and a spring) [N m/rad or N/m], `kv` and `damping` [N m s/rad or
     N s/m], the `inertia` [kg m^2 or kg] that it moves with everything else free, whether its force has a limit, and the time step `dt`
     [s] and integrator."""
@@ -122,8 +121,7 @@ class Gains:
         return not (self.too_stiff or self.too_quick or self.jumps)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InitialState:
+class InitialState(FrozenStruct):
     """What was found of one mode: parts in each other, deepest first, and by joint the gains that chatter."""
 
     robot: Robot

@@ -4,10 +4,11 @@ together."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Literal, assert_never
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import rotation_vector
 from thingc.base.pose import Vector, quaternion_of
 from thingc.model.robot.types import Body, Robot, TreeJoint
@@ -15,8 +16,7 @@ from thingc.targets.capabilities import joint_cell
 from thingc.targets.mjcf.capabilities import CAPABILITIES
 
 
-@dataclass(frozen=True, slots=True)
-class MujocoJoint:
+class MujocoJoint(FrozenStruct, kw_only=False):
     """A joint of MuJoCo's: its `name`, `type`, unit `axis`, and by how much it moves per unit of the coordinate (`ratio`)."""
 
     name: str

@@ -4,7 +4,8 @@ joints is no body there, and the joint before it is one more of the body behind 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.model.robot.types import Body, Robot, Site
 from thingc.targets.artifact import Loss

@@ -9,11 +9,12 @@ import hashlib
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import Any
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Code, Note, Report, Severity
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.source import Origin
 from thingc.geometry.store.local import Store
@@ -27,8 +28,7 @@ MANY = 20_000_000
 """Bytes of meshes that MuJoCo is given at once; it takes some fifteen times as many for them."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class Candidate(FrozenStruct):
     """A mode's files: `model` as it was written from the element `root` with `heading`, and the scene that includes it as
     `file`."""
 
@@ -47,8 +47,7 @@ class Candidate:
         return self.model.text, self.scene.text
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CompileResult:
+class CompileResult(FrozenStruct):
     """What MuJoCo said of one text: why it refuses it (None: it compiled), its warnings, and the compiled `MjModel`."""
 
     error: str | None

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 
 Array = NDArray[np.float64]
 
@@ -15,8 +15,7 @@ NEAR = 0.3
 """Where a camera begins to see, as a part of the way to the nearest point."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Camera:
+class Camera(FrozenStruct, eq=False):
     """A pinhole at `position` (3,) [m]; `axes` (3, 3) are its right, up and backward directions by rows; `tangent` is that of
     half its vertical angle of view, `aspect` width by height; nothing nearer than `near` [m] is seen."""
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import sum_of
 from thingc.base.pose import Pose
 from thingc.targets.render.camera import Array, Camera
@@ -31,16 +31,14 @@ ARC = math.radians(280.0)
 """How far round the arrow of a joint that turns goes."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stroke:
+class Stroke(FrozenStruct):
     """An arrow along points (n, 3) [lengths of an axis] in the frame that it belongs to."""
 
     colour: Colour
     points: Array
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Frame:
+class Frame(FrozenStruct):
     """The axes x, y, z of a frame at `pose` in the frame of the MuJoCo body `body`, `size` times as long as usual."""
 
     label: str
@@ -60,8 +58,7 @@ class Frame:
         return INK
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointAxis:
+class JointAxis(FrozenStruct):
     """The axis of a joint, z at `pose` in the frame of the MuJoCo body `body`: an arrow the way that it slides, or round the way that
     it turns, for a growing coordinate."""
 

@@ -6,7 +6,7 @@ import os
 import warnings
 from typing import TYPE_CHECKING, Any
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,8 +36,7 @@ class NoGraphics(Exception):
         self.hint = hint
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shot:
+class Shot(FrozenStruct):
     """How to look: `size` (width, height) in pixels, `azimuth` and `elevation` [deg] of the view (None: a good one; azimuth 90
     looks along y, elevation -90 straight down)."""
 

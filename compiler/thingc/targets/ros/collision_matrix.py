@@ -12,7 +12,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly
 from thingc.targets.geometry import MeshAsset
@@ -37,8 +37,7 @@ MEMORY = 1 << 26
 Pair = tuple[str, str]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CollisionMatrix:
+class CollisionMatrix(FrozenStruct):
     """In how many of `samples` configurations each pair of links meets (a pair that never does is left out), and which meet in each of the
     configurations that were asked for, by name. Names within a pair are sorted."""
 

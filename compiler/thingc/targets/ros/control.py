@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import formatter
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import ActuatorModel
@@ -26,8 +26,7 @@ RATE = 100
 """How often controllers are updated [Hz]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Controller:
+class Controller(FrozenStruct):
     """A controller of the joints of one `interface`; `drives` are theirs, by the name of the joint."""
 
     name: str

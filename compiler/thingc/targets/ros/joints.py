@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import moved
 from thingc.base.pose import NO_POSE, Vector, cross, dot, multiply, rpy_of, transpose
 from thingc.geometry.record import DriveType
@@ -20,8 +20,7 @@ INTERFACES: Mapping[DriveType, str] = {"position": "position", "velocity": "velo
 """What ros2_control calls the command that each kind of drive takes."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MovingJoint:
+class MovingJoint(FrozenStruct):
     """A joint of URDF's that moves: its `name` there, the `body` (index) that it leads to, what it does, whether it `follows` another, and
     the `drive` that commands it in this mode. The three turns of a ball have none: the axes of its drives are not theirs."""
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import combinations
 
 from thingc.base.diagnostics import Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Origin
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Robot, Site
@@ -20,8 +20,7 @@ ALWAYS = 0.95
 """The share of configurations from which on links count as always meeting, as MoveIt's setup assistant has it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Group:
+class Group(FrozenStruct):
     """A group of joints by its name; `tip` is the mount that its chain leads to, None of that of all joints."""
 
     name: str

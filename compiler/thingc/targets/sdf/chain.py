@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal, assert_never
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist
 from thingc.base.pose import NO_POSE, Vector
 from thingc.model.assembly.types import JointEdge
@@ -24,16 +24,14 @@ LINK = "_link"
 """What the name of a link between the joints of a chain ends with, behind that of the joint before: components are called like joints."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SdfAxis:
+class SdfAxis(FrozenStruct):
     """A coordinate of a joint, and what it does, seen in the child link's frame where the file has it."""
 
     joint: TreeJoint | JointEdge
     twist: Twist
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SdfJoint:
+class SdfJoint(FrozenStruct):
     """A joint of SDF's: `path` names it, `at` is its origin in the child link's frame [m], `axes` are those that it turns about or slides
     along, none where it is `fixed` or a `ball`."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.robot.kinematics import placed_bodies
@@ -10,8 +10,7 @@ from thingc.model.robot.loop_solver import Loops, SolverState
 from thingc.model.robot.types import Robot
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ZeroState:
+class ZeroState(FrozenStruct):
     """`q` [rad or m] of every joint by path, and the pose of the root link in the world; `pose` is the pose of the document that this is
     (None: all joints at 0), `closed` whether loops and holds are closed there."""
 

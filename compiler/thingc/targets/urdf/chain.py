@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Literal, assert_never
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import NO_POSE, Pose, Vector, shifted
 from thingc.model.robot.types import TreeJoint
 from thingc.targets.capabilities import joint_cell
@@ -19,8 +19,7 @@ SLIDE = "_slide"
 """What the name of a screw's slide ends with."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Move:
+class Move(FrozenStruct):
     """A joint of URDF's: `path` names it, `type` says how it moves about or along the unit vector `axis`; `origin` is its frame, and its
     child's, in the frame of the joint or link before it, all at q = 0. `follows` is what a screw's slide follows, by how much [m/rad]."""
 

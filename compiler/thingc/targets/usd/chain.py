@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Literal, assert_never
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, along, cross, dot, shifted, transpose
 from thingc.model.assembly.types import JointEdge
@@ -30,8 +30,7 @@ LETTERS = {1: ("Z",), 2: ("X", "Y"), 3: ("X", "Y", "Z")}
 """Along which axes of the frame the directions lie in which a joint moves, by how many there are."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Freedom:
+class Freedom(FrozenStruct):
     """What may move: `name` is UsdPhysics's (`angular` and `linear` of a joint with one coordinate, else `rotX` or `transX` ..., of a ball
     `ball`); it moves by `ratio` [1 or m/rad] of the `joint`'s q."""
 
@@ -45,8 +44,7 @@ class Freedom:
         return self.name.startswith(("angular", "rot"))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UsdJoint:
+class UsdJoint(FrozenStruct):
     """A joint of UsdPhysics's: `path` names it, `frame` is its frame in the child at q = 0, `freedoms` are its coordinates (of a ball those
     of the document)."""
 

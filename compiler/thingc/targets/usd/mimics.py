@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Origin
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.resolve.coordinates import Limit
@@ -12,8 +12,7 @@ from thingc.targets.usd.capabilities import CAPABILITIES
 from thingc.targets.usd.chain import chain
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MimicJoint:
+class MimicJoint(FrozenStruct):
     """A joint at `path` that follows the `leader`, which moves by itself: q = offset + multiplier q(leader) [rad or m]. `said`: both are
     joints of one coordinate and of one kind, as Newton's schema has them. `reach`: between which values the leader's limits take it, None
     where that has no two."""

@@ -6,7 +6,7 @@ import os
 from collections.abc import Collection, Iterator
 
 from thingc.base.diagnostics import Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode
 from thingc.documents.load.discovery import documents_in
 from thingc.documents.load.documents import Documents, load
@@ -18,8 +18,7 @@ from thingc.geometry.store.local import Store
 KINDS = ("assembly", "materials", "variants")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AffectedDocuments:
+class AffectedDocuments(FrozenStruct):
     """`documents` (absolute paths, sorted) depend on a file that changed; `roots` are what there is to build: the assemblies
     among them that have modes of their own, or that no other of them nests."""
 
@@ -27,8 +26,7 @@ class AffectedDocuments:
     roots: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Needs:
+class _Needs(FrozenStruct, kw_only=False):
     """What a document depends on: real paths of files, there or not, and `folders` of which any file that is no Python counts.
     `assembly`: is it one; `modes`: has it any; `nested`: real paths of the documents that it uses; `varies`: of the assemblies
     that variants are made of."""

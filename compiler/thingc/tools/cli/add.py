@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import hashlib
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import get_args
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Report, Severity, shown_path
 from thingc.base.joints.kind import JointType
@@ -137,7 +139,7 @@ def _write(
             root = documents.root
             changed, memo = _with_addition(root, addition), memo or Memo()
             before, after = document_change(root, changed.text)
-            remember(replace(changed, sha256=hashlib.sha256(after).hexdigest()), memo)
+            remember(dataclasses.replace(changed, sha256=hashlib.sha256(after).hexdigest()), memo)
             _, diagnostics = checked(root.path, replace(options, texts={root.path: after}), memo=memo)
             if _wrong(diagnostics):
                 _, already = checked(root.path, options)
@@ -167,7 +169,7 @@ def _with_addition(root: Document, addition: DocumentEdit) -> Document:
     if laid_out is None or laid_out == document.text.encode():
         return document
     tree = read_tree(document.path, laid_out, Report())
-    return document if tree is None else replace(document, text=laid_out.decode(), tree=tree)
+    return document if tree is None else dataclasses.replace(document, text=laid_out.decode(), tree=tree)
 
 
 def _article(what: str) -> str:

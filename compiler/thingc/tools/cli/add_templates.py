@@ -10,10 +10,10 @@ import os
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, get_args
 
 from thingc.base.diagnostics import Report, shown_path
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.bases import BaseType, stays
 from thingc.base.python_source import parse_python
 from thingc.base.replacement import Change
@@ -37,14 +37,13 @@ NAME = r"[A-Za-z][A-Za-z0-9_]*"
 """What a name is made of."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class DocumentEdit:
+class DocumentEdit(FrozenStruct, dict=True):
     """What is added: `values` in the document at their keys, of which `placed` (if any) is taken out before; `files` that are
     new, or change, by path."""
 
     values: Mapping[Keys, Written]
     placed: tuple[Keys, ...] = ()
-    files: Mapping[str, Change] = field(default_factory=dict)
+    files: Mapping[str, Change] = {}
 
 
 def _part(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Report, shown_path
 from thingc.base.one_line_repr import counted

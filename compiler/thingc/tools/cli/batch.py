@@ -7,8 +7,9 @@ import shlex
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, shown_path
 from thingc.base.one_line_repr import counted

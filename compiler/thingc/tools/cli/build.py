@@ -8,9 +8,10 @@ import shlex
 import sys
 import textwrap
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from functools import partial
 from typing import Any
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, shown_path
 from thingc.base.one_line_repr import counted

@@ -6,8 +6,9 @@ import argparse
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.base.one_line_repr import counted

@@ -8,9 +8,10 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic
 from thingc.base.suggestions import did_you_mean

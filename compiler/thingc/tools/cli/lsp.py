@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.tools.cli import console, signals
 

@@ -8,9 +8,10 @@ import os
 import re
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.base.suggestions import did_you_mean

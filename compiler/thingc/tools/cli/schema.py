@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from dataclasses import replace
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Report, shown_path
 from thingc.base.one_line_repr import counted

@@ -10,10 +10,11 @@ import threading
 import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from urllib.parse import quote
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, shown_path
 from thingc.base.suggestions import did_you_mean

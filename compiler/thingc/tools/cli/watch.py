@@ -9,7 +9,8 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostic_output import as_json
 from thingc.base.diagnostics import Diagnostic, shown_path

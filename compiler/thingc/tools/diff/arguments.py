@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from thingc.base.filesystem import listing
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.tools.affected.git_changes import NotARepository
 from thingc.tools.diff.revisions import DOCUMENTS, LOCK_FILE, Repository, UnknownRevision
@@ -25,8 +25,7 @@ class UnknownComparison(Exception):
         self.hint = hint
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Side:
+class Side(FrozenStruct):
     """One of the two: `name` is what it is called in answers, `place` the path of a document, build folder or lock, or the hash of a
     commit."""
 
@@ -35,8 +34,7 @@ class Side:
     place: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ComparisonRequest:
+class ComparisonRequest(FrozenStruct):
     """Two sides, and the documents (as named on the command line) that are compared where both are states of a repository; none: those
     that the change concerns."""
 

@@ -6,8 +6,9 @@ import contextlib
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Severity
 from thingc.base.one_line_repr import counted

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Literal, Union, get_args
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Span
 
@@ -25,8 +26,7 @@ PERHAPS = "perhaps"
 """What `because` has of a match that is doubtful."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Change(OneLineRepr):
+class Change(OneLineRepr, FrozenStruct):
     """`path` is the occurrence, joint, mode, ... in the old robot (of what is added in the new one), `new_path` in the new one where it is
     called otherwise there. `field` is the key whose value was `old` and is `new` (SI; `words` both for people, where their dimension is
     known). `because` are paths of the changes that caused it: empty for what somebody changed himself. `reason` says by what

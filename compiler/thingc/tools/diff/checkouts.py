@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean
@@ -25,8 +26,7 @@ from thingc.tools.diff.snapshot import Snapshot
 from thingc.tools.diff.surface_distance import SurfaceDistances
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Checkout(OneLineRepr):
+class Checkout(OneLineRepr, FrozenStruct):
     """A document of one state: `path` is where it is laid out, `revision` the state, None where it lies there anyway. Or a build folder or
     lock, as `kind` says."""
 
@@ -42,8 +42,7 @@ class Checkout(OneLineRepr):
         return file if inside.startswith("..") else os.path.join(self.revision.repository.top, inside)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DocumentPair(OneLineRepr):
+class DocumentPair(OneLineRepr, FrozenStruct):
     """A document in both states; `name` is what it is called on the command line. One that is in one state alone has no other."""
 
     name: str
@@ -51,8 +50,7 @@ class DocumentPair(OneLineRepr):
     new: Checkout | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BrokenSide(OneLineRepr):
+class BrokenSide(OneLineRepr, FrozenStruct):
     """A side that does not compile: what is wrong, at places that say which state they are of, and the texts of those documents."""
 
     name: str

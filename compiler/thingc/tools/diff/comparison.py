@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.tools.diff.change import Change
 from thingc.tools.diff.consequences import Farthest, add_consequences
@@ -14,15 +13,14 @@ from thingc.tools.diff.name_mapping import NameMapping
 from thingc.tools.diff.snapshot import Snapshot
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison(OneLineRepr):
+class Comparison(OneLineRepr, FrozenStruct):
     """What changed of one robot: what somebody changed first, then what follows; `unknown` says what could not be compared. `pictures` are
     PNG files, `before`, `after` and `overlay`, where they were asked for."""
 
     name: str
     changes: tuple[Change, ...]
     unknown: tuple[str, ...] = ()
-    pictures: Mapping[str, bytes] = field(default_factory=dict)
+    pictures: Mapping[str, bytes] = {}
 
 
 def compare(old: Snapshot, new: Snapshot, farthest: Farthest = lambda old, new: None) -> Comparison:

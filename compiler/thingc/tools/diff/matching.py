@@ -15,7 +15,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist
 from thingc.tools.diff.snapshot import ComponentNode, Snapshot
 
@@ -27,8 +27,7 @@ SAME_PLACE = 1e-3
 """How near [m] to each other two components are in the same place."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Match:
+class Match(FrozenStruct):
     """A component of the old robot in the new one, by path; by what it was known, and whether that leaves room for doubt."""
 
     old: str

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeGuard
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.tools.diff.change import What
 from thingc.tools.diff.matching import match
 from thingc.tools.diff.snapshot import Named, Snapshot, SnapshotElement, Value
@@ -20,8 +20,7 @@ _ORDER: tuple[What, ...] = ("parameter", "material", "mount", "joint", "pose", "
 _OWNED: tuple[What, ...] = ("component", "mate")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pair:
+class Pair(FrozenStruct):
     """A thing in both robots, by what it was known if its name is another one, and whether that leaves room for doubt."""
 
     old: SnapshotElement

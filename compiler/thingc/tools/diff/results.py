@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from thingc.base.diagnostics import shown_path
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Span
 from thingc.driver.up_to_date import packed, unpacked
@@ -15,8 +15,7 @@ from thingc.tools.diff.checkouts import BrokenSide, DocumentPair
 from thingc.tools.diff.comparison import Comparison
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DiffResult(OneLineRepr):
+class DiffResult(OneLineRepr, FrozenStruct):
     """`old` and `new` name the two sides; `documents` what changed in each that is in both, by name; `come` and `gone` are those
     that are in one alone."""
 

@@ -15,7 +15,7 @@ import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from thingc.base.filesystem import BadPath, check_tree, write_tree
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.documents.workspace import DEFAULT_PARTS, OWN_FILE, SHARED_FILE
 from thingc.tools.affected.git_changes import NotARepository, git, run_git
@@ -35,8 +35,7 @@ class UnknownRevision(Exception):
         self.names = names
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Repository(OneLineRepr):
+class Repository(OneLineRepr, FrozenStruct):
     """The repository that a folder is in; `top` is the absolute path of its checkout. The filters of its own configuration run only if
     it is `trusted`."""
 

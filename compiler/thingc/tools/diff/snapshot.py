@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
 from typing import Union
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Matrix, Pose, Vector
@@ -14,8 +13,7 @@ from thingc.base.source import Span
 from thingc.tools.diff.change import DisplayValue, What
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Named(OneLineRepr):
+class Named(OneLineRepr, FrozenStruct):
     """The name of something of the robot: the component, joint, pose, ... `path`, and of a component perhaps one of its mounts."""
 
     what: What
@@ -32,8 +30,7 @@ Value = Union[None, bool, int, float, str, Named, tuple["Value", ...]]
 """What a fact comes to: SI."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fact(OneLineRepr):
+class Fact(OneLineRepr, FrozenStruct):
     """A value, as it is `written` in its document where it is written there, and the path of the assembly whose parameters the names of
     an expression mean (`scope`). `words` is the value for people, where its own dimension is known."""
 
@@ -44,21 +41,19 @@ class Fact(OneLineRepr):
     span: Span | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SnapshotElement(OneLineRepr):
+class SnapshotElement(OneLineRepr, FrozenStruct):
     """Something that a document states, with its facts by dotted key. `label` says for people what it is; `of` is the path of the component
     that it belongs to, empty for what is of the whole document."""
 
     what: What
     path: str
-    facts: Mapping[str, Fact] = field(default_factory=dict)
+    facts: Mapping[str, Fact] = {}
     label: str | None = None
     of: str = ""
     span: Span | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ComponentNode(OneLineRepr):
+class ComponentNode(OneLineRepr, FrozenStruct):
     """A component to be known again: `kind` is `part | file | assembly | frame`, `reference` its class, file or document, `text` its
     definition, `place` where its frame is at q = 0 in the base's (None: an assembly)."""
 
@@ -74,8 +69,7 @@ class ComponentNode(OneLineRepr):
         return self.path.rpartition("/")[0]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Edge(OneLineRepr):
+class Edge(OneLineRepr, FrozenStruct):
     """Two components that meet, by path: `mounts` are the names of the mounts, `joint` the kind of what moves there, if anything does."""
 
     parent: str
@@ -84,8 +78,7 @@ class Edge(OneLineRepr):
     joint: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartShape(OneLineRepr):
+class PartShape(OneLineRepr, FrozenStruct):
     """The geometry of a part: volume [m^3], area [m^2], centre [m], inertia at density 1 [m^5], the corners of its box [m]; `mesh` is the
     SHA-256 of what is drawn of it (None: not known here), `made` where its code stands."""
 
@@ -98,8 +91,7 @@ class PartShape(OneLineRepr):
     made: Span | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OccurrenceSnapshot(OneLineRepr):
+class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
     """What came of a part or frame: its mass in its own frame and where that is from, its shape (None: it has none), mounts of its part
     by name, and its place at q = 0. It hangs on `parent` (None: the base) by the joint `joint` (None: rigidly)."""
 
@@ -116,8 +108,7 @@ class OccurrenceSnapshot(OneLineRepr):
     material: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkOf(OneLineRepr):
+class LinkOf(OneLineRepr, FrozenStruct):
     """A link by its name: the occurrence whose frame it has, its members, and its mass in its frame."""
 
     name: str
@@ -126,8 +117,7 @@ class LinkOf(OneLineRepr):
     properties: MassProperties
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Row(OneLineRepr):
+class Row(OneLineRepr, FrozenStruct):
     """A line of the bill of materials: how many of a definition, and who they are. `stem` is what its print file is called (None: it has
     none)."""
 
@@ -140,8 +130,7 @@ class Row(OneLineRepr):
     stem: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TestOutcome(OneLineRepr):
+class TestOutcome(OneLineRepr, FrozenStruct):
     """What a test came to in one mode and pose: whether it passed, and what was measured, by name (SI)."""
 
     test: str
@@ -150,8 +139,7 @@ class TestOutcome(OneLineRepr):
     measured: Mapping[str, float]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Snapshot(OneLineRepr):
+class Snapshot(OneLineRepr, FrozenStruct):
     """A robot, ready to be compared. `things` by what they are and path, in document order; `lacks` says in words what is not known of it.
 
     `coordinates` are the joints of every mode in the order in which its model has them, `prints` the SHA-256 of print files by path,
@@ -160,13 +148,13 @@ class Snapshot(OneLineRepr):
     name: str
     nodes: tuple[ComponentNode, ...] = ()
     edges: tuple[Edge, ...] = ()
-    things: Mapping[tuple[What, str], SnapshotElement] = field(default_factory=dict)
-    occurrences: Mapping[str, OccurrenceSnapshot] = field(default_factory=dict)
+    things: Mapping[tuple[What, str], SnapshotElement] = {}
+    occurrences: Mapping[str, OccurrenceSnapshot] = {}
     links: tuple[LinkOf, ...] = ()
     whole: MassProperties | None = None
     rows: tuple[Row, ...] = ()
-    coordinates: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    prints: Mapping[str, str] = field(default_factory=dict)
+    coordinates: Mapping[str, tuple[str, ...]] = {}
+    prints: Mapping[str, str] = {}
     outcomes: tuple[TestOutcome, ...] | None = None
     lacks: frozenset[str] = frozenset()
 

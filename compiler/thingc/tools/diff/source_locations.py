@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import MappingNode, Node, ScalarNode, Span
 from thingc.base.units import UnitError, parse_quantity
 from thingc.documents.load.documents import Documents
@@ -15,8 +15,7 @@ from thingc.tools.diff.snapshot import Fact, Value
 _NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Section:
+class Section(FrozenStruct):
     """What a document says of one thing: in its own place, then where it says it of others, too (defaults, the mode that one extends)."""
 
     nodes: tuple[Node | None, ...]

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Origin, Span
 from thingc.geometry.record import PartDefinition
@@ -270,10 +272,10 @@ class _Reader:
 
     def _check(self, definition: AssemblyDefinition, check: object, within: str = "") -> Iterator[tuple[str, Value]]:
         """What a test says, by key: data of data is written with dots."""
-        assert is_dataclass(check)
-        for one in fields(check):
-            value, key = getattr(check, one.name), within + KEYS.get(one.name, one.name)
-            if is_dataclass(value) and not isinstance(value, (Reference, JointRange, Pose)):
+        assert isinstance(check, FrozenStruct)
+        for name in check.__struct_fields__:
+            value, key = getattr(check, name), within + KEYS.get(name, name)
+            if isinstance(value, FrozenStruct) and not isinstance(value, (Reference, JointRange, Pose)):
                 yield from self._check(definition, value, f"{key}.")
             else:
                 yield key, self._plain(definition, value)
@@ -291,10 +293,10 @@ class _Reader:
             return tuple(self._plain(definition, one) for one in value)
         if isinstance(value, str) and value in self._edges:
             return Named(what="joint", path=value)
-        if is_dataclass(value):
+        if isinstance(value, FrozenStruct):
             return tuple(
-                (one.name, self._plain(definition, getattr(value, one.name)))
-                for one in fields(value) if one.name not in ("origin", "origins", "spans", "span")
+                (name, self._plain(definition, getattr(value, name)))
+                for name in value.__struct_fields__ if name not in ("origin", "origins", "spans", "span")
             )
         return value if isinstance(value, (bool, int, float, str)) else None
 

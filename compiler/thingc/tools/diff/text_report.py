@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist, hypot
 from thingc.base.one_line_repr import counted
 from thingc.base.pose import placed, turn_of
@@ -44,8 +45,7 @@ _ANGLES = ("rpy", "turn", "fovy", "cone")
 _VOLUME, _AREA = Dimension(length=3), Dimension(length=2)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReportLine:
+class ReportLine(FrozenStruct):
     """Changes that say the same of several things: `paths` and what is said of them, `words`. `decides`: a test has another outcome."""
 
     what: What

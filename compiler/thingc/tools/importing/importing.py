@@ -7,11 +7,12 @@ import json
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.filesystem import beginning
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import HEAVIEST, LARGEST_MOMENT, MassProperties
 from thingc.base.primitives import FARTHEST
 from thingc.base.safe_text import escape_control
@@ -65,8 +66,7 @@ def refuse_endless(robot: SourceRobot, report: Report) -> None:
 ENDINGS = (".urdf", ".xml", ".sdf", ".xacro")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Imported:
+class Imported(FrozenStruct):
     """A robot that was read, and the `files` of its workspace by their path in it; `document` is one of them. `earlier` is what an import
     wrote before."""
 

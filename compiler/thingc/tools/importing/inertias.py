@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Literal
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Code, Note, Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import (
     LEAST_MASS,
     LEAST_MOMENT,
@@ -40,8 +41,7 @@ LEAST = 1e-6
 """Mass [kg] that is given to what weighs nothing, and the square [m^2] of the least radius of gyration: 1 mm."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RepairedLink:
+class RepairedLink(FrozenStruct):
     """A link whose weight was changed: what it was (None: nothing), what it is, and how."""
 
     link: SourceLink

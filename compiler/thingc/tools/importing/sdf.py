@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.inertia import MassProperties

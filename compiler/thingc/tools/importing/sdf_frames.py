@@ -6,10 +6,11 @@ http://sdformat.org/tutorials?tut=pose_frame_semantics
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.graphs import circle_words
 from thingc.base.pose import NO_POSE, Pose, placed
 from thingc.base.suggestions import did_you_mean
@@ -20,8 +21,7 @@ WORLD = "world"
 MODEL = "__model__"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NamedFrame:
+class NamedFrame(FrozenStruct):
     """A frame of the robot: the link, joint, frame or model that it is of, the model around that, by its frame, and the frame that its pose
     is stated in. The outermost model's frame is called ""."""
 

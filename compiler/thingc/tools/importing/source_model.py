@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
 from typing import Literal
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import NO_POSE, Pose, Quaternion, Vector, rotate
@@ -30,16 +31,14 @@ FAR = 1000.0
 """Where a slide ends [m] that has no ends: the language wants some."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Weight:
+class Weight(FrozenStruct):
     """What a link weighs, in its frame, and where that is said."""
 
     properties: MassProperties
     where: Span
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceShape:
+class SourceShape(FrozenStruct):
     """What is drawn, or touches: `size` as its kind has it [m] (box: the three sides; sphere: radius; cylinder, capsule: radius, length
     along z; ellipsoid: half axes; plane: the two sides; of a mesh the scale), `pose` in the link, with the angles `rpy` [rad] that the
     source states it with. `mesh` is as the source names the file; `color` red, green, blue, alpha from 0 to 1; `friction` sliding,
@@ -58,8 +57,7 @@ class SourceShape:
     name: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceSite:
+class SourceSite(FrozenStruct):
     """A frame on a link that has a name, and maybe `others`."""
 
     name: str
@@ -68,8 +66,7 @@ class SourceSite:
     others: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceLink(OneLineRepr):
+class SourceLink(OneLineRepr, FrozenStruct):
     """A rigid body: it weighs nothing where `weight` is None. `frames` are names that the source has for its frame, besides its own."""
 
     name: str
@@ -86,8 +83,7 @@ class SourceLink(OneLineRepr):
         return not (self.weight or self.shapes or self.sites)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceLimits:
+class SourceLimits(FrozenStruct):
     """Where a joint stops [rad or m], and what it is driven with at most [N m or N, rad/s or m/s]; None where nothing is said. Of a ball
     `upper` is its cone. Those of a slide that has none are `made_up`."""
 
@@ -102,8 +98,7 @@ class SourceLimits:
         return min(max(value, -math.inf if self.lower is None else self.lower), math.inf if self.upper is None else self.upper)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceMimic:
+class SourceMimic(FrozenStruct):
     """`name` is that of an equality.
 
     q is `multiplier * q(joint) + offset`, or the `polynomial` of q(joint) with these coefficients, from that of q^0 on, all in rad and
@@ -125,8 +120,7 @@ class SourceMimic:
         return at
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceDrive:
+class SourceDrive(FrozenStruct):
     """What drives a joint or a tendon, by the `name` that it has in the source: gains [N m/rad or N/m, N m s/rad or N s/m] and the largest
     effort [N m or N] as they are there."""
 
@@ -140,8 +134,7 @@ class SourceDrive:
     raw: Raw = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceJoint(OneLineRepr):
+class SourceJoint(OneLineRepr, FrozenStruct):
     """A motion of a link: about, or along, the unit vector `axis` through `anchor` [m], both in the frame of the link as it hangs, where q
     is `start` [rad or m], or `begin` if that is beyond its ends (None: the middle of these).
     `damping` [N m s/rad or N s/m], `friction` [N m or N], `armature` [kg m^2 or kg], `stiffness` [N m/rad or N/m] of
@@ -166,8 +159,7 @@ class SourceJoint(OneLineRepr):
     lead: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceAround:
+class SourceAround(FrozenStruct):
     """What a tendon goes around: a sphere, or a cylinder without ends, of that `radius` [m], about the `pose` in a `link`, z its axis. By
     the site `side` it goes, else the shorter way; `name` is that of the shape."""
 
@@ -179,8 +171,7 @@ class SourceAround:
     side: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceStep:
+class SourceStep(FrozenStruct):
     """Of a path exactly one of these: a `site` that it goes through, a shape that it goes `around`, or a pulley, the `divisor` of what
     follows."""
 
@@ -189,8 +180,7 @@ class SourceStep:
     divisor: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceTendon(OneLineRepr):
+class SourceTendon(OneLineRepr, FrozenStruct):
     """A length: of one over joints the sum of these factors times their q, an angle if it `turns`; of one with `steps` that of the path,
     `width` [m] how thick it is. What it does by itself, and its drive, are along that length, as of a joint."""
 
@@ -210,8 +200,7 @@ class SourceTendon(OneLineRepr):
     raw: Raw = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Attachment:
+class Attachment(FrozenStruct):
     """How the link `child` hangs on the link `parent`: at `pose` in it at q = 0, moved by the joints one after the other. `name` is what
     the source calls it; `rpy` [rad] are the angles that it states the pose with, if it does; `floating` where nothing holds the two
     together, which the world alone may be a parent of."""
@@ -236,8 +225,7 @@ class Attachment:
         return replace(self, parent=self.child, child=self.parent, pose=self.pose.inverse(), rpy=None, joints=joints)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceLoop:
+class SourceLoop(FrozenStruct):
     """What keeps a point, a frame, or an axis (z) of two links together, each given in its link; `equality` is its name in MJCF, if any."""
 
     name: str
@@ -248,8 +236,7 @@ class SourceLoop:
     equality: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceAdhesion:
+class SourceAdhesion(FrozenStruct):
     """What can pull a link onto what it touches, with a force [N] at most."""
 
     name: str
@@ -259,16 +246,14 @@ class SourceAdhesion:
     raw: Raw = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceTarget:
+class SourceTarget(FrozenStruct):
     """A thing of the robot, by its name in the source."""
 
     kind: Literal["joint", "site", "tendon", "body", "geom", "actuator"]
     name: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceAdded:
+class SourceAdded(FrozenStruct):
     """An element of MuJoCo's that the language has no words for: the section that it stands in, its tag, `name` and attributes."""
 
     section: Literal["contact", "equality", "actuator", "sensor"]
@@ -278,8 +263,7 @@ class SourceAdded:
     where: Span
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceSensor:
+class SourceSensor(FrozenStruct):
     """What is measured at a `site`, `seen_from` another, or of a `joint` or a `tendon` of that name, or seen from `pose` in a `link` with
     an angle of view [rad]; `volume` is a shape and its size, as a `SourceShape` has it; `noise` and `cutoff` are by reading [SI]; `parts`
     says for each sensor of the source which reading of it it is."""
@@ -295,13 +279,12 @@ class SourceSensor:
     pose: Pose = NO_POSE
     fovy: float = 0.0
     volume: tuple[ShapeKind, Sizes] | None = None
-    noise: Mapping[str, float] = field(default_factory=dict)
-    cutoff: Mapping[str, float] = field(default_factory=dict)
+    noise: Mapping[str, float] = {}
+    cutoff: Mapping[str, float] = {}
     parts: tuple[tuple[str, str], ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourcePose:
+class SourcePose(FrozenStruct):
     """A state that has a name: q of joints [rad or m, of a ball the unit quaternion w, x, y, z], and what controls its drives and adhesions
     are at, by their names in the source; `at` is where the base is, if not where the robot stands."""
 
@@ -312,8 +295,7 @@ class SourcePose:
     at: Pose | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceLoss:
+class SourceLoss(FrozenStruct):
     """What a document does not say of the source: `what` it is, and `why` it is not there."""
 
     what: str
@@ -321,8 +303,7 @@ class SourceLoss:
     where: Span
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceRobot(OneLineRepr):
+class SourceRobot(OneLineRepr, FrozenStruct):
     """All that a reader has found. A robot stands with its link `root` at `pose` in the world; `links` and `hangings` are in the order of
     the source. Links that are `excluded` never touch; `gravity` [m/s^2] where it is not 9.81 downwards; `simulation` as the language has
     it, `options` as MuJoCo has what the language has not, by their paths, `added` whole elements; `order` lists the names of the actuators
@@ -343,12 +324,12 @@ class SourceRobot(OneLineRepr):
     tendons: tuple[SourceTendon, ...] = ()
     sensors: tuple[SourceSensor, ...] = ()
     added: tuple[SourceAdded, ...] = ()
-    order: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    order: Mapping[str, Sequence[str]] = {}
     free_joint: str = ""
     poses: tuple[SourcePose, ...] = ()
     excluded: tuple[tuple[str, str], ...] = ()
     gravity: Vector | None = None
     simulation: tuple[tuple[str, float | str], ...] = ()
     options: tuple[tuple[tuple[str, ...], str], ...] = ()
-    files: Mapping[str, bytes] = field(default_factory=dict)
+    files: Mapping[str, bytes] = {}
     mesh_folder: str | None = None

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from thingc.base.diagnostics import Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import MappingNode, Node, Path, Plain, ScalarNode, SequenceNode, Span, dotted, node_at
 from thingc.documents.load.documents import read_tree
 from thingc.documents.load.text import Source
@@ -21,8 +21,7 @@ NOTHING = "nothing"
 """What stands, for people, where a document says nothing."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Text:
+class Text(FrozenStruct):
     """A document as it is written."""
 
     source: Source
@@ -39,8 +38,7 @@ class Text:
         return NOTHING if node is None else shortened(inline(self, node))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Conflict:
+class Conflict(FrozenStruct):
     """Both have changed what stands at `path`: what the person wrote, and what the source says now, on one line each."""
 
     path: Path
@@ -48,8 +46,7 @@ class Conflict:
     new: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Merged:
+class Merged(FrozenStruct):
     """`text` is all of it; `taken` are the paths at which the source has changed something, each with what stood there and what does
     now, `kept` those at which the person has."""
 

@@ -6,11 +6,12 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import field, replace
 from typing import Any
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Code, Report, shown_path
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.replacement import Change
 from thingc.base.source import dotted, span_at
 from thingc.tools.importing.inertias import Repair
@@ -19,8 +20,7 @@ from thingc.tools.importing.three_way_merge import MergeConflict, Merged, Text, 
 RECORD = "import.json"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PreviousImport:
+class PreviousImport(FrozenStruct):
     """An import that lies in `folder`, an absolute path, of the `robot` of that name in a file called `source`: the `document` (its file)
     and its `text` as they were written, the SHA-256 of the meshes, what things of the source were called, and the roots and the repair
     that were asked for."""
@@ -29,7 +29,7 @@ class PreviousImport:
     source: str
     robot: str
     document: str
-    text: str = field(repr=False)
+    text: str
     meshes: Mapping[str, str]
     links: Mapping[str, str]
     joints: Mapping[str, str]
@@ -51,8 +51,7 @@ class PreviousImport:
             return None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Update:
+class Update(FrozenStruct):
     """The changes of files, by absolute path and in this order; what was merged, and the files that a person has changed."""
 
     changes: Mapping[str, Change]

@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.base.diagnostics import Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import MATE, NO_POSE, Pose, Vector, along, shifted
 from thingc.documents.format.formatting import format_document
 from thingc.tools.importing.document_names import DocumentNaming
@@ -35,8 +35,7 @@ UNITS: dict[tuple[float, ...], str] = {(1.0, 1.0, 1.0): "m", (0.01, 0.01, 0.01):
 """Scales of a mesh, whose numbers a source takes for metres, that are a unit."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DocumentWriter:
+class DocumentWriter(FrozenStruct):
     """A document: its name, its text, and what the things of the source are called in it, by their kinds."""
 
     name: str

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Span, line_of
 
 MARK = "thingc.at"
@@ -18,16 +18,15 @@ MOST_ELEMENTS = 500_000
 _DECLARED = re.compile(rb"""\s*<\?xml\b[^>]*?(\sencoding\s*=\s*["']([^"'>]*)["'])""")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SourceElement:
+class SourceElement(FrozenStruct, eq=False):
     """An element: its tag, attributes, elements in it and text; `where` is its start tag."""
 
     tag: str
     attributes: Mapping[str, str]
     where: Span
-    children: list[SourceElement] = field(default_factory=list, repr=False)
-    texts: list[str] = field(default_factory=list, repr=False)
-    source: bytes = field(repr=False)
+    children: list[SourceElement] = []
+    texts: list[str] = []
+    source: bytes
     start: int
 
     @property

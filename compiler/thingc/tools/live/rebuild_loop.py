@@ -14,13 +14,12 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.file_watcher import FileWatcher, looks, stat_of
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.driver import build_document, dependencies, pipeline
 from thingc.driver.build_document import BuildRequest, BuildResult
@@ -47,8 +46,7 @@ CLOCK = 0.02
 """By how much [s] the time of a save may lie before it: file systems count in ticks."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Rebuild:
+class Rebuild(FrozenStruct):
     """What came of one save. `saved` are the absolute paths of the files that had changed (none in the first round), `seconds` how long it
     took from when they were quiet; `good`: it has no errors; `folder` is the build folder that was written (None with errors: it is as
     it was; and where nothing is written at all), `built` the rest of what came of it, where it came so far. `changed` are the artifacts,
@@ -67,7 +65,7 @@ class Rebuild:
     changed: tuple[str, ...] = ()
     mended: bool = False
     kept: bool = False
-    modelled: Mapping[str, str] = field(default_factory=dict)
+    modelled: Mapping[str, str] = {}
     kernel: float = 0.0
 
 

@@ -22,7 +22,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 from thingc.base.diagnostics import Diagnostic
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import json_text
 from thingc.base.source import Span
 from thingc.documents.workspace import Workspace
@@ -45,8 +45,7 @@ Finding = Mapping[str, object]
 """A diagnostic as the page takes it."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Shown:
+class _Shown(FrozenStruct, kw_only=False):
     """A robot as it stands: the last good page, how many there were, and what is said of the document now."""
 
     page: Page | None = None

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Code, Diagnostic, Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.source import Document, MappingNode
 from thingc.batch.variants_document import read_plan
@@ -31,8 +32,7 @@ if TYPE_CHECKING:
 SUFFIXES = (".yaml", ".yml", ".toml")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OpenText:
+class OpenText(FrozenStruct):
     """A file that is open in the editor: its URI as the editor writes it, the version of its text, and the text."""
 
     uri: str
@@ -40,8 +40,7 @@ class OpenText:
     text: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Analysis:
+class Analysis(FrozenStruct, eq=False):
     """A document (absolute `path`) with the texts of all that is `open`, by absolute path.
 
     `workspace` is None where none was found; `documents` are the document's tree and those of all that it names, None where the text is
@@ -54,12 +53,12 @@ class Analysis:
     """
 
     path: str
-    open: Mapping[str, OpenText] = field(default_factory=dict)
+    open: Mapping[str, OpenText] = {}
     workspace: Workspace | None = None
     documents: Documents | None = None
-    schemas: Mapping[str, PartSchema | PartFailure] = field(default_factory=dict)
+    schemas: Mapping[str, PartSchema | PartFailure] = {}
     model: AssemblyDefinition | None = None
-    records: Mapping[str, PartRecord | PartFailure] = field(default_factory=dict)
+    records: Mapping[str, PartRecord | PartFailure] = {}
     assembly: Assembly | None = None
     robots: tuple[Robot, ...] = ()
     findings: tuple[Diagnostic, ...] = ()
@@ -67,7 +66,7 @@ class Analysis:
     last: Analysis | None = None
     looked_at: frozenset[str] = frozenset()
     in_reach: AvailableNames | None = None
-    _kept: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
+    _kept: dict[str, Any] = {}
 
     @property
     def known(self) -> Analysis:

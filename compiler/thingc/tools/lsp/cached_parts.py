@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
+
+from msgspec.structs import replace
 
 from thingc.geometry.client import ABSENT
 from thingc.geometry.record import FailureKind, PartDefinition, PartFailure, PartRecord, PartSchema

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import field, replace
 from typing import Any
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.kinds import KINDS
 from thingc.base.units import ANGLE, LENGTH, UNITS, Dimension, Quantity, fits, parse_quantity
 from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
@@ -49,8 +50,7 @@ _USUAL = ("params", "parameters", "attach", "at", "limit", "drive", "components"
 """Keys that documents have most often, though they need not."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CompletionItem:
+class CompletionItem(FrozenStruct):
     """Something to be typed: `text` takes the place of the characters `start` to before `end`, `shown` is what the person sees and
     types towards. `rank` orders, the smallest first."""
 
@@ -62,7 +62,7 @@ class CompletionItem:
     rank: int = 0
     detail: str = ""
     description: str = ""
-    filter: str = field(default="")
+    filter: str = ''
 
 
 def completion(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,15 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
 from thingc.tools.lsp.scan import Scan
 from thingc.tools.lsp.toml_scan import TomlScan
 from thingc.tools.lsp.yaml_scan import YamlScan
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Cursor:
+class Cursor(FrozenStruct):
     """A place in a text, in characters from its beginning.
 
     `role`: a `key` of the mapping at `path`, or the `value` there (`either`: it may be the first key of a mapping as well as a value

@@ -7,8 +7,9 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.file_watcher import FileWatcher, looks

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache
 from itertools import takewhile
 from pathlib import Path
@@ -13,14 +12,15 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 from urllib.request import url2pathname
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Span
 
 _BREAK = re.compile(r"\r\n|\r|\n")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TextPlace:
+class TextPlace(FrozenStruct):
     """A place between two characters of a text, counted as a `Span` counts: line and column from 1."""
 
     line: int

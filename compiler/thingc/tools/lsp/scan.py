@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Literal
 
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
 
 MAX_LEVELS = 100
@@ -20,8 +21,7 @@ _SPACES = re.compile(r"[ \t]*")
 _BLANK = re.compile(r"[ \t]*(?:#[^\r\n]*)?(?:\r\n|\r|\n)")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Token:
+class Token(FrozenStruct):
     """A key, or a segment of one: its name, at the characters `start` to before `end`, inside of its `quote` if it has one."""
 
     name: str

@@ -11,15 +11,14 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
 from thingc.base.units import NUMBER, UNITS, Dimension, UnitError, parse_quantity
 
 Schema = dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class KeyOffer:
+class KeyOffer(FrozenStruct):
     """A key that a mapping may have: what is said of it, whether it must be there, and whether its value is a mapping and
     nothing else."""
 
@@ -29,8 +28,7 @@ class KeyOffer:
     mapping: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ValueOffer:
+class ValueOffer(FrozenStruct):
     """A value that is offered, as a document says it, and what is said of it."""
 
     value: str | bool

@@ -18,12 +18,13 @@ import contextlib
 import logging
 from collections.abc import Awaitable, Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from thingc.base.frozen import dataclass
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.names.rename import RenameRefused
 from thingc.tools.lsp.analysis import Analysis, OpenText
 from thingc.tools.lsp.open_documents import OpenDocuments, Publish, Superseded
@@ -40,8 +41,7 @@ INTERNAL_ERROR = -32603
 NOT_INITIALIZED = -32002
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Feature:
+class Feature(FrozenStruct):
     """Who answers a request (`module:function` of this room), and the options that the editor is told, if any. Where it answers by
     something else than a document (symbols of a workspace), `document` is false, and the analysis is of the document looked at last. One
     that looks `everywhere` has in `analysis.open` all texts as they are now, those that the document does not depend on as well."""

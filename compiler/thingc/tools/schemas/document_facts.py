@@ -7,9 +7,8 @@ one place takes no name away from another.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import MappingNode, Node, ScalarNode
 from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
@@ -27,8 +26,7 @@ Names = dict[str, str]
 Records = Mapping[str, PartRecord | PartFailure]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WrittenComponent:
+class WrittenComponent(FrozenStruct):
     """A component as it is written (a repeated one once): `label` and `what` say what it is, shortly and in words; its mounts by
     name.
 
@@ -48,27 +46,25 @@ class WrittenComponent:
     actuator: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DocumentFacts:
+class DocumentFacts(FrozenStruct):
     """The names of a document. `mounts` are references (`plate.servo_seat`), `components` and `joints` paths in dots, those
     of nested documents included; `parameters` are those of the document with what they come to, `poses` of nested documents
     are by component. `materials_sure`: no other material is in scope."""
 
     pieces: tuple[WrittenComponent, ...] = ()
-    mounts: Names = field(default_factory=dict)
-    components: Names = field(default_factory=dict)
-    joints: dict[str, JointFacts] = field(default_factory=dict)
-    exports: Names = field(default_factory=dict)
-    poses: Names = field(default_factory=dict)
-    nested_poses: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    modes: Names = field(default_factory=dict)
-    materials: Names = field(default_factory=dict)
+    mounts: Names = {}
+    components: Names = {}
+    joints: dict[str, JointFacts] = {}
+    exports: Names = {}
+    poses: Names = {}
+    nested_poses: dict[str, tuple[str, ...]] = {}
+    modes: Names = {}
+    materials: Names = {}
     materials_sure: bool = False
-    parameters: dict[str, Quantity] = field(default_factory=dict)
+    parameters: dict[str, Quantity] = {}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointFacts:
+class JointFacts(FrozenStruct):
     """A joint: `what` it is in words; `angle`: its coordinate is an angle (None: not known, or it has none);
     `settable` in a pose; `own`: of this document itself."""
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 import copy
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import field
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import quoted
 from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.spec.fields import REFERENCE_PATTERN
@@ -28,19 +27,18 @@ MAX_CHECKED = 500
 """Names in one pattern; more are not checked."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SchemaContext:
+class SchemaContext(FrozenStruct):
     """What a document can name outside of itself, by the text that it would write.
 
     `parts`: what the Things in reach take; `usual`: the mounts that they have as a rule; `assemblies`, `materials`: other
     documents. `lost` has of Things that cannot be described now what the last schema said of their parameters.
     """
 
-    parts: Mapping[str, PartSchema] = field(default_factory=dict)
-    usual: Mapping[str, Names] = field(default_factory=dict)
-    assemblies: Mapping[str, DocumentSymbols] = field(default_factory=dict)
-    materials: Mapping[str, DocumentSymbols] = field(default_factory=dict)
-    lost: Mapping[str, Schema] = field(default_factory=dict)
+    parts: Mapping[str, PartSchema] = {}
+    usual: Mapping[str, Names] = {}
+    assemblies: Mapping[str, DocumentSymbols] = {}
+    materials: Mapping[str, DocumentSymbols] = {}
+    lost: Mapping[str, Schema] = {}
 
 
 def narrowed(general: Schema, facts: DocumentFacts, around: SchemaContext) -> Schema:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.file_watcher import Stat, stat_of
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import MappingNode, ScalarNode
 from thingc.documents.load.discovery import documents_in
 from thingc.documents.load.packages import packaged_documents
@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 KINDS = ("assembly", "materials", "variants", "workspace")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParsedDocument:
+class ParsedDocument(FrozenStruct):
     """One document with those that it names, and the parts (`references`) that they name. `broken`: it is not well-formed, and this is what
     could be read of it."""
 
@@ -79,8 +78,7 @@ MAX_OTHERS = 100
 """Documents of a workspace that are offered to each other, the nearest first."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RefreshOutcome:
+class RefreshOutcome(FrozenStruct):
     """What was done, by the documents' paths in the workspace: all `documents`, those whose schema was `written`, those that cannot be read
     now and `kept` their last schema, and those that no longer exist, whose schema was `removed`."""
 

@@ -6,18 +6,16 @@ import copy
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import field
 
 from thingc.base.diagnostics import Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import MappingNode, Node, text_of
 from thingc.documents.load.documents import read_tree
 from thingc.tools.schemas import values
 from thingc.tools.schemas.values import Schema
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterSymbol:
+class ParameterSymbol(FrozenStruct):
     """A parameter as it is written; empty texts for what is not."""
 
     value: str
@@ -26,15 +24,14 @@ class ParameterSymbol:
     doc: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DocumentSymbols:
+class DocumentSymbols(FrozenStruct):
     """Of one document; `kind` is empty where it has none. `whole`: it could be parsed."""
 
     kind: str
     whole: bool = True
     name: str = ""
     description: str = ""
-    parameters: Mapping[str, ParameterSymbol] = field(default_factory=dict)
+    parameters: Mapping[str, ParameterSymbol] = {}
 
 
 _KIND = re.compile(rb"""^[^#\n]*thingc["']?[ \t]*[:=][ \t]*["']?(\w+)/""", re.MULTILINE)

@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Any, Generic, TypeVar
 
 from thingc.base.diagnostics import Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.driver.testing.outcome import Outcome
 from thingc.driver.testing.results import TestCase
 from thingc.model.assembly.types import LinkedTest
@@ -20,8 +20,7 @@ def _one_pose(check: Any, pose: NamedPose) -> Sequence[NamedPose]:
     return [pose]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CheckRunner(Generic[Stated]):
+class CheckRunner(FrozenStruct, Generic[Stated]):
     """How tests of a kind are run.
 
     `measure(case, stated)` measures one case. `poses(stated, pose)` are the poses that a case looks at, given the pose that it is named

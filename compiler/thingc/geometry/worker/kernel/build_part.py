@@ -8,12 +8,12 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec.structs import replace
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.primitives import Primitive
 from thingc.base.units import parse_quantity
 from thingc.geometry.record import (
@@ -66,16 +66,14 @@ the other has 2e-31, and so the same part another mesh in the next run."""
 _ZERO = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tessellations:
+class Tessellations(FrozenStruct):
     """`fine` is printed and checked for clearance, `simulation` is drawn and touched by simulators."""
 
     fine: Tessellation
     simulation: Tessellation
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BuiltPart:
+class BuiltPart(FrozenStruct):
     """What part code or a file gives, before it is measured: shapes of the kernel [mm] (none: a part without geometry), the rest as
     in `PartRecord`. `one`: the solids are meant to hang together; `file`: they are from a file, `faceted`: all triangles; `faces`:
     the most triangles of what simulators draw and touch."""
@@ -85,7 +83,7 @@ class BuiltPart:
     collision: Sequence[TopoDS_Shape] = ()
     material: str | None = None
     color: str | None = None
-    mounts: dict[str, MountRecord] = field(default_factory=dict)
+    mounts: dict[str, MountRecord] = {}
     references: tuple[str, ...] = ()
     expectations: tuple[MountExpectation, ...] = ()
     actuator: ActuatorRecord | None = None
@@ -93,7 +91,7 @@ class BuiltPart:
     com: DeclaredValue | None = None
     matrix: DeclaredValue | None = None
     density: DeclaredValue | None = None
-    bom: dict[str, str] = field(default_factory=dict)
+    bom: dict[str, str] = {}
     up: Vector | None = None
     warnings: tuple[PartWarning, ...] = ()
     code: tuple[str, int] | None = None

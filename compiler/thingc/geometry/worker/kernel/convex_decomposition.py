@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from thingc.geometry.record_json import mesh_to_json
+from msgspec import to_builtins
+
 from thingc.geometry.store.local import Store
 from thingc.geometry.store.meshes import arrays
 from thingc.geometry.worker.kernel import meshing
@@ -30,7 +31,7 @@ def decompose(sha256: str, store: Store) -> list[Any]:
             pieces = []
             break
         pieces.extend([whole] if whole.volume - body.volume <= CONVEX * whole.volume else _by_coacd(body))
-    return [mesh_to_json(stored_obj(piece, store)) for piece in pieces or _by_coacd(mesh)]
+    return [to_builtins(stored_obj(piece, store)) for piece in pieces or _by_coacd(mesh)]
 
 
 def _by_coacd(mesh: Triangles) -> list[Triangles]:

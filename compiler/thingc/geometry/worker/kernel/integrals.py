@@ -26,7 +26,7 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Matrix, Vector
 
 if TYPE_CHECKING:
@@ -43,8 +43,7 @@ _ALONG = 1e-12
 """How far a direction may be off one of the parameters of a surface to be along it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Measures:
+class Measures(FrozenStruct):
     """`volume` [mm^3], `area` [mm^2], `centre` [mm], `inertia` [mm^5] at density 1 about the centre, `box` [mm]."""
 
     volume: float
@@ -137,8 +136,7 @@ _Faces: TypeAlias = "tuple[tuple[TopoDS_Face, bool], ...]"
 """Faces, and of each whether plain integration is exact on it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Skin:
+class _Skin(FrozenStruct):
     """The faces of a solid: `flat` ones, planes within lines and circles; `extruded` curves, whose adaptive area the kernel gets wrong
     (by 0.4 % for an ellipse of 8 by 4; the plain one by 3e-5); and the `rest`."""
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-@dataclass(frozen=True, slots=True)
-class Triangles:
+class Triangles(FrozenStruct, kw_only=False):
     """Vertices (n x 3, double) and triangles (m x 3 indices), counter-clockwise seen from outside."""
 
     vertices: NDArray[np.float64]

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from manifold3d import CrossSection, Error, JoinType, Manifold, Mesh64, OpType
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.print_slices import Moments, SliceResult, Slicing
 from thingc.geometry.store.local import Store
 from thingc.geometry.worker.kernel.meshing import Triangles, read_stl
@@ -309,8 +309,7 @@ class _Kinds:
         self.small = small
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Laid:
+class _Laid(FrozenStruct):
     """A layer: regions that are laid `solid`, each with how much there is in proportion to what would fill it, and where `lines` of sparse
     infill run."""
 

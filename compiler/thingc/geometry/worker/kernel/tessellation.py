@@ -24,7 +24,7 @@ from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Compound
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.worker.kernel.integrals import explored
 from thingc.geometry.worker.kernel.meshing import Triangles, without_slivers
 
@@ -59,8 +59,7 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
     return whole
 
 
-@dataclass(frozen=True, slots=True)
-class _Face:
+class _Face(FrozenStruct, kw_only=False):
     """A face, its edges with a number for each (the same for the same edge of other faces), and whether it lies in a `plane`."""
 
     face: TopoDS_Face

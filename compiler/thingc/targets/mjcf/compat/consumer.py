@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Origin
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.xml_writer import Element
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Refusal:
+class Refusal(FrozenStruct):
     """What a consumer refuses a model for, and nothing harmless can be done about: `what` it is, in words that follow a colon; the
     `origin` of what is to blame, its `path` there, and a hint."""
 
@@ -22,8 +21,7 @@ class Refusal:
     hint: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Consumer:
+class Consumer(FrozenStruct):
     """A program that reads MJCF: its `name` in `compat`, what people call it, and the version of which this was found out.
 
     `suit` changes the tree of a mode's model, which is this consumer's alone, where that does no harm, so that it is read: what

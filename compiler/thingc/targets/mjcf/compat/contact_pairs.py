@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import combinations, product
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.targets.xml_writer import Element
 
 Values = Mapping[str, str]
@@ -14,8 +14,7 @@ PLANE = "plane"
 WORLD = -1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ContactPairs:
+class ContactPairs(FrozenStruct):
     """A geom that may touch something: its element (None: the floor of the scene), and its attributes with those of its class."""
 
     element: Element | None

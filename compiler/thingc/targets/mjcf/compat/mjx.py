@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf import adhesion_contacts
@@ -92,8 +92,7 @@ def _condim(one: ContactPairs, other: ContactPairs) -> int:
     return ranked[0][1] if ranked[0][0] > ranked[1][0] else max(condim for _, condim in ranked)
 
 
-@dataclass(frozen=True, slots=True)
-class _Kind:
+class _Kind(FrozenStruct, kw_only=False):
     """What of a geom decides whether a pair with it is refused."""
 
     values: tuple[str, ...]

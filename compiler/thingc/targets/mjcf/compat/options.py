@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.targets.mjcf.compat.consumer import Refusal
 from thingc.targets.xml_writer import Element
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UnsupportedOptions:
+class UnsupportedOptions(FrozenStruct):
     """Solvers that a consumer lacks, and flags that it refuses to have enabled, or disabled, all as MJCF calls them."""
 
     solvers: Collection[str] = ()

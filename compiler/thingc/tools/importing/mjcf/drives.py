@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose
 from thingc.tools.importing.mjcf.adding import Added
 from thingc.tools.importing.mjcf.compiled_source import CompiledSource, differing, floats, numbers
@@ -19,8 +19,7 @@ UNSAID = ("actlimited", "actearly", "armature", "delay")
 """What of actuators a document does not say, and is 0 of most."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Length:
+class _Length(FrozenStruct, kw_only=False):
     """What is driven, a coordinate or a tendon: its ends [rad or m], and what acts on it at most [N m or N]; None where there are none."""
 
     ends: tuple[float, float] | None

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import NO_POSE, Pose
 from thingc.tools.importing.document_names import plain_name
 from thingc.tools.importing.quantities import same_place
@@ -23,8 +23,7 @@ OF_LOOP = re.compile(r":(parent|child|held)(_1)?")
 """How the sites end that loops and holds are closed by, which are written for each of these."""
 
 
-@dataclass(frozen=True, slots=True)
-class Doubles:
+class Doubles(FrozenStruct, kw_only=False):
     """Sites by number: those that are another one under a `second` name, with the one that they are; those that are the `frames` of their
     bodies; and those that are there for what is `closed`."""
 

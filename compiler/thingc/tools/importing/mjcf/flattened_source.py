@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from xml.sax.saxutils import quoteattr
 
 from thingc.base.diagnostics import Code, Note, Report
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Span
 from thingc.tools.importing.losses import Losses
 from thingc.tools.importing.packages import NotFound, Packages
@@ -41,8 +41,7 @@ SMALL_SOLID = b"v 0 0 0\nv .001 0 0\nv 0 .001 0\nv 0 0 .001\nf 1 3 2\nf 1 2 4\nf
 FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlattenedSource:
+class FlattenedSource(FrozenStruct):
     """A file without files: its `text`, the element that stands in each line, the `files` that MuJoCo is handed, by the names that the
     text has for them, and the texts of the `models` that it attaches; for each of these names the mesh's path from the source's folder; the
     roots of `included` files; and what was left out."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from thingc.base.frozen import dataclass
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose, turned_y
 from thingc.base.sensor_kinds import ReadingName, SensorType
 from thingc.tools.importing.mjcf.adding import Added
@@ -33,8 +33,7 @@ LOOKING = turned_y(math.pi)
 """A camera of MuJoCo looks along its -z, up its y; a document's along the mount's z, up the mount's y."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Place:
+class _Place(FrozenStruct):
     """What a sensor is and where: a document's kind, and the names of a site, of the one that it is seen from, of a joint, of
     a tendon."""
 

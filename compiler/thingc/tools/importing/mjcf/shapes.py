@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from typing import Any
+
+from msgspec.structs import replace
 
 from thingc.base.pose import IDENTITY, Pose, Vector, rotate, transpose
 from thingc.tools.importing.meshes import READ

@@ -1,0 +1,22 @@
+"""The base class of the compiler's data: a msgspec struct that nobody can change."""
+
+from __future__ import annotations
+
+from typing import Any, dataclass_transform
+
+import msgspec
+
+
+class _KeywordOnly(msgspec.StructMeta):
+    """Fields are keywords unless a class says `kw_only=False`. (msgspec does not inherit this option.)"""
+
+    def __new__(
+        mcls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], /, *, kw_only: bool = True, **options: Any,
+    ) -> _KeywordOnly:
+        return super().__new__(mcls, name, bases, namespace, kw_only=kw_only, **options)
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(msgspec.field,))
+class FrozenStruct(msgspec.Struct, metaclass=_KeywordOnly, frozen=True):
+    """Frozen, with keywords for fields, equal and hashed by its fields. Options of a class: `eq=False`, `kw_only=False`, `dict=True` (for
+    `cached_property`); every field is compared."""
