@@ -20,8 +20,9 @@ from hypothesis import HealthCheck, settings
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
-from thingc.base.diagnostics import Code, Diagnostic
+from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.geometry.client import Workers
+from thingc.tools.cli import console
 from thingc.tools.cli.main import main
 from thingc.tools.templates import TEMPLATES
 
@@ -112,14 +113,14 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Watch every diagnostic that is made here, and all that processes print to their end."""
+    """Watch the diagnostics of reports and of exceptions in this process, and what other processes print."""
     gc.disable()  # until all is collected
-    said, communicate = Diagnostic.__post_init__, subprocess.Popen.communicate
+    say, of_exception, communicate = Report.say, console.of_exception, subprocess.Popen.communicate
 
-    def post_init(self: Diagnostic) -> None:
-        said(self)
-        if self.code is Code.INTERNAL:
-            DEFECTS.append(f"{self.message}\n{self.detail or ''}")
+    def note(diagnostic: Diagnostic) -> Diagnostic:
+        if diagnostic.code is Code.INTERNAL:
+            DEFECTS.append(f"{diagnostic.message}\n{diagnostic.detail or ''}")
+        return diagnostic
 
     def to_its_end(self: subprocess.Popen[Any], *arguments: Any, **named: Any) -> tuple[Any, Any]:
         streams = communicate(self, *arguments, **named)
@@ -129,7 +130,8 @@ def pytest_configure(config: pytest.Config) -> None:
                 DEFECTS.append(f"{self.args}\n{data[:4000].decode('utf-8', 'replace')}")
         return streams
 
-    Diagnostic.__post_init__ = post_init
+    Report.say = lambda self, diagnostic: say(self, note(diagnostic))
+    console.of_exception = lambda fault: note(of_exception(fault))
     subprocess.Popen.communicate = to_its_end
 
 

@@ -30,7 +30,6 @@ def unescaped(text: str, more: dict[str, str]) -> str:
     return text
 
 
-@pytest.mark.defect
 def test_every_diagnostic_is_read_back(tmp_path: Path) -> None:
     folder = repository(tmp_path)
     diagnostics = every_shape(folder)

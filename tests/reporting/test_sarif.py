@@ -57,7 +57,6 @@ def test_the_schema_refuses_what_is_no_sarif() -> None:
             VALIDATOR.validate(log)
 
 
-@pytest.mark.defect
 def test_everything_that_is_said_is_in_it(tmp_path: Path) -> None:
     folder = repository(tmp_path)
     diagnostics = every_shape(folder)
@@ -87,7 +86,6 @@ def test_everything_that_is_said_is_in_it(tmp_path: Path) -> None:
     assert [n["descriptor"]["id"] for n in invocation["toolExecutionNotifications"]] == [Code.INTERNAL.code]
 
 
-@pytest.mark.defect
 def test_rules_are_told_in_full_and_lead_to_their_pages(tmp_path: Path, root: Path) -> None:
     folder = repository(tmp_path)
     run = checked(as_sarif(every_shape(folder), base=str(folder), version="1", documentation="https://example.org/codes"))
@@ -103,7 +101,6 @@ def test_rules_are_told_in_full_and_lead_to_their_pages(tmp_path: Path, root: Pa
     assert all("helpUri" not in rule for rule in without["tool"]["driver"]["rules"])
 
 
-@pytest.mark.defect
 def test_a_finding_keeps_its_fingerprint_when_lines_are_added_above(tmp_path: Path) -> None:
     from msgspec.structs import replace
 
@@ -131,7 +128,6 @@ def test_columns_count_characters_as_the_log_says(tmp_path: Path) -> None:
     assert len(text) != len(text.encode("utf-16-le")) // 2
 
 
-@pytest.mark.defect
 def test_warnings_alone_are_no_failure(tmp_path: Path) -> None:
     folder = repository(tmp_path)
     warnings = [d for d in every_shape(folder) if d.severity is Severity.WARNING]

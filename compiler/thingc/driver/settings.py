@@ -6,11 +6,11 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import SET, Document, MappingNode, Node
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity
@@ -29,14 +29,15 @@ EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons"))
 """Sections of which a name with stars means those of nested documents, too."""
 
 
-class ParsedSettings(FrozenStruct):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParsedSettings:
     """Settings that have been read: `names` of numbers, sorted, and their `values` in SI; all else as `texts`. What is wrong with them is
     in `report` (None: nothing)."""
 
     names: tuple[str, ...]
     values: tuple[float, ...]
     texts: tuple[tuple[str, str], ...]
-    report: Report | None = None
+    report: Report | None = field(default=None, compare=False)
 
 
 class SettingsReader:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import hashlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -28,7 +29,7 @@ Ran = Mapping[str, Sequence[int] | None]
 
 def outlined(code: CodeIngredients) -> CodeIngredients:
     """The code without the bodies of its functions."""
-    return replace(code, ingredients={one.label: f"{one.facts.outline} {one.path}" for one in code.sources.values()})
+    return dataclasses.replace(code, ingredients={one.label: f"{one.facts.outline} {one.path}" for one in code.sources.values()})
 
 
 def executed_functions(code: CodeIngredients, ran: Mapping[str, Sequence[int] | None]) -> dict[str, Any] | None:

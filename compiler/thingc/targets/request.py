@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
 
 
-class EmitRequest(FrozenStruct):
+class EmitRequest(FrozenStruct, eq=False):
     """The robot, once without a root (`assembly`) and once per chosen mode (`robots`, document order), and the doors
     an emitter may need: the store for meshes, the geometry service for a STEP file, the report for diagnostics. `verify`: what
     another program shall read is given to that program first, of so many models that differ in nothing but numbers one (1: all, 0: none).

@@ -5,13 +5,11 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
 from typing import Any, Generic, Protocol, TypeVar
 
-from msgspec import field
-
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.units import Quantity
 from thingc.batch.plans.part_exchange import Exchange, Exchanged
 from thingc.batch.plans.program import Run, compiled
@@ -45,7 +43,8 @@ EXCHANGED = (2, 4)
 """Which uses of a plan with an exchange are compared with compilations, however rarely others are; the first is of what it was made for."""
 
 
-class NumericPlan(FrozenStruct, Generic[Made]):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NumericPlan(Generic[Made]):
     """How numbers of some names become `made`. `fixed` are those of the names that it is of one value of; `run` takes the values of the
     others, `free`, and, where parts are modelled by some of them, what `exchange` gives of their records."""
 
@@ -54,7 +53,7 @@ class NumericPlan(FrozenStruct, Generic[Made]):
     run: Run
     made: Made
     exchange: Exchange | None = None
-    _uses: Iterator[int] = field(default_factory=partial(count, 1))
+    _uses: Iterator[int] = field(default_factory=partial(count, 1), init=False, repr=False, compare=False)
 
     def outputs(self, values: Sequence[float]) -> tuple[float, ...] | None:
         """What `made` works with, of the values of all names; None where the plan is not of these."""

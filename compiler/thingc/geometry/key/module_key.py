@@ -12,6 +12,7 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.key.modules import Finder, Module
@@ -65,7 +66,8 @@ class ModuleSource(FrozenStruct, kw_only=False):
         return f"module {self.module.name}"
 
 
-class CodeIngredients(FrozenStruct):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CodeIngredients:
     """What a part's code is made of.
 
     `ingredients` are digests and paths by module (`module arm`), `documented` the same with docstrings; `installed` the modules of
@@ -74,14 +76,14 @@ class CodeIngredients(FrozenStruct):
     file, none where its code may look at itself: then it counts as a whole, whatever of it runs.
     """
 
-    ingredients: dict[str, str] = {}
-    documented: dict[str, str] = {}
-    installed: set[str] = set()
-    files: dict[str, str] = {}
-    plain: set[str] = set()
+    ingredients: dict[str, str] = field(default_factory=dict)
+    documented: dict[str, str] = field(default_factory=dict)
+    installed: set[str] = field(default_factory=set)
+    files: dict[str, str] = field(default_factory=dict)
+    plain: set[str] = field(default_factory=set)
     hiding: tuple[Module, ...] = ()
     place: tuple[str, int] | None = None
-    sources: dict[str, ModuleSource] = {}
+    sources: dict[str, ModuleSource] = field(default_factory=dict, compare=False)
 
 
 class ModuleSources:
