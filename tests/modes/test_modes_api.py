@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 import subprocess
@@ -239,7 +240,7 @@ WRONG: dict[str, tuple[Callable[[Made], object], type[Exception], str]] = {
         "expected a state of mode `front`, found one of mode `rear`: `switch` it first",
     ),
     "a state without a joint": (
-        lambda made: made.modes["front"].poses(replace(made.modes["front"].state(), v={"knee": 0.0})), ModesError,
+        lambda made: made.modes["front"].poses(dataclasses.replace(made.modes["front"].state(), v={"knee": 0.0})), ModesError,
         "the state has no `v` of joint `ankle`",
     ),
     "a twist of three numbers": (
@@ -284,12 +285,12 @@ def test_a_file_of_another_version(made: Made) -> None:
     assert str(found.value) == "mode `crawl` was written by another version of thingc: build the robot again"
 
 
-def test_it_loads_numpy_and_nothing_else() -> None:
+def test_it_loads_numpy_and_msgspec_alone() -> None:
     def loaded(module: str) -> set[str]:
         program = f"import sys, json, {module}; print(json.dumps(sorted({{n.partition('.')[0] for n in sys.modules}})))"
         return set(json.loads(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout))
 
-    assert loaded("thingc.modes") - loaded("numpy") - set(sys.stdlib_module_names) == {"thingc"}
+    assert loaded("thingc.modes") - loaded("numpy, msgspec") - set(sys.stdlib_module_names) == {"thingc"}
 
 
 def test_states_compare_by_identity(made: Made) -> None:

@@ -8,7 +8,7 @@
 
 q and v of the joints stay what they are, because they mean the same in every mode; pose and twist of the new base follow by
 forward kinematics. Into a free base, and into a held one whose root link is at rest, that is exact. Into a base that is
-held while its link moves something must give: `on_motion` says what. Needs numpy and nothing else; MuJoCo's objects are
+held while its link moves something must give: `on_motion` says what. Needs numpy, but not MuJoCo; MuJoCo's objects are
 used by their attributes.
 
 Conventions are MuJoCo's: quaternions (w, x, y, z); the twist of a link is the linear velocity of its frame's origin in world

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
-from msgspec.structs import replace
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.modes.cut_joints import coordinates, freedoms, usual
 from thingc.modes.frames import Array, cross_matrix, inverse
@@ -15,7 +14,8 @@ from thingc.modes.state import RobotState
 from thingc.modes.tree import Cut, Hold, Inertias, Mode
 
 
-class Impact(OneLineRepr, FrozenStruct, eq=False):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Impact(OneLineRepr):
     """What became of a link that is held: `removed` (6,) is the twist [m/s, rad/s] that it could not keep (where it may turn about
     its mount the velocity of the mount's origin, and no turn), `impulse` (6,) what an inelastic catch took: linear [N s] in world
     axes, angular [N m s] about its frame's origin in its own axes (0 without one)."""

@@ -6,17 +6,18 @@ slides and a turn about z, or a quaternion in the axes of the root link.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.modes.frames import Array, inverse, pose, quaternion_of, rotation_of, turned
 
 
-class PartBase(OneLineRepr, FrozenStruct, eq=False):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PartBase(OneLineRepr):
     """How the root link of a mode moves: `kind` is `planar` or `ball`, `X_WA` and `X0_WR` (4, 4) as above."""
 
     kind: Literal["planar", "ball"]

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
-from msgspec.structs import replace
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
 from thingc.modes import mjdata, modes_file
@@ -26,7 +25,8 @@ OnMotion = Literal["raise", "drop", "impact"]
 CHOICES: tuple[OnMotion, ...] = get_args(OnMotion)
 
 
-class SwitchResult(OneLineRepr, FrozenStruct, eq=False):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SwitchResult(OneLineRepr):
     """What a switch has come to.
 
     `state` is that of the new mode. `removed` (6,) is the twist [m/s, rad/s] of the new root link that a base held still could

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from msgspec.structs import force_setattr
 from numpy.typing import ArrayLike
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.modes.errors import ModesError
 from thingc.modes.frames import Array
 
 
-class RobotState(OneLineRepr, FrozenStruct, eq=False):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RobotState(OneLineRepr):
     """Where the root link of `mode` is, how it moves, and q and v of every joint.
 
     `base_pose` (4, 4) is the root link's pose in the world; `base_twist` (6,) its motion: the velocity [m/s] of its frame's
@@ -30,12 +30,12 @@ class RobotState(OneLineRepr, FrozenStruct, eq=False):
     v: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        force_setattr(self, "base_pose", _kept("base_pose", self.base_pose, (4, 4)))
-        force_setattr(self, "base_twist", _kept("base_twist", self.base_twist, (6,)))
+        object.__setattr__(self, "base_pose", _kept("base_pose", self.base_pose, (4, 4)))
+        object.__setattr__(self, "base_twist", _kept("base_twist", self.base_twist, (6,)))
         for name in ("q", "v"):
             values = {path: float(value) for path, value in getattr(self, name).items()}
             _kept(name, list(values.values()), (len(values),))
-            force_setattr(self, name, MappingProxyType(values))
+            object.__setattr__(self, name, MappingProxyType(values))
 
 
 def _kept(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import sum_of
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
@@ -17,7 +17,8 @@ from thingc.modes.partial_bases import PartBase
 from thingc.modes.state import RobotState
 
 
-class Ball(OneLineRepr, FrozenStruct, eq=False):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ball(OneLineRepr):
     """A ball of a mode's tree: its `name` in the model, its three `coordinates` in the document's order, whether the tree crosses it
     backwards (`reversed`), and `R` (3, 3), which takes its q to MuJoCo's."""
 
@@ -63,7 +64,8 @@ def rotation(vector: Array) -> Array:
     return np.eye(3) if angle == 0.0 else turned(vector / angle, angle)
 
 
-class Inertias(OneLineRepr, FrozenStruct, eq=False):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Inertias(OneLineRepr):
     """Of n links: `mass` (n,) [kg], `centre` (n, 3) [m] in the link's frame, `inertia` (n, 3, 3) [kg m^2] about the centre in
     the link's axes. Of its m joints: `armature` (m,) [kg m^2, of a slide kg], the inertia of what turns behind the gears."""
 
@@ -73,7 +75,8 @@ class Inertias(OneLineRepr, FrozenStruct, eq=False):
     armature: Array
 
 
-class Link(OneLineRepr, FrozenStruct, eq=False):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Link(OneLineRepr):
     """A body. `X_root_link` (4, 4) is its frame in the root link's at q = 0; `mass` [kg], `centre` (3,) [m] and `inertia` (3, 3)
     [kg m^2, about the centre] are in its own frame."""
 
@@ -84,7 +87,8 @@ class Link(OneLineRepr, FrozenStruct, eq=False):
     inertia: Array
 
 
-class Mimic(OneLineRepr, FrozenStruct):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mimic(OneLineRepr):
     """A joint that follows another: q = offset + multiplier x + higher[0] x^2 + ... with x the q of `joint`."""
 
     joint: str
@@ -97,7 +101,8 @@ class Mimic(OneLineRepr, FrozenStruct):
         return self.multiplier + sum_of(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
 
 
-class Joint(OneLineRepr, FrozenStruct, eq=False):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Joint(OneLineRepr):
     """A coordinate of a joint from link `parent` to link `child` (indices into `Mode.links`), the `first` of them or one behind others.
 
     `X_PJ` (4, 4) is its frame in the parent, or in what the coordinate before it moves; `twist` (6,) what it does there per unit of q,
@@ -148,7 +153,8 @@ class Joint(OneLineRepr, FrozenStruct, eq=False):
         return self.ball.qvel(q, v) if self.first else np.zeros(0)
 
 
-class Hold(OneLineRepr, FrozenStruct, eq=False):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hold(OneLineRepr):
     """A mount `path` on `link` (an index) that the mode holds still besides its root: `X_LM` (4, 4) in the link, `X_WM` (4, 4) its pose in
     the world in the document. `anchor` is the mocap body of the model that holds it. One that `turns` carries force alone: its origin is
     held, and the link can turn about it."""
@@ -161,7 +167,8 @@ class Hold(OneLineRepr, FrozenStruct, eq=False):
     turns: bool = False
 
 
-class Cut(OneLineRepr, FrozenStruct, eq=False):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cut(OneLineRepr):
     """A joint that closes a loop and is none of this mode's tree: frames A on link `parent` (index, `X_PA`) and B on link `child`
     (`X_CB`) meet, where A has been moved by its `coordinates` (names) one after the other, as their `twists` (n, 6) say, angular over
     linear."""
@@ -176,7 +183,8 @@ class Cut(OneLineRepr, FrozenStruct, eq=False):
     twists: Array
 
 
-class Mode(OneLineRepr, FrozenStruct, eq=False):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mode(OneLineRepr):
     """A mode of a robot. `root` is the path of the site that it stands on, `base` `fixed | held | free | planar | ball` (of the last two
     `part` says how it moves), `gravity` (3,) [m/s^2] in the world, `X_world_root` (4, 4) where the mode puts its root link; `links`
     root first, parents before children; `joints` in the order of the model; `named` the poses of the mode, q by joint path, its own
@@ -193,7 +201,7 @@ class Mode(OneLineRepr, FrozenStruct, eq=False):
     named: Mapping[str, Mapping[str, float]]
     holds: tuple[Hold, ...] = ()
     cuts: tuple[Cut, ...] = ()
-    bases: Mapping[str, Array] = {}
+    bases: Mapping[str, Array] = field(default_factory=dict)
     standing_on: tuple[str, ...] = ()
     part: PartBase | None = None
 
