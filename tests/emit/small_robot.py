@@ -25,9 +25,9 @@ from thingc.model.assembly.types import (
     JointEdge,
     Link,
     LinkedMode,
+    LinkedMount,
     Mate,
     Occurrence,
-    RootChoice,
 )
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
 from thingc.model.resolve.types import BomEntry, Material, NamedPose, Overrides, Process
@@ -174,7 +174,7 @@ def modes() -> tuple[LinkedMode, ...]:
     """Rooted at each link, with each kind of base."""
     def mode(name: str, occurrence: int, path: str, base: str) -> LinkedMode:
         return LinkedMode(
-            name=name, root=RootChoice(occurrence=occurrence, mount=None, path=path), base=base,
+            name=name, root=LinkedMount(occurrence=occurrence, mount="origin", path=path), base=base,
             at=placed((0.1, 0.2, 0.5), (0.3, 0.0, 0.1)), gravity=(0.0, 0.0, -9.81), poses=("start", "home"), actuators=None,
             exclude=(), adhesion={}, simulation={}, origin=(span(60),),
         )

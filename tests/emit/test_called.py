@@ -207,7 +207,7 @@ PLAIN = {
     "LinkedMode.simulation", "LinkedMount.mount", "LinkedSensor.cutoff", "LinkedSensor.noise", "LinkedSensor.parts",
     "Mate.child_mount", "Mate.parent_mount", "Mimic.name",
     "RawAttribute.target", "RawAttribute.value", "RawElement.section", "RawElement.tag",
-    "Robot.name", "RootChoice.mount", "Span.file",
+    "Robot.name", "Span.file",
 }
 """Texts of records that files have as they are, or that rules of `called` are for."""
 

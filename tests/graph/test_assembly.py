@@ -147,7 +147,7 @@ def test_links_are_numbered_named_and_framed() -> None:
 def test_modes_are_worked_out() -> None:
     found = linked(BODY, PLATE)
     walk, stand, hang, hang2 = found.modes
-    assert (walk.root.occurrence, walk.root.mount, walk.root.path) == (0, None, "torso/origin")
+    assert (walk.root.occurrence, walk.root.mount, walk.root.path) == (0, "origin", "torso/origin")
     assert (stand.root.occurrence, stand.root.mount, stand.root.path) == (3, "top", "front/sole")
     assert (hang.root.occurrence, hang.root.mount, hang.root.path) == (4, None, "rear/origin")
     assert hang2.root == hang.root

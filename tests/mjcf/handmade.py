@@ -29,9 +29,9 @@ from thingc.model.assembly.types import (
     JointEdge,
     Link,
     LinkedMode,
+    LinkedMount,
     Mate,
     Occurrence,
-    RootChoice,
 )
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
 from thingc.model.resolve.types import Material, NamedPose, Overrides, RawAttribute
@@ -365,7 +365,7 @@ class Made:
     def robot(self, assembly: Assembly, name: str = "bench", base: str = "fixed") -> Robot:
         mode = LinkedMode(
             name=name,
-            root=RootChoice(occurrence=0, mount=None, path="plate/origin"),
+            root=LinkedMount(occurrence=0, mount="origin", path="plate/origin"),
             base=base,
             at=NO_POSE,
             gravity=self.gravity,
@@ -382,7 +382,7 @@ class Made:
             if s.joint is not None:
                 axis, anchor = tuple(map(float, s.axis)), tuple(map(float, s.anchor))
                 joints = (TreeJoint(
-                    path=s.joint,
+                    name=CoordinateName(s.joint.replace("/", ".")),
                     kind=KINDS["revolute" if s.kind == "hinge" else "prismatic"],
                     twist=Twist(angular=axis, anchor=anchor) if s.kind == "hinge" else Twist(linear=axis),
                     reversed=False,

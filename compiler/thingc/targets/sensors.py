@@ -28,7 +28,7 @@ def elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
     at = None if sensor.at is None else (sensor.at.occurrence, sensor.at.mount)
     if not body.joints:
         root = robot.mode.root
-        if (root.occurrence, root.mount or "origin") == at:
+        if (root.occurrence, root.mount) == at:
             return None
         return f"between its link and the world at `{root.path}`"
     mate = robot.assembly.mates[body.joints[0].mate]

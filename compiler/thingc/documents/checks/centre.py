@@ -10,8 +10,8 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import CheckKind
-from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import LengthField, fault
+from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.fields import LengthField
 from thingc.documents.spec.name_types import ComponentField, ModeNames, PoseNames, ShownMountField
 
 if TYPE_CHECKING:
@@ -35,9 +35,7 @@ class WithinSpec(Model):
     @model_validator(mode="after")
     def _one(self) -> WithinSpec:
         if self.x is None and self.y is None and self.z is None:
-            raise fault(
-                "rule", "`within` bounds at least one of `x`, `y` and `z`; none is here", help="write for example `x: [-10 mm, 10 mm]`",
-            )
+            raise rule("`within` bounds at least one of `x`, `y` and `z`; none is here", "write for example `x: [-10 mm, 10 mm]`")
         return self
 
 

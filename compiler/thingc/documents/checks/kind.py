@@ -9,8 +9,7 @@ from pydantic import ConfigDict
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
-from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import fault
+from thingc.documents.spec.base import Model, rule
 
 BOUNDED = ConfigDict(json_schema_extra={"anyOf": [{"required": ["min"]}, {"required": ["max"]}]})
 """Of a model that takes `min`, `max` or both, as its schema says it."""
@@ -19,7 +18,7 @@ BOUNDED = ConfigDict(json_schema_extra={"anyOf": [{"required": ["min"]}, {"requi
 def require_bounds(low: object, high: object, kind: str, example: str) -> None:
     """Raises the fault of a mapping that has neither `min` nor `max`."""
     if low is None and high is None:
-        raise fault("rule", f"a `{kind}` test needs `min`, `max` or both; none is here", help=f"write for example `{example}`")
+        raise rule(f"a `{kind}` test needs `min`, `max` or both; none is here", f"write for example `{example}`")
 
 
 Written = TypeVar("Written", bound=Model)

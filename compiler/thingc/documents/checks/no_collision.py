@@ -12,17 +12,15 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Origin
 from thingc.base.units import ANGLE, LENGTH, NUMBER
 from thingc.documents.checks.kind import CheckKind
-from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import CountField, LengthField, Value, fault, quantity
+from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.fields import CountField, LengthField, Value, quantity
 from thingc.documents.spec.name_types import ComponentField, JointPattern, ModeNames, PoseNames
 
 if TYPE_CHECKING:
     from thingc.model.resolve.tests import Reader
     from thingc.model.resolve.types import JointRange, Reference
 
-    JointBoundField = Value
-else:
-    JointBoundField = quantity(ANGLE, LENGTH)
+JointBoundField = Annotated[Value, quantity(ANGLE, LENGTH)]
 
 SAMPLES = 200
 """Positions of a sweep that does not say how many."""
@@ -40,7 +38,7 @@ class AllowSpec(Model):
     @model_validator(mode="after")
     def _said(self) -> AllowSpec:
         if not self.reason.strip():
-            raise fault("rule", "an allowance needs a reason; this one is empty", help="say why these two may touch")
+            raise rule("an allowance needs a reason; this one is empty", "say why these two may touch")
         return self
 
 
@@ -67,10 +65,8 @@ class NoCollisionTest(Model):
     @model_validator(mode="after")
     def _sweep(self) -> NoCollisionTest:
         if self.samples is not None and not self.joints:
-            raise fault(
-                "rule", "`samples` belongs to a sweep over `joints`; there are none",
-                help="take it out, or write for example `joints: {elbow: all}`",
-            )
+            help = "take it out, or write for example `joints: {elbow: all}`"
+            raise rule("`samples` belongs to a sweep over `joints`; there are none", help)
         return self
 
 

@@ -13,8 +13,8 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Vector
 from thingc.base.units import ANGLE, LENGTH, NUMBER
 from thingc.documents.checks.kind import CheckKind
-from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import AngleField, LengthField, NumberField, Vector3Length, fault
+from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.fields import AngleField, LengthField, NumberField, Vector3Length
 from thingc.documents.spec.name_types import ModeNames, ShownMountField
 
 if TYPE_CHECKING:
@@ -49,9 +49,7 @@ class PointTest(Model):
     @model_validator(mode="after")
     def _angle(self) -> PointTest:
         if self.angle is not None and self.direction is None:
-            raise fault(
-                "rule", "`angle` says how exactly `direction` is met; there is none", help="write for example `direction: [0, 0, -1]`",
-            )
+            raise rule("`angle` says how exactly `direction` is met; there is none", "write for example `direction: [0, 0, -1]`")
         return self
 
 

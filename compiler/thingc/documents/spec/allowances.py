@@ -42,13 +42,10 @@ def _reason(value: Any) -> str:
 
 _REASON_SCHEMA = {"type": "string", "pattern": r"\S"}
 
-if TYPE_CHECKING:
-    Allow = dict[str, str]
-else:
-    Allow = dict[
-        Annotated[str, FieldValidator(_warning_code, "the code of a warning", {"type": "string", "examples": ["TC407"]})],
-        Annotated[str, FieldValidator(_reason, "a reason in words", _REASON_SCHEMA)],
-    ]
+Allow = dict[
+    Annotated[str, FieldValidator(_warning_code, "the code of a warning", {"type": "string", "examples": ["TC407"]})],
+    Annotated[str, FieldValidator(_reason, "a reason in words", _REASON_SCHEMA)],
+]
 
 
 def allow() -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
+from typing import Annotated, Any, Literal, Union
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
@@ -100,10 +100,7 @@ def _sound_raw(value: Any, path: tuple[str | int, ...], wrong: list[PydanticCust
 
 _RAW_SCHEMA = {"description": "Attributes by path.", "examples": [{"joint": {"yaw": {"solreflimit": "0.01 1"}}}], **raw_schema(6)}
 
-if TYPE_CHECKING:
-    RawField = Union[str, int, float, bool, list[Any], dict[str, Any]]
-else:
-    RawField = Annotated[Any, FieldValidator(_raw, _WORDS, _RAW_SCHEMA), RefersTo("raw")]
+RawField = Annotated[Union[str, int, float, bool, list[Any], dict[str, Any]], FieldValidator(_raw, _WORDS, _RAW_SCHEMA), RefersTo("raw")]
 
 
 UNIT_OF_ITS_OWN = "STEP, 3MF and glTF files carry the unit of their numbers"

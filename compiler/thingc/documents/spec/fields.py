@@ -182,8 +182,8 @@ def decimal_point(text: str, whole: str, rest: str) -> Suggestion:
     return Suggestion(f"write `{shortened(point)}`", (text, point) if sure else None)
 
 
-def quantity(*dimensions: Dimension, doc: str = "") -> Any:
-    """The `Annotated` type of a value of one of the dimensions: validated to `Quantity | Expression`.
+def quantity(*dimensions: Dimension, doc: str = "") -> FieldValidator:
+    """Validates a value of one of the dimensions: to `Quantity | Expression`.
 
     A bare 0 is 0 of every dimension; other bare numbers are refused unless NUMBER is among the dimensions.
     `doc` replaces the words of messages and of the schema ("an angle or a length").
@@ -191,9 +191,7 @@ def quantity(*dimensions: Dimension, doc: str = "") -> Any:
     words = doc or " or ".join(dimension.words for dimension in dimensions)
     examples = [dimension.example for dimension in dimensions]
     schema = _schema(words, examples, dimensions)
-    return Annotated[
-        Union[Quantity, Expression], FieldValidator(lambda value: read_value(value, dimensions, words, examples[0]), words, schema),
-    ]
+    return FieldValidator(lambda value: read_value(value, dimensions, words, examples[0]), words, schema)
 
 
 def _schema(words: str, examples: list[str], dimensions: tuple[Dimension, ...]) -> dict[str, Any]:
@@ -207,38 +205,21 @@ def _schema(words: str, examples: list[str], dimensions: tuple[Dimension, ...]) 
     }
 
 
-if TYPE_CHECKING:
-    LengthField = Value
-    AngleField = Value
-    MassField = Value
-    DensityField = Value
-    TimeField = Value
-    RatioField = Value
-    EffortField = Value
-    SpeedField = Value
-    DampingField = Value
-    FrictionField = Value
-    ArmatureField = Value
-    StiffnessField = Value
-    ForceField = Value
-    MultiplierField = Value
-    InertiaField = Value
-else:
-    LengthField = quantity(LENGTH)
-    AngleField = quantity(ANGLE)
-    MassField = quantity(MASS)
-    DensityField = quantity(DENSITY)
-    TimeField = quantity(TIME)
-    RatioField = quantity(NUMBER, doc="a number or a percentage")
-    EffortField = quantity(TORQUE, FORCE)
-    SpeedField = quantity(ANGULAR_VELOCITY, VELOCITY)
-    DampingField = quantity(ANGULAR_DAMPING, LINEAR_DAMPING)
-    FrictionField = quantity(TORQUE, FORCE)
-    ArmatureField = quantity(INERTIA, MASS)
-    StiffnessField = quantity(ANGULAR_STIFFNESS, LINEAR_STIFFNESS)
-    ForceField = quantity(FORCE)
-    MultiplierField = quantity(NUMBER, LENGTH_PER_ANGLE, ANGLE_PER_LENGTH)
-    InertiaField = quantity(INERTIA)
+LengthField = Annotated[Value, quantity(LENGTH)]
+AngleField = Annotated[Value, quantity(ANGLE)]
+MassField = Annotated[Value, quantity(MASS)]
+DensityField = Annotated[Value, quantity(DENSITY)]
+TimeField = Annotated[Value, quantity(TIME)]
+RatioField = Annotated[Value, quantity(NUMBER, doc="a number or a percentage")]
+EffortField = Annotated[Value, quantity(TORQUE, FORCE)]
+SpeedField = Annotated[Value, quantity(ANGULAR_VELOCITY, VELOCITY)]
+DampingField = Annotated[Value, quantity(ANGULAR_DAMPING, LINEAR_DAMPING)]
+FrictionField = Annotated[Value, quantity(TORQUE, FORCE)]
+ArmatureField = Annotated[Value, quantity(INERTIA, MASS)]
+StiffnessField = Annotated[Value, quantity(ANGULAR_STIFFNESS, LINEAR_STIFFNESS)]
+ForceField = Annotated[Value, quantity(FORCE)]
+MultiplierField = Annotated[Value, quantity(NUMBER, LENGTH_PER_ANGLE, ANGLE_PER_LENGTH)]
+InertiaField = Annotated[Value, quantity(INERTIA)]
 
 
 def any_value(value: Any) -> Value | bool | str:
@@ -271,7 +252,7 @@ def _joint_value(value: Any) -> Value | str:
     return read_value(value, (ANGLE, LENGTH), "an angle or a length", "30 deg")
 
 
-def _vector(dimension: Dimension) -> Any:
+def _vector(dimension: Dimension) -> FieldValidator:
     """The type of three values of one dimension: `[10 mm, 0, =h]` or `0 120 30 mm`; validated to a tuple of three."""
     words = f"three values, each {dimension.words}"
     number, _, unit = dimension.example.partition(" ")
@@ -303,17 +284,14 @@ def _vector(dimension: Dimension) -> Any:
         return items[0], items[1], items[2]
 
     item = _schema(dimension.words, [dimension.example], (dimension,))
-    return Annotated[
-        tuple[Value, Value, Value],
-        FieldValidator(validate, words, {
-            "description": f"Three values, each {dimension.words}: `{short}` or `{listed}`.",
-            "examples": [short, [dimension.example, 0, 0]],
-            "anyOf": [
-                {"type": "string", "pattern": vector_pattern(dimension)},
-                {"type": "array", "items": {"anyOf": item["anyOf"]}, "minItems": 3, "maxItems": 3},
-            ],
-        }),
-    ]
+    return FieldValidator(validate, words, {
+        "description": f"Three values, each {dimension.words}: `{short}` or `{listed}`.",
+        "examples": [short, [dimension.example, 0, 0]],
+        "anyOf": [
+            {"type": "string", "pattern": vector_pattern(dimension)},
+            {"type": "array", "items": {"anyOf": item["anyOf"]}, "minItems": 3, "maxItems": 3},
+        ],
+    })
 
 
 def within(error: PydanticCustomError, path: tuple[str | int, ...]) -> PydanticCustomError:
@@ -466,29 +444,15 @@ _JOINT_SCHEMA = {
     "anyOf": [{"type": "string", "pattern": quantity_pattern(ANGLE, LENGTH, word="[A-Za-z][A-Za-z0-9_]*")}, {"const": 0}],
 }
 
-if TYPE_CHECKING:
-    AnyQuantityField = Union[Quantity, Expression, bool, str]
-    JointValueField = Union[Quantity, Expression, str]
-    Vector3Length = Vector
-    Vector3Angle = Vector
-    Vector3Acceleration = Vector
-    Name = str
-    Index = str
-    ReferenceField = str
-    ColorField = str
-    CostField = str
-    CountField = Union[int, Expression]
-    NumberField = Value
-else:
-    AnyQuantityField = Annotated[Any, FieldValidator(any_value, "a quantity, true or false, or text", _ANY_SCHEMA)]
-    JointValueField = Annotated[Any, FieldValidator(_joint_value, "an angle or a length", _JOINT_SCHEMA)]
-    Vector3Length = _vector(LENGTH)
-    Vector3Angle = _vector(ANGLE)
-    Vector3Acceleration = _vector(ACCELERATION)
-    Name = Annotated[str, FieldValidator(name_of, "a name", _NAME_SCHEMA)]
-    Index = Annotated[str, FieldValidator(_index, "the number of a coordinate", _INDEX_SCHEMA)]
-    ReferenceField = Annotated[str, FieldValidator(_reference, "a reference", _REFERENCE_SCHEMA)]
-    ColorField = Annotated[str, FieldValidator(_color, "a colour", _COLOR_SCHEMA)]
-    CostField = Annotated[str, FieldValidator(_cost, "an amount and a currency", _COST_SCHEMA)]
-    CountField = Annotated[Any, FieldValidator(_count, "a whole number", _COUNT_SCHEMA)]
-    NumberField = Annotated[Any, FieldValidator(_number, "a number", _NUMBER_SCHEMA)]
+AnyQuantityField = Annotated[Union[Value, bool, str], FieldValidator(any_value, "a quantity, true or false, or text", _ANY_SCHEMA)]
+JointValueField = Annotated[Union[Value, str], FieldValidator(_joint_value, "an angle or a length", _JOINT_SCHEMA)]
+Vector3Length = Annotated[Vector, _vector(LENGTH)]
+Vector3Angle = Annotated[Vector, _vector(ANGLE)]
+Vector3Acceleration = Annotated[Vector, _vector(ACCELERATION)]
+Name = Annotated[str, FieldValidator(name_of, "a name", _NAME_SCHEMA)]
+Index = Annotated[str, FieldValidator(_index, "the number of a coordinate", _INDEX_SCHEMA)]
+ReferenceField = Annotated[str, FieldValidator(_reference, "a reference", _REFERENCE_SCHEMA)]
+ColorField = Annotated[str, FieldValidator(_color, "a colour", _COLOR_SCHEMA)]
+CostField = Annotated[str, FieldValidator(_cost, "an amount and a currency", _COST_SCHEMA)]
+CountField = Annotated[Union[int, Expression], FieldValidator(_count, "a whole number", _COUNT_SCHEMA)]
+NumberField = Annotated[Value, FieldValidator(_number, "a number", _NUMBER_SCHEMA)]

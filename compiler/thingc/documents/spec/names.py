@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -29,10 +29,7 @@ _FILE_NAME_SCHEMA = {
     "description": "What files call it: one line of text.",
 }
 
-if TYPE_CHECKING:
-    FileName = str
-else:
-    FileName = Annotated[str, FieldValidator(_file_name, "a name in files", _FILE_NAME_SCHEMA)]
+FileName = Annotated[str, FieldValidator(_file_name, "a name in files", _FILE_NAME_SCHEMA)]
 
 
 class NamesSpec(Model):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -15,12 +15,8 @@ from thingc.documents.spec.fields import AngleField, LengthField, Value, Vector3
 from thingc.documents.spec.link_shapes import LongSpec, RoundSpec
 from thingc.documents.spec.name_types import ComponentField, JointField, ShownMountField, TendonField
 
-if TYPE_CHECKING:
-    ReadingField = Value
-else:
-    ReadingField = quantity(
-        ACCELERATION, ANGULAR_VELOCITY, VELOCITY, FORCE, TORQUE, LENGTH, ANGLE, doc="a value in the unit of what a sensor reads",
-    )
+_READINGS = (ACCELERATION, ANGULAR_VELOCITY, VELOCITY, FORCE, TORQUE, LENGTH, ANGLE)
+ReadingField = Annotated[Value, quantity(*_READINGS, doc="a value in the unit of what a sensor reads")]
 
 VOLUMES: tuple[PrimitiveShape, ...] = ("box", "sphere", "cylinder", "capsule", "ellipsoid")
 """The shapes of the volume of a touch sensor."""

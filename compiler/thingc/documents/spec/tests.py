@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ConfigDict, Field, create_model, model_validator
 
 from thingc.documents.checks import kinds
-from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import fault
+from thingc.documents.spec.base import Model, rule
 
 
 class _OneKind(Model):
@@ -30,12 +29,10 @@ class _OneKind(Model):
     def _one_kind(self) -> _OneKind:
         written = [kind for kind in kinds() if getattr(self, kind) is not None]
         if not written:
-            raise fault("rule", "a test needs a kind; none is here", help="write for example `{mass: {max: 2.2 kg}}`")
+            raise rule("a test needs a kind; none is here", "write for example `{mass: {max: 2.2 kg}}`")
         if len(written) > 1:
-            raise fault(
-                "rule", f"a test has one kind; here are {' and '.join(f'`{kind}`' for kind in written)}",
-                help="make two tests of it, each with a name of its own",
-            )
+            named = " and ".join(f"`{kind}`" for kind in written)
+            raise rule(f"a test has one kind; here are {named}", "make two tests of it, each with a name of its own")
         return self
 
 

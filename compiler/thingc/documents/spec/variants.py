@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -60,14 +60,9 @@ _RULE_SCHEMA = {
     "examples": ["mass < 2.5 kg", "leg_length > 2 * foot_length", "torque_margin > 1.3"],
 }
 
-if TYPE_CHECKING:
-    ChoicePathField = str
-    SettingField = str
-    RuleField = Expression
-else:
-    SettingField = Annotated[str, FieldValidator(_setting, "a parameter or the path of a value", _SETTING_SCHEMA), RefersTo("setting")]
-    ChoicePathField = Annotated[str, FieldValidator(_choice_path, "the path of a choice", _PATH_SCHEMA), RefersTo("setting")]
-    RuleField = Annotated[Any, FieldValidator(_rule_text, "a comparison", _RULE_SCHEMA), RefersTo("rule")]
+SettingField = Annotated[str, FieldValidator(_setting, "a parameter or the path of a value", _SETTING_SCHEMA), RefersTo("setting")]
+ChoicePathField = Annotated[str, FieldValidator(_choice_path, "the path of a choice", _PATH_SCHEMA), RefersTo("setting")]
+RuleField = Annotated[Expression, FieldValidator(_rule_text, "a comparison", _RULE_SCHEMA), RefersTo("rule")]
 
 ChoiceField = Annotated[str, RefersTo("choice")]
 

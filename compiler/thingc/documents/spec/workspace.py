@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -61,18 +61,12 @@ def _memory(value: Any) -> str:
 
 _MAINTAINER_HINT = "write for example `Ada Lovelace <ada@example.org>`"
 
-if TYPE_CHECKING:
-    MaintainerField = str
-    LicenseField = str
-    VersionField = str
-    MemoryField = str
-else:
-    MemoryField = Annotated[str, FieldValidator(_memory, "an amount of memory", {"type": "string", "pattern": f"^{MEMORY}$"})]
-    MaintainerField = Annotated[
-        str, FieldValidator(_maintainer, "a name and a mail address", {"type": "string", "pattern": f"^{MAINTAINER}$"})
-    ]
-    LicenseField = Annotated[str, FieldValidator(_license, "a license", {"type": "string", "pattern": r"\S"})]
-    VersionField = Annotated[str, FieldValidator(_version, "a version", {"type": "string", "pattern": f"^{VERSION}$"})]
+MemoryField = Annotated[str, FieldValidator(_memory, "an amount of memory", {"type": "string", "pattern": f"^{MEMORY}$"})]
+MaintainerField = Annotated[
+    str, FieldValidator(_maintainer, "a name and a mail address", {"type": "string", "pattern": f"^{MAINTAINER}$"})
+]
+LicenseField = Annotated[str, FieldValidator(_license, "a license", {"type": "string", "pattern": r"\S"})]
+VersionField = Annotated[str, FieldValidator(_version, "a version", {"type": "string", "pattern": f"^{VERSION}$"})]
 
 
 class AboutSpec(Model):

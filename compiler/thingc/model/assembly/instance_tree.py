@@ -15,9 +15,9 @@ from thingc.base.mirror import Mirror
 from thingc.base.pose import Pose
 from thingc.base.source import Origin
 from thingc.base.suggestions import closest_name, did_you_mean
-from thingc.model.assembly.part_instances import PartInstance, PartInstances
+from thingc.model.assembly.part_instances import PartInstances
 from thingc.model.assembly.report import LinkReport, written_at
-from thingc.model.assembly.types import MountFrame
+from thingc.model.assembly.types import MountAt, MountFrame, PartInstance
 from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, Reference
 
 
@@ -53,11 +53,9 @@ class Instance:
             waiting.extend(reversed(instance.children.values()))
 
 
-class FoundMount(FrozenStruct):
-    """A mount that was looked up: the occurrence that carries it, its name there, and its frame in the occurrence's."""
+class FoundMount(MountAt):
+    """A mount that was looked up, and its frame in the occurrence's."""
 
-    occurrence: int
-    mount: str
     pose: Pose
 
 

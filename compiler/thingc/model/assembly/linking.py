@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Container, Mapping, Sequence
 
+from msgspec.structs import asdict, replace
+
 from thingc.base.diagnostics import Code, Report
 from thingc.base.memo import Memo
 from thingc.base.pose import NO_POSE, Pose
@@ -50,7 +52,7 @@ def link(
     names = names_of(tree, robot, model.poses, findings)
     joints = tuple(joint for mate in mates for joint in mate.joints)
     tests = tests_of(tree, model.tests, joints, findings)
-    _check(tree, robot, laid, findings)
+    _check(robot, laid, findings)
     known = not findings.incomplete or not (findings.earlier or findings.failed or any(loops_in(tree)))
     loops = on_loops(len(robot.occurrences), mates)
     check_poses(model.poses, model.modes, stated_joints(tree, joints), findings, loops, unset=known)
@@ -60,14 +62,12 @@ def link(
         if not instances.unknown and not unmodelled:
             _say_apart(tree, model, at, findings)
         return None
-    tendons = tuple(rested(tendon, robot.occurrences, at, findings) for tendon in robot.tendons)
+    robot = replace(robot, tendons=tuple(rested(tendon, robot.occurrences, at, findings) for tendon in robot.tendons))
     if findings.failed:
         return None
     assembly = Assembly(
-        name=model.name, definition=model, base=base, occurrences=robot.occurrences, mates=mates, links=robot.links,
-        link_of=robot.link_of, rest=tuple(at[index] for index in range(count)), exported=robot.exported, poses=model.poses,
-        modes=robot.modes, adhesions=robot.adhesions, raw=raw_of(tree), added=added_of(tree), tendons=tendons, sensors=robot.sensors,
-        tests=tests, between=robot.between, names=names,
+        **asdict(robot), name=model.name, definition=model, base=base, rest=tuple(at[index] for index in range(count)), poses=model.poses,
+        raw=raw_of(tree), added=added_of(tree), tests=tests, names=names,
     )
     check_plausible(tree, assembly, findings)
     return assembly
@@ -90,13 +90,13 @@ def _connected(tree: Tree, model: AssemblyDefinition, mates: tuple[Mate, ...], f
     )
 
 
-def _check(tree: Tree, robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
+def _check(robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
     """What is wrong with parts where they are, and with links."""
     check_contacts(robot.occurrences, findings)
     faulty = check_stated(robot, findings)
     if not findings.incomplete:
         # Only of whole assemblies: what was left out may be what carries the mass, or what sits on the mount.
-        faulty += [index for index, instance in enumerate(tree.occurrences) if instance.part is not None and not instance.part.sound]
+        faulty += [occurrence.index for occurrence in robot.occurrences if not occurrence.sound]
         check_links(robot, faulty, findings)
         check_expectations(robot, laid, findings)
 
@@ -129,8 +129,6 @@ def _occurrence(index: int, instance: Instance, tree: Tree) -> Occurrence:
         raise ValueError(f"{instance.path} is no occurrence")
     added = tree.added.get(index)
     return Occurrence(
-        path=instance.path, index=index, definition=part.definition, component=part.component, record=part.record,
-        material=part.material, color=part.color, overrides=part.component.overrides, bom=part.bom, properties=part.properties,
-        mass_source=part.source, mounts={**part.mounts, **added} if added else part.mounts, origin=instance.origin,
-        estimate=part.estimate, listed=part.listed,
+        **{**asdict(part), "mounts": {**part.mounts, **added} if added else part.mounts},
+        path=instance.path, index=index, overrides=part.component.overrides, origin=instance.origin,
     )

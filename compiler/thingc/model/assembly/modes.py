@@ -21,10 +21,9 @@ from thingc.model.assembly.types import (
     LinkedMode,
     LinkedMount,
     LinkedSensor,
-    RootChoice,
 )
 from thingc.model.resolve.raw_protected import NAMING
-from thingc.model.resolve.types import AssemblyDefinition, Mode, NamedPose, RawAttribute, RawElement, Reference
+from thingc.model.resolve.types import AssemblyDefinition, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference
 
 _ROUNDING = 1e-9
 """How far past a limit a pose may be without being outside, relative: limits and poses may come from expressions."""
@@ -56,7 +55,7 @@ def modes_of(tree: Tree, model: AssemblyDefinition, link_of: Sequence[int], find
 
 
 def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: LinkReport) -> LinkedMode | None:
-    root = _root(tree, mode.root)
+    root = mount_of(tree, tree.top, mode.root)
     pairs: dict[tuple[int, int], None] = {}
     for one, other in mode.exclude:
         for a in _links_named(tree, one, link_of):
@@ -71,32 +70,20 @@ def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: LinkReport) 
         findings.leave_out()
         return None
     return LinkedMode(
-        name=mode.name, root=root, base=mode.base, at=mode.at, gravity=mode.gravity, poses=mode.poses, actuators=mode.actuators,
-        exclude=tuple(pairs), adhesion=adhesion, simulation=mode.simulation, origin=mode.origin, pose=mode.pose,
-        holds=tuple(_holds(tree, mode, findings)), cut=mode.cut, on_floor=mode.on_floor, stated=mode.stated,
-        feet=tuple(_feet(tree, mode, findings)), at_in=mode.at_in,
+        **{name: getattr(mode, name) for name in ModeSettings.__struct_fields__}, root=root, exclude=tuple(pairs), adhesion=adhesion,
+        holds=tuple(_holds(tree, mode, findings)), feet=tuple(_feet(tree, mode, findings)),
     )
-
-
-def _root(tree: Tree, reference: Reference) -> RootChoice | None:
-    """`body` and `body.origin` are a component root, anything else with a mount is a mount root."""
-    mount = tree.find(tree.top, reference)
-    if mount is None:
-        return None
-    if reference.mount in (None, "origin"):
-        return RootChoice(occurrence=mount.occurrence, mount=None, path="/".join((*reference.path, "origin")))
-    return RootChoice(occurrence=mount.occurrence, mount=mount.mount, path=_path(reference))
 
 
 def _holds(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[LinkedHold]:
     """What the mode holds; one mount under two names (its own, and an exported one) is said."""
     met: dict[tuple[int, str], LinkedHold] = {}
     for hold in mode.holds:
-        choice = _root(tree, hold.mount)
+        choice = mount_of(tree, tree.top, hold.mount)
         if choice is None:
             continue
         linked = LinkedHold(mount=choice, pose=hold.pose, origin=hold.origin, turns=hold.turns)
-        other = met.setdefault((choice.occurrence, choice.mount or "origin"), linked)
+        other = met.setdefault((choice.occurrence, choice.mount), linked)
         if other is not linked:
             findings.error(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}` twice", hold.origin, path=choice.path,
@@ -110,10 +97,10 @@ def _feet(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[Foot]:
     """What the mode stands on, each mount once; one that it holds as well is said."""
     if mode.standing is None:
         return
-    held = {(choice.occurrence, choice.mount): hold for hold in mode.holds if (choice := _root(tree, hold.mount)) is not None}
-    met: set[tuple[int, str | None]] = set()
+    held = {(choice.occurrence, choice.mount): hold for hold in mode.holds if (choice := mount_of(tree, tree.top, hold.mount)) is not None}
+    met: set[tuple[int, str]] = set()
     for reference in mode.standing.mounts:
-        choice = _root(tree, reference)
+        choice = mount_of(tree, tree.top, reference)
         if choice is None or (choice.occurrence, choice.mount) in met:
             continue
         met.add((choice.occurrence, choice.mount))

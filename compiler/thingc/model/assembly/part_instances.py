@@ -8,8 +8,7 @@ from typing import cast
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note, allow_hint, noted
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.inertia import MassProperties, physical_fault
+from thingc.base.inertia import physical_fault
 from thingc.base.memo import Memo
 from thingc.base.mirror import Mirror
 from thingc.base.one_line_repr import counted
@@ -33,7 +32,7 @@ from thingc.model.assembly.mass import (
 from thingc.model.assembly.print_settings import material_of, process_of
 from thingc.model.assembly.report import LinkReport, written_at
 from thingc.model.assembly.shape_links import Meshes, MissingDensity, listed, weigh_shapes
-from thingc.model.assembly.types import Listed, MountFrame
+from thingc.model.assembly.types import MountFrame, PartInstance
 from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
 from thingc.model.resolve.plausibility import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
 from thingc.model.resolve.types import AssemblyDefinition, BomEntry, Component, Material, Process
@@ -65,24 +64,6 @@ _INSTEAD: Mapping[ImpureInputs, str] = {
 }
 """By what a part asks: what to do instead."""
 _SHOWN_PLACES = 8
-
-
-class PartInstance(FrozenStruct):
-    """A component that is a part or a frame. `properties` and `mounts` are in its own frame; `sound` is False where its
-    mass is wrong and that has been reported."""
-
-    component: Component
-    definition: Definition
-    record: PartRecord | None
-    material: Material | None
-    color: str | None
-    bom: BomEntry
-    properties: MassProperties
-    source: str
-    estimate: str | None
-    mounts: dict[str, MountFrame]
-    sound: bool
-    listed: Listed | None = None
 
 
 class PartInstances:
@@ -209,7 +190,7 @@ class PartInstances:
             color=(record.color if record is not None else None) or (material.color if material is not None else None),
             bom=_bom(component, record),
             properties=weighed.properties if weighed is not None else NOTHING,
-            source=weighed.source if weighed is not None else "derived",
+            mass_source=weighed.source if weighed is not None else "derived",
             estimate=weighed.estimate if weighed is not None else None,
             mounts=self._mounts(component, record, path, origin),
             sound=sound,

@@ -97,7 +97,7 @@ def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: C
     places = {magnet.path: (magnet.occurrence, magnet.mount) for magnet in magnets}
     written = {mode.name: {reference.text: reference.origin for reference, _ in mode.adhesion} for mode in top.modes}
     for mode in modes:
-        holding = {(at.occurrence, at.mount or "origin") for at in (mode.root, *(hold.mount for hold in mode.holds))}
+        holding = {(at.occurrence, at.mount) for at in (mode.root, *(hold.mount for hold in mode.holds))}
         on = [path for path in mode.adhesion if path in places]
         off = next((path for path, place in places.items() if place == (mode.root.occurrence, mode.root.mount)), None)
         if mode.base != "held" or off is None or not on or any(places[path] in holding for path in on):

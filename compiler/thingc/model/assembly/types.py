@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from thingc.base.export_names import JointPath, LinkPath, PoseName, SensorPath, SitePath, TendonPath
+from thingc.base.export_names import JointPath, LinkPath, SensorPath, SitePath, TendonPath
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
-from thingc.base.joints.bases import BaseType
-from thingc.base.joints.kind import JointKind
 from thingc.base.joints.twist import Twist
 from thingc.base.numeric import sum_of
 from thingc.base.one_line_repr import OneLineRepr
@@ -18,13 +16,13 @@ from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin
 from thingc.geometry.record import DriveType, Mesh, PartRecord
 from thingc.model.assembly.hag import Definition, Hag, hag_of
-from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
+from thingc.model.resolve.coordinates import Coordinate, Dynamics, Limit
 from thingc.model.resolve.types import (
     AssemblyDefinition,
     BomEntry,
     Component,
-    Cut,
     Material,
+    ModeSettings,
     NamedPose,
     Overrides,
     RawAttribute,
@@ -69,29 +67,35 @@ class Listed(OneLineRepr, FrozenStruct):
     box: tuple[Vector, Vector] | None
 
 
-class Occurrence(OneLineRepr, FrozenStruct):
-    """A part, a link or a frame at a path of the unrolled HAG (`hand/cap`).
+class PartInstance(OneLineRepr, FrozenStruct):
+    """A component that is a part, a link or a frame. `record` is that of a part, `listed` is of a link; a frame has neither.
 
-    `index` is its place in document order; `properties` in its own frame; `mass_source` is
-    `measured | vendor | stated | derived | estimated`, `estimate` how one with an infill was estimated (`layers | skin`), else None.
-    `mounts` includes `origin`. `color` is `#rrggbb`. `record` is that of a part, `listed` is of a link; a frame has neither.
+    `properties` and `mounts` (with `origin`) are in its own frame; `mass_source` is `measured | vendor | stated | derived | estimated`,
+    `estimate` how one with an infill was estimated (`layers | skin`), else None. `sound` is False where its mass is wrong and that has been
+    reported. `color` is `#rrggbb`.
     """
 
-    path: str
-    index: int
-    definition: Definition
     component: Component
+    definition: Definition
     record: PartRecord | None
     material: Material | None
     color: str | None
-    overrides: Overrides
     bom: BomEntry
     properties: MassProperties
     mass_source: str
     mounts: dict[str, MountFrame]
-    origin: Origin
     estimate: str | None = None
     listed: Listed | None = None
+    sound: bool = True
+
+
+class Occurrence(PartInstance):
+    """A part, a link or a frame at a path of the unrolled HAG (`hand/cap`). `index` is its place in document order."""
+
+    path: str
+    index: int
+    overrides: Overrides
+    origin: Origin
 
     def name_in_files(self, surface: Surface) -> str | None:
         """The name that the document gives to one of its shapes, behind the path of the document; None if it gives none."""
@@ -160,27 +164,15 @@ class ActuatorModel(OneLineRepr, FrozenStruct):
     name: str | None = None
 
 
-class JointEdge(OneLineRepr, FrozenStruct):
+class JointEdge(Coordinate):
     """A coordinate of a mate, by its `name` in the top document (`hand.wrist[0]`), all defaults worked out.
 
     `twist` is what it does, seen in the frame that the coordinates before it in the mate have moved. `mimic.joint`
     is of the top document, too. `limit.effort` and `.velocity` and `dynamics.armature` carry the drive's defaults.
     """
 
-    name: CoordinateName
-    kind: JointKind
     twist: Twist
-    limit: Limit
-    dynamics: Dynamics
-    offset: float
-    mimic: Mimic | None
     actuator: ActuatorModel | None
-    origin: Origin
-
-    @property
-    def path(self) -> str:
-        """What artifacts call it: `hand/wrist_0`."""
-        return self.name.path
 
 
 class Mate(OneLineRepr, FrozenStruct):
@@ -220,33 +212,28 @@ class Link(OneLineRepr, FrozenStruct):
     origin: Origin
 
 
-class ExportedMount(OneLineRepr, FrozenStruct):
-    """A mount that an assembly shows, at its path (`tip`, `hand/tip`): an occurrence's mount."""
+class MountAt(OneLineRepr, FrozenStruct):
+    """A mount of an occurrence."""
 
-    path: SitePath
     occurrence: int
     mount: str
+
+
+class LinkedMount(MountAt):
+    """A mount that a document names, by the path of its site: `hand/tip`, or `hand/origin` for a component."""
+
+    path: SitePath
+
+
+class ExportedMount(LinkedMount):
+    """A mount that an assembly exports, by its path there (`tip`, `hand/tip`)."""
+
     origin: Origin
 
 
-class RootChoice(OneLineRepr, FrozenStruct):
-    """A mode with its references worked out to occurrences.
+class Adhesion(LinkedMount):
+    """A magnet: a mount that pulls. `force` [N] is its largest in any mode."""
 
-    `mount` None: a component root (its origin). `path` is the site's name: a mount by its path as the document says it
-    (`hand/tip`), a component as `path/origin`.
-    """
-
-    occurrence: int
-    mount: str | None
-    path: SitePath
-
-
-class Adhesion(OneLineRepr, FrozenStruct):
-    """A magnet: a mount that pulls. `path` names it (`front_foot/sole`), `force` [N] its largest in any mode."""
-
-    path: SitePath
-    occurrence: int
-    mount: str
     force: float
 
 
@@ -254,7 +241,7 @@ class LinkedHold(OneLineRepr, FrozenStruct):
     """A hold of a mode: `mount` is mated to the world frame moved to `pose` (None: where the mode's own pose puts it), or with
     `turns` only its origin is laid there."""
 
-    mount: RootChoice
+    mount: LinkedMount
     pose: Pose | None
     origin: Origin
     turns: bool = False
@@ -263,17 +250,9 @@ class LinkedHold(OneLineRepr, FrozenStruct):
 class Foot(OneLineRepr, FrozenStruct):
     """A mount that a floating mode stands on, with the sliding friction between it and the floor."""
 
-    mount: RootChoice
+    mount: LinkedMount
     friction: float
     origin: Origin
-
-
-class LinkedMount(OneLineRepr, FrozenStruct):
-    """A mount that a document speaks of: the path of its site (`hand/tip`), and which mount of which occurrence it is."""
-
-    path: SitePath
-    occurrence: int
-    mount: str
 
 
 class LinkedSensor(Measurement):
@@ -335,7 +314,7 @@ class LinkedTendon(OneLineRepr, FrozenStruct):
         return sum_of(factor * q[path] for path, factor in self.moves.items())
 
 
-class LinkedMode(OneLineRepr, FrozenStruct):
+class LinkedMode(ModeSettings):
     """A mode of the top document with its references worked out; `exclude` are pairs of link indices, `adhesion` by path.
 
     `pose` is the mode's own, the first of `poses`; `cut` the joints (by path) it wants loops cut at. Of a mode that is `on_floor` the
@@ -343,31 +322,11 @@ class LinkedMode(OneLineRepr, FrozenStruct):
     `at_in`, which has those that the document states.
     """
 
-    name: str
-    root: RootChoice
-    base: BaseType
-    at: Pose
-    gravity: tuple[float, float, float]
-    poses: tuple[PoseName, ...]
-    actuators: tuple[JointPath, ...] | None
+    root: LinkedMount
     exclude: tuple[tuple[int, int], ...]
     adhesion: dict[SitePath, float]
-    simulation: dict[str, float | str]
-    origin: Origin
-    pose: PoseName | None = None
     holds: tuple[LinkedHold, ...] = ()
-    cut: tuple[Cut, ...] = ()
     feet: tuple[Foot, ...] = ()
-    on_floor: bool = False
-    stated: bool = True
-    at_in: dict[PoseName, Pose] = {}
-
-
-class MountAt(OneLineRepr, FrozenStruct):
-    """A mount of an occurrence."""
-
-    occurrence: int
-    mount: str
 
 
 class FileNames(OneLineRepr, FrozenStruct):
@@ -394,7 +353,11 @@ class LinkedTest(OneLineRepr, FrozenStruct):
 
 
 class Connected(OneLineRepr, FrozenStruct):
-    """What hangs together with what, before anything has a place; all as of an `Assembly`, which it becomes where nothing is wrong."""
+    """What hangs together with what, before anything has a place.
+
+    `link_of[i]` is the link of occurrence i. `between` are the links (by index) that only join two joints of another one: they weigh
+    nothing, and show nothing.
+    """
 
     occurrences: tuple[Occurrence, ...]
     mates: tuple[Mate, ...]
@@ -403,40 +366,30 @@ class Connected(OneLineRepr, FrozenStruct):
     exported: tuple[ExportedMount, ...]
     modes: tuple[LinkedMode, ...]
     adhesions: tuple[Adhesion, ...]
-    tendons: tuple[LinkedTendon, ...]
-    sensors: tuple[LinkedSensor, ...]
-    between: frozenset[int]
+    tendons: tuple[LinkedTendon, ...] = ()
+    sensors: tuple[LinkedSensor, ...] = ()
+    between: frozenset[int] = frozenset()
 
 
-class Assembly(OneLineRepr, FrozenStruct):
+class Assembly(Connected):
     """The output of `link`: everything about the robot that does not depend on a root.
 
-    `base` is the occurrence whose frame is the assembly's; `rest[i]` the pose of occurrence i in it at q = 0;
-    `link_of[i]` the link of occurrence i. `mates` without those that close loops has one edge fewer than there are occurrences.
+    `base` is the occurrence whose frame is the assembly's; `rest[i]` the pose of occurrence i in it at q = 0.
+    `mates` without those that close loops has one edge fewer than there are occurrences.
     `names` is None where files call everything by its path. `raw` has nested documents' joint and body names already prefixed with their
-    path. `between` are the links (by index) that only join two joints of another one: they weigh nothing, and show nothing.
+    path.
     """
 
     name: str
     definition: AssemblyDefinition
     base: int
-    occurrences: tuple[Occurrence, ...]
-    mates: tuple[Mate, ...]
-    links: tuple[Link, ...]
-    link_of: tuple[int, ...]
     rest: tuple[Pose, ...]
-    exported: tuple[ExportedMount, ...]
     poses: tuple[NamedPose, ...]
-    modes: tuple[LinkedMode, ...]
-    adhesions: tuple[Adhesion, ...]
     raw: tuple[RawAttribute, ...]
     added: tuple[RawElement, ...] = ()
-    tendons: tuple[LinkedTendon, ...] = ()
-    sensors: tuple[LinkedSensor, ...] = ()
     tests: tuple[LinkedTest, ...] = ()
     names: FileNames | None = None
     free_joint: JointPath = "root"
-    between: frozenset[int] = frozenset()
 
     @property
     def hag(self) -> Hag:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.joints.kind import JointKind
 from thingc.base.numeric import inf, sum_of
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Origin
@@ -106,3 +107,20 @@ class Mimic(OneLineRepr, FrozenStruct):
             return linear if not self.higher else linear + sum_of(c * x**k for k, c in enumerate(self.higher, start=2))
         except OverflowError:
             return inf
+
+
+class Coordinate(OneLineRepr, FrozenStruct):
+    """What a coordinate of a joint is in every pass: its name, the kind of its joint, and its numbers in SI units."""
+
+    name: CoordinateName
+    kind: JointKind
+    limit: Limit
+    dynamics: Dynamics
+    offset: float
+    mimic: Mimic | None
+    origin: Origin
+
+    @property
+    def path(self) -> str:
+        """What artifacts call it: `hand/wrist_0`."""
+        return self.name.path

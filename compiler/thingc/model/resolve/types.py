@@ -10,14 +10,13 @@ from typing import Any, Literal
 from thingc.base.export_names import JointPath, PoseName, RawAttributes, RawPath
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.bases import BaseType
-from thingc.base.joints.kind import JointKind
 from thingc.base.joints.twist import Twist
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, Vector
 from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin, Span
 from thingc.geometry.record import DriveType, PartDefinition, Value
-from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
+from thingc.model.resolve.coordinates import Coordinate, CoordinateName, Dynamics, Limit
 from thingc.model.resolve.link_definition import LinkDefinition
 
 COUNTED = "the reference is repeated this often"
@@ -185,7 +184,7 @@ class Drive(OneLineRepr, FrozenStruct):
     axis: Vector | None = None
 
 
-class Joint(OneLineRepr, FrozenStruct):
+class Joint(Coordinate):
     """An edge that moves (or a `fixed` one): it places the component that `child` belongs to, unless it closes a `loop`.
 
     One that has several coordinates is as many of these, next to each other: `name` is the coordinate's (`wrist[0]`), `twist` what that
@@ -195,29 +194,17 @@ class Joint(OneLineRepr, FrozenStruct):
     `mirrored` turns and slides in the parent mount's frame upside down, turned by pi about x.
     """
 
-    name: CoordinateName
-    kind: JointKind
     twist: Twist | None
     parent: Reference
     child: Reference
-    limit: Limit
-    dynamics: Dynamics
     turn: float
     gap: float
-    offset: float
     drive: Drive | None
-    mimic: Mimic | None
-    origin: Origin
     spans: dict[str, Span]
     written: dict[str, str] = {}
     loop: bool = False
     mirrored: bool = False
     axis: Vector | None = None
-
-    @property
-    def path(self) -> str:
-        """What artifacts call the coordinate: `wrist_0`."""
-        return self.name.path
 
 
 class Wrap(OneLineRepr, FrozenStruct):
@@ -325,36 +312,44 @@ class Cut(OneLineRepr, FrozenStruct):
     origin: Origin
 
 
-class Mode(OneLineRepr, FrozenStruct):
-    """One simulation model. `extends` has been merged. `root.mount` None: a component root.
+class ModeSettings(OneLineRepr, FrozenStruct):
+    """What a mode is before and after its references are worked out.
 
     `at` is the world side's pose (without its height if `on_floor`), `at_in` that in some poses; `gravity` [m/s^2] in the world frame;
-    `poses` in keyframe order, the mode's own `pose` first; `actuators` joint paths, None for all; `exclude` pairs of component references;
-    `adhesion` [N] per mount. A document without modes has one that is not `stated`. `step_origin` and `gravity_origin` are where its own
-    `timestep` and a gravity in numbers are written, else empty. `worked_out` modes have expressions, and depend on parameters.
+    `poses` in keyframe order, the mode's own `pose` first; `actuators` joint paths, None for all. A document without modes has one that is
+    not `stated`.
     """
 
     name: str
-    root: Reference
     base: BaseType
     at: Pose
     gravity: Vector
-    pose: str | None
-    poses: tuple[str, ...]
-    actuators: tuple[str, ...] | None
-    exclude: tuple[tuple[Reference, Reference], ...]
-    adhesion: tuple[tuple[Reference, float], ...]
+    poses: tuple[PoseName, ...]
+    actuators: tuple[JointPath, ...] | None
     simulation: dict[str, float | str]
     origin: Origin
-    holds: tuple[Hold, ...] = ()
+    pose: PoseName | None = None
     cut: tuple[Cut, ...] = ()
     on_floor: bool = False
-    standing: Standing | None = None
     stated: bool = True
+    at_in: dict[PoseName, Pose] = {}
+
+
+class Mode(ModeSettings):
+    """One simulation model. `extends` has been merged. `root.mount` None: a component root.
+
+    `exclude` are pairs of component references; `adhesion` [N] per mount. `step_origin` and `gravity_origin` are where its own
+    `timestep` and a gravity in numbers are written, else empty. `worked_out` modes have expressions, and depend on parameters.
+    """
+
+    root: Reference
+    exclude: tuple[tuple[Reference, Reference], ...]
+    adhesion: tuple[tuple[Reference, float], ...]
+    holds: tuple[Hold, ...] = ()
+    standing: Standing | None = None
     step_origin: Origin = ()
     gravity_origin: Origin = ()
     worked_out: bool = False
-    at_in: dict[str, Pose] = {}
 
 
 class RawAttribute(OneLineRepr, FrozenStruct):

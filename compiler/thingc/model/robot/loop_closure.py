@@ -59,7 +59,7 @@ def closures_of(
             )
             sound = False
             continue
-        X_LM = placed[choice.occurrence] @ assembly.occurrences[choice.occurrence].mounts[choice.mount or "origin"].pose
+        X_LM = placed[choice.occurrence] @ assembly.occurrences[choice.occurrence].mounts[choice.mount].pose
         if hold.pose is None and where is None:
             where = _at_own_pose(assembly, mode, bodies, memo)
         held.append(Closure(
@@ -96,7 +96,7 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Repo
 def _target(hold: LinkedHold, where: Mapping[int, Pose] | None, body: int, X_LM: Pose) -> Pose:
     """The frame of the mount in the world: mated to the hold's pose, as a root's to `at`; or where it is (`here`)."""
     if hold.pose is not None:
-        return hold.pose @ MATE if hold.mount.mount is not None else hold.pose
+        return hold.pose @ MATE if hold.mount.mount != "origin" else hold.pose
     return (where or {})[body] @ X_LM
 
 

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from thingc.base.diagnostics import Code, Report
 from thingc.base.memo import Memo
 from thingc.base.pose import Pose
+from thingc.base.source import Origin
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.massless_links import neighbours
-from thingc.model.assembly.types import Assembly, LinkedMode
+from thingc.model.assembly.types import Assembly, LinkedMode, LinkedMount
 from thingc.model.robot.loop_closure import closures_of, keyframes_of
 from thingc.model.robot.loop_cuts import spanning
 from thingc.model.robot.tree import base_moves, bodies_from, in_link, root_pose
@@ -64,24 +65,23 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
     sit and tendons go, each name once."""
     placed = in_link(assembly)
     named: set[str] = set()
-    wanted = [(mount.path, mount.occurrence, mount.mount, mount.origin) for mount in assembly.exported]
+    wanted: list[tuple[LinkedMount, Origin]] = [(mount, mount.origin) for mount in assembly.exported]
     named_by = {link.frame for link in assembly.links}  # links of shapes that are bodies have their name already
     wanted += [
-        (o.path, o.index, "origin", o.origin) for o in assembly.occurrences
+        (LinkedMount(path=o.path, occurrence=o.index, mount="origin"), o.origin) for o in assembly.occurrences
         if o.component.frame or o.listed is not None and o.index not in named_by
     ]
-    wanted += [(m.root.path, m.root.occurrence, m.root.mount or "origin", m.origin) for m in assembly.modes]
-    wanted += [
-        (h.mount.path, h.mount.occurrence, h.mount.mount or "origin", h.origin) for m in assembly.modes for h in m.holds
-    ]
-    wanted += [(f.mount.path, f.mount.occurrence, f.mount.mount or "origin", f.origin) for m in assembly.modes for f in m.feet]
-    wanted += [(mount.path, mount.occurrence, mount.mount, s.origin) for s in assembly.sensors for mount in s.mounts]
-    wanted += [(mount.path, mount.occurrence, mount.mount, t.origin) for t in assembly.tendons for mount in t.mounts]
-    for path, occurrence, mount, origin in wanted:
-        if path not in named:
-            named.add(path)
-            pose = memo(("site at", path), Pose.__matmul__, placed[occurrence], assembly.occurrences[occurrence].mounts[mount].pose)
-            yield Site(path=path, body=body_of[assembly.link_of[occurrence]], pose=pose, origin=origin)
+    wanted += [(m.root, m.origin) for m in assembly.modes]
+    wanted += [(one.mount, one.origin) for m in assembly.modes for one in m.holds]
+    wanted += [(one.mount, one.origin) for m in assembly.modes for one in m.feet]
+    wanted += [(mount, sensor.origin) for sensor in assembly.sensors for mount in sensor.mounts]
+    wanted += [(mount, tendon.origin) for tendon in assembly.tendons for mount in tendon.mounts]
+    for mount, origin in wanted:
+        if mount.path not in named:
+            named.add(mount.path)
+            at = assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
+            pose = memo(("site at", mount.path), Pose.__matmul__, placed[mount.occurrence], at)
+            yield Site(path=mount.path, body=body_of[assembly.link_of[mount.occurrence]], pose=pose, origin=origin)
 
 
 def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> tuple[tuple[int, int], ...]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from msgspec.structs import asdict
+
 from thingc.base.joints.bases import moving_as
 from thingc.base.joints.twist import Twist, moved
 from thingc.base.memo import Memo
 from thingc.base.pose import MATE, NO_POSE, Pose
-from thingc.model.assembly.types import Assembly, JointEdge, LinkedMode, Mate
-from thingc.model.resolve.coordinates import Dynamics, Limit
+from thingc.model.assembly.types import Assembly, LinkedMode, Mate
+from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
 from thingc.model.robot.types import Body, Closure, TreeJoint
 
 BASE = "root"
@@ -60,7 +62,7 @@ def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
     """The root link in the world: a component root laid with its origin on `at`, a mount root mated to it."""
     choice = mode.root
     X_WO = mode.at
-    if choice.mount is not None:
+    if choice.mount != "origin":
         X_WO = mode.at @ MATE @ assembly.occurrences[choice.occurrence].mounts[choice.mount].pose.inverse()
     return X_WO @ in_link(assembly)[choice.occurrence].inverse()
 
@@ -74,8 +76,8 @@ def base_moves(mode: LinkedMode, root: Pose) -> tuple[TreeJoint, ...]:
     seen = seen_at_zero(kind.twists, (0.0, 0.0, 0.0), root.inverse() @ mode.at)
     return tuple(
         TreeJoint(
-            path=f"{BASE}_{number}", kind=kind, twist=twist, reversed=False, offset=0.0, limit=Limit(), dynamics=Dynamics(), mimic=None,
-            actuator=None, mate=-1, origin=mode.origin,
+            name=CoordinateName(f"{BASE}[{number}]"), kind=kind, twist=twist, offset=0.0, limit=Limit(), dynamics=Dynamics(), mimic=None,
+            actuator=None, origin=mode.origin, reversed=False, mate=-1,
         )
         for number, twist in enumerate(seen)
     )
@@ -110,7 +112,9 @@ def _across(
         reversed_,
     )
     pairs = zip(mate.joints[::-1] if reversed_ else mate.joints, seen, strict=True)
-    return Body(link=link, parent=parent, X_PL=at_zero, joints=tuple(_core(joint, twist, number, reversed_) for joint, twist in pairs))
+    return Body(link=link, parent=parent, X_PL=at_zero, joints=tuple(
+        TreeJoint(**{**asdict(joint), "twist": twist}, reversed=reversed_, mate=number) for joint, twist in pairs
+    ))
 
 
 def seen_at_zero(twists: tuple[Twist, ...], offsets: tuple[float, ...], frame: Pose) -> tuple[Twist, ...]:
@@ -142,10 +146,3 @@ def _lowered(
         undone.append(twist.seen_from(frame).reversed())
         frame = frame @ twist.exponential(offset)
     return at_zero.inverse(), tuple(reversed(undone))
-
-
-def _core(joint: JointEdge, twist: Twist, number: int, reversed_: bool) -> TreeJoint:
-    return TreeJoint(
-        path=joint.path, kind=joint.kind, twist=twist, reversed=reversed_, offset=joint.offset, limit=joint.limit, dynamics=joint.dynamics,
-        mimic=joint.mimic, actuator=joint.actuator, mate=number, origin=joint.origin,
-    )

@@ -8,16 +8,14 @@ from thingc.base import numeric
 from thingc.base.export_names import JointPath, PoseName, SitePath
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.bases import BaseType
-from thingc.base.joints.kind import JointKind
 from thingc.base.joints.twist import Twist
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, Vector
 from thingc.base.source import Origin
-from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge, LinkedMode
-from thingc.model.resolve.coordinates import Dynamics, Limit, Mimic
+from thingc.model.assembly.types import Assembly, JointEdge, LinkedMode
 
 
-class TreeJoint(OneLineRepr, FrozenStruct):
+class TreeJoint(JointEdge):
     """A coordinate of a joint as the tree crosses it: child link relative to its tree parent.
 
     `twist` is in the child link's frame with the coordinates after it in the body at 0, the same at every q of its own and of those
@@ -25,17 +23,8 @@ class TreeJoint(OneLineRepr, FrozenStruct):
     tree's parent, and the twist has been negated for it). Motion is measured from q = 0.
     """
 
-    path: JointPath
-    kind: JointKind
-    twist: Twist
     reversed: bool
-    offset: float
-    limit: Limit
-    dynamics: Dynamics
-    mimic: Mimic | None
-    actuator: ActuatorModel | None
     mate: int
-    origin: Origin
 
 
 class Body(OneLineRepr, FrozenStruct):

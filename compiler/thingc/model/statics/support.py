@@ -60,7 +60,7 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> l
     footings: list[FootContact] = []
     for foot in robot.mode.feet:
         choice = foot.mount
-        mount = assembly.occurrences[choice.occurrence].mounts[choice.mount or "origin"]
+        mount = assembly.occurrences[choice.occurrence].mounts[choice.mount]
         body: int | None = body_of[assembly.link_of[choice.occurrence]]
         point = bodies[body or 0].apply((placed[choice.occurrence] @ mount.pose).translation)
         moves: dict[str, Vector] = {}
@@ -68,7 +68,7 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> l
             for joint, twist in in_world(robot.bodies[body], bodies[body], q):
                 moves[joint.path] = twist.velocity(point)[0]
             body = robot.bodies[body].parent
-        pull = pulls.get((choice.occurrence, choice.mount or "origin"), 0.0)
+        pull = pulls.get((choice.occurrence, choice.mount), 0.0)
         footings.append(FootContact(choice.path, point, moves, foot.friction, pull))
     return footings
 

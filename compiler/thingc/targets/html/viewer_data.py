@@ -22,7 +22,7 @@ from thingc.base.source import Origin
 from thingc.documents.workspace import Workspace
 from thingc.geometry.record import Mesh, PartDefinition
 from thingc.model.assembly.kinematics import coordinates, joints_of
-from thingc.model.assembly.types import Assembly, JointEdge, Mate, Occurrence, Surface
+from thingc.model.assembly.types import Assembly, JointEdge, LinkedMount, Mate, Occurrence, Surface
 from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Body, Closure, Keyframe, Robot
@@ -167,15 +167,19 @@ def _joint_data(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Place
     }
 
 
+def _mount(mount: LinkedMount) -> Data:
+    return {"path": mount.path, "occurrence": mount.occurrence, "mount": None if mount.mount == "origin" else mount.mount}
+
+
 def _mode(robot: Robot, places: _Places) -> Data:
     mode = robot.mode
     start = robot.start
     return {
-        "name": mode.name, "root": {"path": mode.root.path, "occurrence": mode.root.occurrence, "mount": mode.root.mount},
+        "name": mode.name, "root": _mount(mode.root),
         "base": robot.base, "at": _rows(mode.at), "gravity": robot.gravity,
         "bodies": [_body(body) for body in robot.bodies],
         "loops": [_loop(closure) for closure in robot.closures],
-        "feet": [{"path": foot.mount.path, "occurrence": foot.mount.occurrence, "mount": foot.mount.mount} for foot in mode.feet],
+        "feet": [_mount(foot.mount) for foot in mode.feet],
         "adhesion": {path: force for path, force in robot.adhesion.items() if force > 0.0},
         "driven": robot.present,
         "start": start.name if start is not None else None,
