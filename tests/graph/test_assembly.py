@@ -149,7 +149,7 @@ def test_modes_are_worked_out() -> None:
     walk, stand, hang, hang2 = found.modes
     assert (walk.root.occurrence, walk.root.mount, walk.root.path) == (0, "origin", "torso/origin")
     assert (stand.root.occurrence, stand.root.mount, stand.root.path) == (3, "top", "front/sole")
-    assert (hang.root.occurrence, hang.root.mount, hang.root.path) == (4, None, "rear/origin")
+    assert (hang.root.occurrence, hang.root.mount, hang.root.path) == (4, "origin", "rear/origin")
     assert hang2.root == hang.root
     assert walk.exclude == ((0, 2),)
     assert (walk.adhesion, stand.adhesion) == ({"front/sole": 100.0, "rear/toe/top": 50.0}, {"front/sole": 300.0})
