@@ -79,7 +79,7 @@ class Solution(FrozenStruct):
         return maximum((p for p, _ in self.residuals), default=0.0), maximum((w for _, w in self.residuals), default=0.0)
 
 
-class Coordinate(FrozenStruct):
+class LoopCoordinate(FrozenStruct):
     """What a step changes: one joint and those that follow it (their paths, with dq / dcoordinate, of polynomials where leaders are at 0),
     within limits [rad or m] that keep all of them within theirs. `unit` is the length that counts as much as a radian [m], 1 of a turn."""
 
@@ -246,7 +246,7 @@ class Loops:
             stacked.extend(self.length * component for component in w)
         return stacked
 
-    def _columns(self, state: SolverState, chosen: Sequence[Coordinate], base_moves: bool) -> list[list[float]]:
+    def _columns(self, state: SolverState, chosen: Sequence[LoopCoordinate], base_moves: bool) -> list[list[float]]:
         """The derivative of the stacked residuals by each coordinate (in its unit), then by the base's three shifts (in lengths
         of the robot) and three turns about the root link's origin."""
         at = self._placed(state)
@@ -293,7 +293,7 @@ class Loops:
             column[6 * closure + 3 + k] += turned * angular[k]
 
     def _step(
-        self, state: SolverState, chosen: Sequence[Coordinate], columns: Sequence[Sequence[float]], error: Sequence[float],
+        self, state: SolverState, chosen: Sequence[LoopCoordinate], columns: Sequence[Sequence[float]], error: Sequence[float],
         damping: float, back: Sequence[float] | None = None,
     ) -> list[float] | None:
         """The damped step in the units of the coordinates, of all least-squares steps the nearest to `back` (None: the shortest);
@@ -328,7 +328,7 @@ class Loops:
         longest = maximum((abs(value) for value in step), default=0.0)
         return step if longest <= REACH else [value * REACH / longest for value in step]
 
-    def _moved(self, state: SolverState, chosen: Sequence[Coordinate], step: Sequence[float], base_moves: bool) -> SolverState:
+    def _moved(self, state: SolverState, chosen: Sequence[LoopCoordinate], step: Sequence[float], base_moves: bool) -> SolverState:
         q = dict(state.q)
         for coordinate, value in zip(chosen, step):
             target = minimum(maximum(q[coordinate.path] + value * coordinate.unit, coordinate.lower), coordinate.upper)
@@ -346,7 +346,7 @@ class Loops:
             base = Pose(rotation=orthonormal(multiply(_turn((rx, ry, rz)), base.rotation)), translation=place)
         return SolverState(q=q, base=base)
 
-    def _within(self, state: SolverState, chosen: Sequence[Coordinate]) -> SolverState:
+    def _within(self, state: SolverState, chosen: Sequence[LoopCoordinate]) -> SolverState:
         """The state with the coordinates that may move taken to their limits."""
         at_limits = [
             (minimum(maximum(state.q[c.path], c.lower), c.upper) - state.q[c.path]) / c.unit for c in chosen
@@ -354,12 +354,12 @@ class Loops:
         return self._moved(state, chosen, at_limits, False)
 
 
-def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[Coordinate, ...]:
+def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCoordinate, ...]:
     """One for every joint that mimics none, in joint order, with the limits of those that follow it brought back to it."""
     followers: dict[str, list[tuple[str, float, float]]] = {}
     for path, (leader, multiplier, offset) in leaders(joints.values()).items():
         followers.setdefault(leader, []).append((path, multiplier, offset))
-    coordinates: list[Coordinate] = []
+    coordinates: list[LoopCoordinate] = []
     for path in joints:
         if path not in followers:
             continue
@@ -377,7 +377,7 @@ def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[Coordi
             lower, upper = maximum(lower, ends[0]), minimum(upper, ends[1])
         moves = tuple((follower, multiplier) for follower, multiplier, _ in followers[path])
         unit = 1.0 if joints[path].twist.turns else length
-        coordinates.append(Coordinate(path=path, moves=moves, lower=lower, upper=maximum(lower, upper), unit=unit))
+        coordinates.append(LoopCoordinate(path=path, moves=moves, lower=lower, upper=maximum(lower, upper), unit=unit))
     return tuple(coordinates)
 
 
