@@ -18,9 +18,9 @@ from thingc.tools.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = (ROOT / "docs", ROOT / "docs" / "howto", ROOT / "docs" / "from")
-PAGES = (*(page for folder in FOLDERS for page in sorted(folder.glob("*.md"))), ROOT / "CONTRIBUTING.md")
+PAGES = (*(page for folder in FOLDERS for page in sorted(folder.glob("*.md"))), ROOT / "README.md", ROOT / "CONTRIBUTING.md")
 DECISIONS = ROOT / "docs" / "decisions"
-WITH_LINKS = (*PAGES, *sorted(DECISIONS.glob("*.md")), ROOT / "README.md", ROOT / "ARCHITECTURE.md")
+WITH_LINKS = (*PAGES, *sorted(DECISIONS.glob("*.md")), ROOT / "ARCHITECTURE.md")
 
 _FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _FILE = re.compile(r"(?:# ([\w/]+\.(?:yaml|toml|py))|<!-- ([\w/]+\.(?:urdf|xml)) -->)$")

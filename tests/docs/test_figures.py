@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from docs.pages import ROOT, without_fences
+from docs.pages import ROOT, table, without_fences
 
 
 @dataclass(frozen=True)
@@ -46,10 +46,7 @@ CLAIMS = (
 )
 
 GIVEN = {
-    "README.md": {
-        "2.08 kg": "the published mass of MInchW, tests/minchw/test_minchw_facts.py",
-        "1e-9 m": "a bound, tests/conformance",
-    },
+    "README.md": {},
     "docs/speed.md": {
         "0.34 ms": "`make bench-variants` prints it", "300 variants": "`make bench-variants` prints it",
         **dict.fromkeys(("2 MB", "1 s", "4 ms", "12 ms", "0.3 s"), "a bound, benchmarks/viewer"),
@@ -97,7 +94,22 @@ def test_every_figure_has_a_source(page: str) -> None:
     assert not unknown, f"{page}: no command prints these, and nothing gives them: {unknown}"
 
 
-def test_the_readme_shows_lines_of_what_the_bench_printed() -> None:
-    pages = [(ROOT / page).read_text() for page in ("README.md", "docs/speed.md")]
-    shown, printed = (text.partition("```\nI = ")[2].partition("```")[0].splitlines() for text in pages)
-    assert len(shown) > 5 and set(shown) <= set(printed)
+def test_the_readme_quotes_the_largest_differences_of_the_conformance_study() -> None:
+    found: dict[tuple[str, str], list[list[str]]] = {}
+    for reader, file_format, _, *row in table(ROOT / "docs/conformance.md", "conformance"):
+        found.setdefault((reader, file_format), []).append(row)
+    quoted = table(ROOT / "README.md", "checkers")
+    assert len(quoted) > 5
+    for reader, file_format, *cells in quoted:
+        rows = found[reader, file_format]
+        refused = sum(int(number) for row in rows for number in re.findall(r"reader cannot: (\d+)", row[-1]))
+        assert cells == [str(sum(int(row[0]) for row in rows)), str(refused), largest(rows, 1), largest(rows, 4)], reader
+
+
+def largest(rows: list[list[str]], column: int) -> str:
+    """The largest of some numbers, as it is written; `-` without any."""
+    return max((row[column] for row in rows if row[column] != "-"), key=float, default="-")
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text().split()) <= 900
