@@ -13,7 +13,7 @@ import yaml
 from conformance.harness import thingc
 from load.test_documents import HEAD, read, said, write
 from thingc.base.diagnostics import Code, Report
-from thingc.documents.load.packages import packaged_documents
+from thingc.documents.load.discovery import packaged_documents
 from thingc.documents.workspace import Workspace
 
 SETTINGS = 'thingc = "workspace/1"\npackages = ["thingc_stock", "nuts", "missing"]\n'

@@ -7,7 +7,7 @@ from typing import get_args
 
 import pytest
 
-from thingc.documents.names.occurrences import SettingWord, setting_words
+from thingc.documents.names.document_names import SettingWord, setting_words
 from thingc.documents.spec.annotation_types import FieldType, alternatives, model_keys, shape_of
 from thingc.documents.spec.name_types import Declared, DeclaresName, ReferenceKind, RefersTo
 from thingc.documents.spec.validation import KINDS, model_of

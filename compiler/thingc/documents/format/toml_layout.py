@@ -7,8 +7,7 @@ from bisect import bisect_left
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from thingc.documents.format.flow_style import Inline
-from thingc.documents.format.key_order import ordered, shape_below, shape_for
+from thingc.documents.format.flow_style import Inline, ordered, shape_below, shape_for
 from thingc.documents.format.segments import EndComment, Item, Segment, UnsupportedStyle, commented, gap, tidy
 from thingc.documents.spec.annotation_types import FieldType
 

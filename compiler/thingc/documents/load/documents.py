@@ -16,7 +16,7 @@ from thingc.base.safe_text import unseen
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span
 from thingc.base.suggestions import did_you_mean, near_hint, nearest
 from thingc.base.units import shortened
-from thingc.documents.load.packages import find_packaged, is_packaged
+from thingc.documents.load.discovery import find_packaged, is_packaged
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES, MESH_SUFFIXES, PART_SUFFIXES, find_file, libraries, named, refuse_name
 from thingc.documents.load.text import MAX_ALL_BYTES, MAX_BYTES, MAX_FAULTS, decode
 

@@ -1,6 +1,6 @@
 """One index of the names of a workspace's documents and parts: where each is declared, and every place that uses it.
 
-The types of the models' fields state what a text means (`occurrences.py`); here it is looked up, in documents as they are written: a
+The types of the models' fields state what a text means (`document_names.py`); here it is looked up, in documents as they are written: a
 name is found in one with faults elsewhere, too. Nothing is compiled.
 """
 
@@ -16,8 +16,7 @@ from thingc.base.source import MappingNode, Path, ScalarNode, Span, node_at
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import ExpressionError
 from thingc.documents.load.paths import named
-from thingc.documents.names.document_names import GLOB, SPECIAL, DocumentNames, pattern_of
-from thingc.documents.names.occurrences import NameOccurrence, referred, setting_words
+from thingc.documents.names.document_names import GLOB, SPECIAL, DocumentNames, NameOccurrence, pattern_of, referred, setting_words
 from thingc.documents.names.part_names import PartClass, PartName, PartNames
 from thingc.documents.spec.name_types import DeclaresName, ReferenceKind, RefersTo
 

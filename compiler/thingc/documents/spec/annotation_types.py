@@ -65,8 +65,14 @@ class FieldType(FrozenStruct):
         return {"dict": "a mapping", "list": "a list", "text": "text", "flag": "true or false", "number": "a number"}[self.kind]
 
 
-def shape_of(annotation: Any, metadata: Sequence[Any] = ()) -> FieldType:
-    """The shape of an annotation (of a model's field with its `metadata`); `None` beside a type does not count."""
+@cache
+def shape_of(annotation: Any) -> FieldType:
+    """The shape of an annotation; `None` beside a type does not count."""
+    return _field_shape(annotation, ())
+
+
+def _field_shape(annotation: Any, metadata: Sequence[Any]) -> FieldType:
+    """The shape of the annotation of a model's field with its `metadata`."""
     names = next((extra for extra in metadata if isinstance(extra, (DeclaresName, RefersTo))), None)
     for extra in metadata:
         if isinstance(extra, FieldValidator):
@@ -74,7 +80,7 @@ def shape_of(annotation: Any, metadata: Sequence[Any] = ()) -> FieldType:
     origin = get_origin(annotation)
     arguments = get_args(annotation)
     if origin is Annotated:
-        inner = shape_of(arguments[0], arguments[1:])
+        inner = _field_shape(arguments[0], arguments[1:])
         return FieldType(
             kind=inner.kind, annotation=annotation, model=inner.model, members=inner.members, choices=inner.choices,
             field=inner.field, key=inner.key, names=inner.names,
@@ -97,7 +103,7 @@ def shape_of(annotation: Any, metadata: Sequence[Any] = ()) -> FieldType:
 def model_keys(model: type[BaseModel]) -> dict[str, tuple[FieldType, bool]]:
     """The keys of a mapping that a model describes, in its order: what each takes and whether it is required."""
     return {
-        field.alias or name: (shape_of(field.annotation, field.metadata), field.is_required())
+        field.alias or name: (_field_shape(field.annotation, field.metadata), field.is_required())
         for name, field in model.model_fields.items()
     }
 

@@ -1,7 +1,7 @@
 """Types of fields and keys that declare a name, or name something that is declared elsewhere.
 
-The type of a text states what it names, once, here. `documents/names/occurrences.py` finds it in documents, and rename and go to definition
-have no list of keys of their own. A field of text that names nothing is one of the few that `tests/spec/test_mentions.py` lists.
+The type of a text states what it names, once, here. `documents/names/document_names.py` finds it in documents; rename and go to
+definition have no list of keys of their own. A field of text that names nothing is one of the few that `tests/spec/test_mentions.py` lists.
 """
 
 from __future__ import annotations

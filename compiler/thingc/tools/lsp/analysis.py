@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from thingc.model.assembly.types import Assembly
     from thingc.model.resolve.types import AssemblyDefinition
     from thingc.model.robot.types import Robot
-    from thingc.tools.lsp.available_names import AvailableNames
+    from thingc.tools.lsp.cached_parts import AvailableNames
 
 SUFFIXES = (".yaml", ".yml", ".toml")
 

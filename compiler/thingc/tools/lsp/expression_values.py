@@ -1,12 +1,13 @@
-"""What the parameters of a document and the expressions in it come to, as far as they are sound: no fault is reported here."""
+"""The values of the parameters of a document and of the expressions in it, and their inlay hints. No fault is reported here."""
 
 from __future__ import annotations
 
 import math
 import os
 from collections.abc import Mapping
+from typing import Any
 
-from thingc.base.source import MappingNode, Path, node_at, text_of
+from thingc.base.source import MappingNode, Path, ScalarNode, node_at, text_of, walk
 from thingc.base.units import Quantity, UnitError, parse_quantity
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate
 from thingc.documents.expressions.parsing import parse_expression
@@ -14,6 +15,7 @@ from thingc.documents.expressions.terms import ExpressionError
 from thingc.geometry.record import PartSchema
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.cursor import Cursor
+from thingc.tools.lsp.positions import TextPlace
 
 MAX_ITEMS = 1000
 """Items of a `repeat` for which an expression is worked out."""
@@ -96,3 +98,28 @@ def _worked_out(tree: MappingNode | None) -> dict[str, ExpressionValue]:
                 del waiting[name]
                 growing = True
     return known
+
+
+_TYPE = 1
+
+
+def hints(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The hints in the range that is asked for. While the text is broken, those of the last sound one on lines that are as they were."""
+    known = analysis.known
+    if known.tree is None:
+        return []
+    lines, before = analysis.lines(), known.lines()
+    first, last = (lines.place(params["range"][end]).line for end in ("start", "end"))
+    answer = []
+    for path, node in walk(known.tree):
+        if not isinstance(node, ScalarNode) or not isinstance(node.value, str) or not node.value.startswith("="):
+            continue
+        line = node.span.end_line
+        if not first <= line <= last or lines.line(line) != before.line(line):
+            continue
+        values = evaluate_expression(known, path, node.value)
+        if values:
+            answer.append({
+                "position": lines.position(line, node.span.end_column), "label": f"= {shown(values)}", "kind": _TYPE, "paddingLeft": True,
+            })
+    return answer
