@@ -8,56 +8,46 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
-from thingc.tools.lsp.scan import CursorPlace, Scan, Token
+from thingc.tools.lsp.scan import CursorPlace, Role, Scan, Token
 
 _SEGMENT = re.compile(r"""[ \t]*(?:"([^"\r\n]*)"?|'([^'\r\n]*)'?|([A-Za-z0-9_-]*))""")
-_BARE = re.compile(r"[^,\[\]{}\r\n#=]*")
 _BARE_ON_LINE = re.compile(r"[^\r\n#]*")
 _LINE_OF_TABLE = re.compile(
     r"""[ \t]*(?:["']?[A-Za-z0-9_][\w."'-]*[ \t]*=|\[\[?[ \t]*["']?[A-Za-z][\w."'-]*[ \t]*\]\]?[ \t]*(?:#|\r|\n|$))""",
 )
 
 
+@dataclass(slots=True)
 class TomlScan(Scan):
-    """One reading of a TOML text, see `Scan`."""
+    """TOML that may not parse: tables by their headers, lines of `key = value`, and whatever can be told of the rest."""
+
+    table: Path = ()
+    counts: dict[Path, int] = field(default_factory=dict)
 
     SEPARATOR = "="
+    PLAIN = re.compile(r"[^,\[\]{}\r\n#=]*")
+    QUOTES_OVER_LINES = False
 
-    def run(self) -> None:
-        """Read all of it."""
-        self.table: Path = ()
-        self.counts: dict[Path, int] = {}
-        at = 0
-        while at <= len(self.text):
-            at = self._line(at)
-
-    def _line(self, at: int) -> int:
-        end, here = self.line_end(at), self.spaces(at)
-        if here >= end or self.text[here] == "#":
-            self.gap(at, here, CursorPlace(role="key", path=self.table, start=here, end=here))
-            self.mute(here, end)
-            return self.after_break(end)
+    def line(self, at: int) -> int:
+        """See `Scan`."""
+        here = self.spaces(at)
+        if here >= self.line_end(at) or self.text[here] == "#":
+            self.gap(at, here, "key", self.table)
+            return self.rest(here)
         if self.text[here] == "[":
-            return self._header(here, end)
-        self.gap(at, here - 1, CursorPlace(role="key", path=self.table, start=here, end=here))
+            return self._header(here)
+        self.gap(at, here - 1, "key", self.table)
         tokens, after = self.key_tokens(here)
         after = self.spaces(after)
         separated = self.text.startswith("=", after)
         path = self.segments(tokens, self.table, after, separated)
-        return self._value(after + 1, end, path) if separated else self._rest(after, end)
+        return self._value(after + 1, path) if separated else self.rest(after)
 
-    def _rest(self, at: int, end: int) -> int:
-        comment = self.text.find("#", at, end)
-        if comment >= 0:
-            self.mute(comment, end)
-        return self.after_break(end)
-
-    def _header(self, here: int, end: int) -> int:
+    def _header(self, here: int) -> int:
         several = self.text.startswith("[[", here)
         tokens, after = self.key_tokens(here + (2 if several else 1))
         closed = self.text.startswith("]", self.spaces(after))
@@ -70,28 +60,23 @@ class TomlScan(Scan):
             if path in self.counts:
                 path = (*path, self.counts[path])
         self.table = path
-        return self._rest(after, end)
+        return self.rest(after)
 
-    def _value(self, at: int, end: int, path: Path) -> int:
+    def _value(self, at: int, path: Path) -> int:
         here = self.spaces(at)
-        self.gap(at, here, CursorPlace(role="value", path=path, start=here, end=here))
-        if here >= end or self.text[here] == "#":
-            return self._rest(here, end)
+        self.gap(at, here, "value", path)
+        if here >= self.line_end(at) or self.text[here] == "#":
+            return self.rest(here)
         if self.text[here] in "{[":
             after = self.brackets(here, path, 0)
         elif self.text[here] in "\"'":
             after = self.quoted(here, path, 0)
         else:
-            match = _BARE_ON_LINE.match(self.text, here)
-            high = here if match is None else match.end()
-            written = self.text[here:high].rstrip(" \t")
+            after = self.after(_BARE_ON_LINE, here)
+            written = self.text[here:after].rstrip(" \t")
             self.scalars[path] = written
-            self.token(CursorPlace(role="value", path=path, start=here, end=here + len(written)), high)
-            after = high
-        if self.left is not None:
-            line, self.left = self.left, None
-            return line
-        return self._rest(after, self.line_end(after))
+            self.token(CursorPlace(role="value", path=path, start=here, end=here + len(written)), after)
+        return self.behind_value(after)
 
     # --- brackets and quotes ------------------------------------------------------------------------------------------
 
@@ -102,17 +87,13 @@ class TomlScan(Scan):
             match = _SEGMENT.match(self.text, at)
             if match is None:
                 return tokens, at
-            group, quote = next(((number, mark) for number, mark in ((1, '"'), (2, "'")) if match.group(number) is not None), (3, ""))
+            group = match.lastindex or 0
+            quote = {1: '"', 2: "'"}.get(group, "")
             tokens.append(Token(name=match.group(group), start=match.start(group), end=match.end(group), quote=quote))
             at = self.spaces(match.end())
             if not self.text.startswith(".", at):
                 return tokens, match.end()
             at += 1
-
-    def plain_end(self, at: int) -> int:
-        """See `Scan`."""
-        match = _BARE.match(self.text, at)
-        return at if match is None else match.end()
 
     def ends_flow(self, line: int, column: int) -> bool:
         """See `Scan`: a line with a key of its own, or a header."""
@@ -127,14 +108,10 @@ class TomlScan(Scan):
             return at + 3, end, end if close < 0 else end + 3
         return Scan.quotes(self, at, column)
 
-    def quote_goes_on(self, line: int, column: int) -> bool:
-        """See `Scan`."""
-        return False
-
 
 _KEY = re.compile(
     r"""(?:"(?P<double>(?:[^"\\\r\n]|\\[^\r\n])*)"|'(?P<single>(?:[^'\r\n]|'')*)'|(?P<plain>(?=:)|[^\s:#{}\[\],&!|>'"%@`-][^\r\n]*?|-[^\s][^\r\n]*?))"""
-    r"""(?P<spaces>[ \t]*):(?=[ \t\r\n]|$)""",
+    r"""[ \t]*:(?=[ \t\r\n]|$)""",
 )
 _COMMENTED = re.compile(r"[ \t]#")
 _TEXT_BLOCK = re.compile(r"[|>][-+0-9]*[ \t]*(?:#[^\r\n]*)?$")
@@ -142,7 +119,6 @@ _PROPERTY = re.compile(r"[&!][^\s,{}\[\]]*")
 _LINE_OF_BLOCK = re.compile(
     r"""([ ]*)(?:-[ \t\r\n]|[^\s#{}\[\],"'][^\s#{}\[\],"']*[ ]*:(?:[ \t\r\n]|$)|["'][^"'\r\n]*["']:(?:[ \t\r\n]|$))""",
 )
-_PLAIN_IN_FLOW = re.compile(r"(?:[^,{}\[\]\r\n:# \t]|:(?![ \t])|[ \t]+(?!#)|(?<![ \t])#)*")
 _PLAIN_KEY_IN_FLOW = re.compile(r"(?:[^,{}\[\]\r\n:# \t]|:(?![\s,{}\[\]]|$)|[ \t]+(?![#:])|(?<![ \t])#)*")
 
 
@@ -164,27 +140,26 @@ class _Frame:
         return self.path if self.last is None else (*self.path, self.last)
 
 
+@dataclass(slots=True)
 class YamlScan(Scan):
-    """One reading of a YAML text, see `Scan`."""
+    """YAML that may not parse: blocks by their columns, and whatever can be told of the rest."""
 
-    def run(self) -> None:
-        """Read all of it."""
-        self.stack = [_Frame(0, (), False)]
-        at = 0
-        while at <= len(self.text):
-            at = self._line(at)
+    stack: list[_Frame] = field(default_factory=lambda: [_Frame(0, (), False)])
+
+    SEPARATOR = ":"
+    PLAIN = re.compile(r"(?:[^,{}\[\]\r\n:# \t]|:(?![ \t])|[ \t]+(?!#)|(?<![ \t])#)*")
+    QUOTES_OVER_LINES = True
 
     # --- blocks -------------------------------------------------------------------------------------------------------
 
-    def _line(self, at: int) -> int:
+    def line(self, at: int) -> int:
+        """See `Scan`."""
         end = self.line_end(at)
         here = self.spaces(at)
         if here >= end or self.text[here] == "#":
             if at <= self.target <= here:
                 self._blank(self.target - at)
-            if here < end:
-                self.mute(here, end)
-            return self.after_break(end)
+            return self.rest(here)
         if here == at and self.text.startswith(("---", "...", "%"), at):
             return self.after_break(end)
         column = here - at
@@ -221,10 +196,9 @@ class YamlScan(Scan):
             top.last = top.last + 1 if isinstance(top.last, int) else 0
             top.state = "open"
             before, here = here + 1, self.spaces(here + 1)
-            self.gap(before, here, CursorPlace(role="key", path=top.inner(), start=here, end=here, either=True))
+            self.gap(before, here, "key", top.inner(), either=True)
             if here >= end or self.text[here] == "#":
-                self.mute(here, end)
-                return self.after_break(end)
+                return self.rest(here)
             column = here - line
         top = self.stack[-1]
         key = _KEY.match(self.text, here, end)
@@ -233,7 +207,7 @@ class YamlScan(Scan):
                 path, top.state = top.inner(), "done"
                 top = _Frame(column, path, False)
                 self.stack.append(top)
-            kind = "plain" if key["plain"] is not None else "double" if key["double"] is not None else "single"
+            kind = str(key.lastgroup)
             name = key[kind]
             quote = {"plain": "", "double": '"', "single": "'"}[kind]
             token = Token(name=name, start=key.start(kind), end=key.end(kind), quote=quote)
@@ -263,21 +237,16 @@ class YamlScan(Scan):
         place.end = max(place.start, here + len(written))
         comment = self.text.find("#", here + len(written), end)
         self.token(place, end if comment < 0 else comment)
-        if comment >= 0:
-            self.mute(comment, end)
-        return self.after_break(end)
+        return self.rest(here + len(written))
 
     def _value(self, at: int, end: int, path: Path, frame: _Frame) -> int:
         here = self.spaces(at)
         while here < end and self.text[here] in "&!":
-            match = _PROPERTY.match(self.text, here)
-            here = self.spaces(here + 1 if match is None else match.end())
-        self.gap(at, here, CursorPlace(role="value", path=path, start=here, end=here))
+            here = self.spaces(self.after(_PROPERTY, here))
+        self.gap(at, here, "value", path)
         if here >= end or (self.text[here] == "#" and here > at):
             frame.state = "open"
-            if here < end:
-                self.mute(here, end)
-            return self.after_break(end)
+            return self.rest(here)
         character = self.text[here]
         if character in "|>" and _TEXT_BLOCK.match(self.text, here, end):
             return self._text_block(end, frame)
@@ -295,14 +264,7 @@ class YamlScan(Scan):
             after = here + len(written)
             comment = _COMMENTED.search(self.text, after, end)
             self.token(CursorPlace(role="value", path=path, start=here, end=after), end if comment is None else comment.start() + 1)
-        if self.left is not None:
-            line, self.left = self.left, None
-            return line
-        end = self.line_end(after)
-        comment_at = self.text.find("#", after, end)
-        if comment_at >= 0:
-            self.mute(comment_at, end)
-        return self.after_break(end)
+        return self.behind_value(after)
 
     def _text_block(self, end: int, frame: _Frame) -> int:
         """The lines of a text after `|` or `>`: those that are indented further than its key, and empty ones."""
@@ -325,15 +287,9 @@ class YamlScan(Scan):
         if self.text[at] in "\"'":
             start, end, after = self.quotes(at, 0)
             return [Token(name=self.text[start:end], start=start, end=end, quote=self.text[at])], after
-        match = _PLAIN_KEY_IN_FLOW.match(self.text, at)
-        end = at if match is None else match.end()
+        end = self.after(_PLAIN_KEY_IN_FLOW, at)
         name = self.text[at:end].rstrip(" \t")
         return [Token(name=name, start=at, end=at + len(name))], end
-
-    def plain_end(self, at: int) -> int:
-        """See `Scan`."""
-        match = _PLAIN_IN_FLOW.match(self.text, at)
-        return at if match is None else match.end()
 
     def ends_flow(self, line: int, column: int) -> bool:
         """See `Scan`: a line that is no further indented than the key, and begins an entry of a block."""
@@ -353,7 +309,7 @@ class Cursor(FrozenStruct):
     every value that is one.
     """
 
-    role: Literal["key", "value"]
+    role: Role
     path: Path
     typed: str
     start: int

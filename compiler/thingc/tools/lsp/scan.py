@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import ClassVar, Literal
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
@@ -16,9 +16,12 @@ from thingc.base.source import Path
 MAX_LEVELS = 100
 """Brackets in brackets; what lies deeper is passed over."""
 
-_COMMENT = re.compile(r"[^\r\n]*")
+_LINE = re.compile(r"[^\r\n]*")
 _SPACES = re.compile(r"[ \t]*")
 _BLANK = re.compile(r"[ \t]*(?:#[^\r\n]*)?(?:\r\n|\r|\n)")
+
+
+Role = Literal["key", "value"]
 
 
 class Token(FrozenStruct):
@@ -36,10 +39,10 @@ class CursorPlace:
     from `start` to before `end` (equal: none). `either`: the first key of a mapping or a value on a line of its own; `quote`: the
     one that was opened; `flow`: inside brackets; `header`: in the header of a TOML table."""
 
-    role: Literal["key", "value"]
+    role: Role
     path: Path
-    start: int
-    end: int
+    start: int = 0
+    end: int = 0
     either: bool = False
     quote: str = ""
     flow: bool = False
@@ -64,33 +67,38 @@ class Scan(ABC):
     left: int | None = None
     """Where a bracket that is never closed was left: the beginning of a line that belongs to what holds it."""
 
-    SEPARATOR = ":"
+    SEPARATOR: ClassVar[str]
+    PLAIN: ClassVar[re.Pattern[str]]
+    """A value without quotes inside brackets."""
+    QUOTES_OVER_LINES: ClassVar[bool]
+    """Whether a quote may be closed on a later line."""
 
     # --- what each language has of its own ----------------------------------------------------------------------------
 
     @abstractmethod
-    def run(self) -> None:
-        """Read all of the text."""
+    def line(self, at: int) -> int:
+        """Read what begins with the line at `at`; returns where the next line begins."""
 
     @abstractmethod
     def key_tokens(self, at: int) -> tuple[list[Token], int]:
         """The segments of the key at `at` inside brackets, and where it ends."""
 
     @abstractmethod
-    def plain_end(self, at: int) -> int:
-        """Where a value without quotes ends that begins at `at` inside brackets."""
-
-    @abstractmethod
     def ends_flow(self, line: int, column: int) -> bool:
         """Whether the line that begins at `line` can be none of a bracket that belongs to a key in that column."""
 
+    def run(self) -> None:
+        """Read all of the text."""
+        at = 0
+        while at <= len(self.text):
+            at = self.line(at)
+
     # --- what was met -------------------------------------------------------------------------------------------------
 
-    def gap(self, low: int, high: int, place: CursorPlace) -> None:
-        """Nothing stands from `low` to `high`, both included: `place` is what the cursor would begin there."""
+    def gap(self, low: int, high: int, role: Role, path: Path, *, either: bool = False, flow: bool = False) -> None:
+        """Nothing stands from `low` to `high`, both included; a cursor there begins a key or a value at `path`."""
         if low <= self.target <= high and self.place is None:
-            place.start = place.end = self.target
-            self.place = place
+            self.place = CursorPlace(role=role, path=path, start=self.target, end=self.target, either=either, flow=flow)
 
     def token(self, place: CursorPlace, high: int) -> None:
         """A token; spaces behind it, up to `high`, belong to what is typed."""
@@ -108,12 +116,14 @@ class Scan(ABC):
 
     # --- small steps --------------------------------------------------------------------------------------------------
 
+    def after(self, pattern: re.Pattern[str], at: int) -> int:
+        """The end of what fits a pattern at `at`."""
+        match = pattern.match(self.text, at)
+        return at if match is None else match.end()
+
     def line_end(self, at: int) -> int:
         """The end of the line of `at`, before its break."""
-        feed = self.text.find("\n", at)
-        end = len(self.text) if feed < 0 else feed
-        carriage = self.text.find("\r", at, end)
-        return end if carriage < 0 else carriage
+        return self.after(_LINE, at)
 
     def after_break(self, end: int) -> int:
         """Where the line behind the end of one begins; behind the text where there is none."""
@@ -123,15 +133,26 @@ class Scan(ABC):
 
     def spaces(self, at: int) -> int:
         """The first character from `at` on that is no space or tab."""
-        match = _SPACES.match(self.text, at)
-        return at if match is None else match.end()
+        return self.after(_SPACES, at)
 
     def comment(self, at: int) -> int:
         """The end of the comment that begins at `at`."""
-        match = _COMMENT.match(self.text, at)
-        end = at if match is None else match.end()
+        end = self.line_end(at)
         self.mute(at, end)
         return end
+
+    def rest(self, at: int) -> int:
+        """Read the rest of a line, from `at` on, which has nothing but a comment; returns where the next line begins."""
+        end = self.line_end(at)
+        comment = self.text.find("#", at, end)
+        return self.after_break(end if comment < 0 else self.comment(comment))
+
+    def behind_value(self, at: int) -> int:
+        """Where it goes on behind a value that ends at `at`: with the next line, or where an open bracket was left."""
+        if self.left is None:
+            return self.rest(at)
+        line, self.left = self.left, None
+        return line
 
     # --- brackets -----------------------------------------------------------------------------------------------------
 
@@ -166,7 +187,7 @@ class Scan(ABC):
             here = self.skip(here, column)
             inner = path if mapping else (*path, index)
             high = here if self.left is None else self.line_end(before)
-            self.gap(before, high, CursorPlace(role="key" if mapping else "value", path=inner, start=here, end=here, flow=True))
+            self.gap(before, high, "key" if mapping else "value", inner, flow=True)
             if self.left is not None or here >= len(self.text):
                 break
             character = self.text[here]
@@ -193,7 +214,7 @@ class Scan(ABC):
         before = after + 1
         here = self.skip(before, column)
         high = here if self.left is None else self.line_end(before)
-        self.gap(before, high, CursorPlace(role="value", path=path, start=here, end=here, flow=True))
+        self.gap(before, high, "value", path, flow=True)
         if self.left is not None or here >= len(self.text) or self.text[here] in ",}]":
             return here
         return self.value_in(here, path, column)
@@ -220,7 +241,7 @@ class Scan(ABC):
             return self.brackets(at, path, column) if self.depth < MAX_LEVELS else at + 1
         if character in "\"'":
             return self.quoted(at, path, column, flow=True)
-        end = max(self.plain_end(at), at + 1)
+        end = max(self.after(self.PLAIN, at), at + 1)
         written = self.text[at:end].rstrip(" \t")
         self.scalars[path] = written
         high = self.spaces(end)
@@ -244,19 +265,14 @@ class Scan(ABC):
         quote = self.text[at]
         here = at + 1
         while True:
-            match = (_DOUBLE if quote == '"' else _SINGLE).match(self.text, here)
-            here = here if match is None else match.end()
+            here = self.after(_DOUBLE if quote == '"' else _SINGLE, here)
             if here < len(self.text) and self.text[here] == quote:
                 return at + 1, here, here + 1
             line = self.after_break(here)
-            if here >= len(self.text) or not self.quote_goes_on(line, column):
+            if here >= len(self.text) or not self.QUOTES_OVER_LINES or self.ends_flow(line, column):
                 end = self.line_end(at)
                 return at + 1, end, end
             here = line
-
-    def quote_goes_on(self, line: int, column: int) -> bool:
-        """Whether a quoted text may go on in the line that begins there."""
-        return not self.ends_flow(line, column)
 
 
 _DOUBLE = re.compile(r'(?:[^"\\\r\n]|\\[^\r\n])*\\?')
