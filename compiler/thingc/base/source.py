@@ -8,7 +8,7 @@ line of the parent document that nested it, and so on).
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import takewhile
 from typing import Union
@@ -126,6 +126,11 @@ class MappingNode(FrozenStruct):
 
 Node = Union[ScalarNode, SequenceNode, MappingNode]
 Path = tuple[Union[str, int], ...]
+
+
+def entries_of(node: Node | None) -> Mapping[str, Node]:
+    """The entries of a mapping; none of anything else."""
+    return node.entries if isinstance(node, MappingNode) else {}
 
 
 def dotted(path: Path) -> str:

@@ -13,7 +13,7 @@ from thingc.base.filesystem import beginning
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.safe_text import unseen
-from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span
+from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span, entries_of
 from thingc.base.suggestions import did_you_mean, near_hint, nearest
 from thingc.base.units import shortened
 from thingc.documents.load.discovery import find_packaged, is_packaged
@@ -367,21 +367,16 @@ def _texts(node: Node | None) -> Iterator[tuple[str, Span]]:
 
 
 def _components(tree: MappingNode, key: str) -> Iterator[tuple[str, Span]]:
-    components = tree.entries.get("components")
-    if isinstance(components, MappingNode):
-        for component in components.entries.values():
-            if isinstance(component, MappingNode):
-                yield from _texts(component.entries.get(key))
+    for component in entries_of(tree.entries.get("components")).values():
+        yield from _texts(entries_of(component).get(key))
 
 
 def _meshes(tree: MappingNode) -> Iterator[tuple[str, Span]]:
     """The mesh files among the shapes of links."""
-    components = tree.entries.get("components")
-    for component in components.entries.values() if isinstance(components, MappingNode) else ():
-        shapes = component.entries.get("shapes") if isinstance(component, MappingNode) else None
+    for component in entries_of(tree.entries.get("components")).values():
+        shapes = entries_of(component).get("shapes")
         for shape in shapes.items if isinstance(shapes, SequenceNode) else ():
-            if isinstance(shape, MappingNode):
-                yield from _texts(shape.entries.get("mesh"))
+            yield from _texts(entries_of(shape).get("mesh"))
 
 
 def _materials(tree: MappingNode) -> Iterator[tuple[str, Span]]:

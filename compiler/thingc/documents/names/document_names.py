@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import cache
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, Span, node_at, walk
+from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, Span, entries_of, node_at, walk
 from thingc.documents.spec.annotation_types import FieldType, alternatives, branch_of, model_keys, shape_of
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.choices import nested
@@ -91,7 +91,7 @@ def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
                 if isinstance(value, ScalarNode) and isinstance(value.value, str) and (kind == "order" or referred(place)):
                     yield NameOccurrence(path=place, key=False, text=value.value, names=RefersTo("raw"))
             continue
-        for name in named.entries if isinstance(named, MappingNode) else ():
+        for name in entries_of(named):
             yield NameOccurrence(path=(*path, kind, name), key=True, text=name, names=RefersTo("raw"))
 
 
@@ -173,8 +173,7 @@ class DocumentNames:
 
     def section(self, name: str) -> Mapping[str, Node]:
         """The entries of a section, none where it has none."""
-        node = self.document.tree.entries.get(name)
-        return node.entries if isinstance(node, MappingNode) else {}
+        return entries_of(self.document.tree.entries.get(name))
 
     def text(self, *path: str | int) -> str | None:
         """The text at a path."""

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal, assert_never
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.source import MappingNode, Path, ScalarNode, Span, node_at
+from thingc.base.source import MappingNode, Path, ScalarNode, Span, entries_of, node_at
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import ExpressionError
 from thingc.documents.load.paths import named
@@ -90,9 +90,15 @@ Hit = tuple[int, int, Name, Role]
 Word = tuple[int, str]
 """A word of a text and where it begins."""
 
-def _words(text: str, separator: str = ".", offset: int = 0) -> list[Word]:
-    words = []
-    for word in text.split(separator):
+
+def _moved(offset: int, hits: Iterable[Hit]) -> Iterator[Hit]:
+    """Hits in a text that begins at an offset in another one."""
+    return ((offset + start, offset + end, name, role) for start, end, name, role in hits)
+
+
+def _words(text: str) -> list[Word]:
+    words, offset = [], 0
+    for word in text.split("."):
         words.append((offset, word))
         offset += len(word) + 1
     return words
@@ -280,20 +286,19 @@ class _Reader:
         has_mount = False
         owners = [owner for owner, _ in self.components_of(written, [word for _, word in words], index)]
         for owner, key in owners:
-            for hit in self.of_component(owner, key, last, index):
+            for hit in _moved(at, self.of_component(owner, key, last, index)):
                 has_mount = True
-                yield at + hit[0], at + hit[1], hit[2], hit[3]
+                yield hit
         if what == "root" and not has_mount:
             for owner, key in owners:
                 if (nested := self.nested(owner, key)) is not None:
-                    for start, end, name, role in self.components(nested, [(0, last)], ""):
-                        yield at + start, at + end, name, role
+                    yield from self.components(nested, [(at, last)], "")
 
     def of_component(self, written: DocumentNames, key: str, word: str, index: str) -> Iterator[Hit]:
         """The mounts of a component that a word means: those that the document adds, those that a nested one shows, or its part's."""
         added = node_at(written.document.tree, ("components", key, "mounts"))
         pattern = pattern_of(word, index)
-        for mount in added.entries if isinstance(added, MappingNode) else ():
+        for mount in entries_of(added):
             if pattern.match(mount):
                 yield 0, len(word), Name("mount", written.path, mount, f"components.{key}"), "used" if mount == word else "fits"
         if (nested := self.nested(written, key)) is not None:
@@ -408,25 +413,21 @@ class _Reader:
                 if name.startswith(prefix):
                     name, at = name.removeprefix(prefix), at + len(prefix)
             if name.startswith("length."):
-                at += len("length.")
-                for start, end, one, role in self.joints(written, name.removeprefix("length."), ""):
-                    yield at + start, at + end, one, role
+                yield from _moved(at + len("length."), self.joints(written, name.removeprefix("length."), ""))
             else:
                 yield from self.setting(written, name, at)
 
     def setting(self, written: DocumentNames, text: str, at: int) -> Iterator[Hit]:
         """A parameter, or the names on the path of another value of the assembly."""
         if "." not in text:
-            for start, end, name, role in self.in_section(written, "parameter", text):
-                yield at + start, at + end, name, role
+            yield from _moved(at, self.in_section(written, "parameter", text))
             return
         for word in setting_words(text):
             one = self._through(written, word.through)
             if one is None:
                 return
             inside = _Reader(self.documents, self.parts, one)
-            for start, end, name, role in inside.key(word.path, str(word.path[-1]), word.names):
-                yield at + word.offset + start, at + word.offset + end, name, role
+            yield from _moved(at + word.offset, inside.key(word.path, str(word.path[-1]), word.names))
 
     def key(self, path: Path, text: str, names: DeclaresName | RefersTo) -> Iterator[Hit]:
         """What a key at a path of this document names, be it written there or not."""

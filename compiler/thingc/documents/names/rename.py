@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.python_source import parse_python
 from thingc.base.safe_text import escape_control
-from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span, node_at
+from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span, entries_of, node_at
 from thingc.base.units import shortened
 from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
 from thingc.documents.names.index import Name, NamePlace
@@ -137,7 +137,7 @@ def _taken(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, s
         return
     if name.what == "mount":
         node = node_at(written.document.tree, (*name.owner.split("."), "mounts"))
-        mine, theirs = {new.lower()}, dict.fromkeys(getattr(node, "entries", ()), "a mount")
+        mine, theirs = {new.lower()}, dict.fromkeys(entries_of(node), "a mount")
     else:
         theirs = {}
         groups = {"component": ("component", "export"), "export": ("component", "export")}.get(name.what, (name.what,))

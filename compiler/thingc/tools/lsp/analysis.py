@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from msgspec.structs import replace
 
@@ -14,6 +14,7 @@ from thingc.base.memo import Memo
 from thingc.base.source import Document, MappingNode
 from thingc.batch.variants_document import read_plan
 from thingc.documents.load.documents import load
+from thingc.documents.load.paths import DOCUMENT_SUFFIXES
 from thingc.documents.workspace import OWN_FILE
 from thingc.driver import dependencies, pipeline
 from thingc.driver.environment import Environment, Lend, Options
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from thingc.model.robot.types import Robot
     from thingc.tools.lsp.cached_parts import AvailableNames
 
-SUFFIXES = (".yaml", ".yml", ".toml")
+T = TypeVar("T")
 
 
 class OpenText(FrozenStruct):
@@ -106,38 +107,33 @@ class Analysis(FrozenStruct, eq=False):
         except (OSError, ValueError):
             return ""
 
-    def lines(self, path: str | None = None) -> TextLines:
+    def lines(self, file: str | None = None) -> TextLines:
         """The lines of a file (of the document itself), for ranges."""
-        path = self.path if path is None else path
-        key = f"lines {path}"
-        if key not in self._kept:
-            self._kept[key] = TextLines(self.text_of(path))
-        lines: TextLines = self._kept[key]
-        return lines
+        path = self.path if file is None else file
+        return self.once(f"lines {path}", lambda: TextLines(self.text_of(path)))
 
     def uri(self, path: str) -> str:
         """A file as the editor calls it."""
         return self.open[path].uri if path in self.open else uri_of(path)
 
-    def once(self, name: str, make: Callable[[], Any]) -> Any:
+    def once(self, name: str, make: Callable[[], T]) -> T:
         """What is made of this analysis when it is asked for first."""
         if name not in self._kept:
             self._kept[name] = make()
-        return self._kept[name]
+        kept: T = self._kept[name]
+        return kept
 
     @property
     def facts(self) -> DocumentFacts:
         """What the schemas of editors contain of it (`tools/schemas/`): its names, including those of wrong lines."""
-        if "facts" not in self._kept:
-            tree = self.tree
-            self._kept["facts"] = DocumentFacts() if tree is None else facts_of(tree, self.model, self.records, self.schemas, {})
-        facts: DocumentFacts = self._kept["facts"]
-        return facts
+        if (tree := self.tree) is None:
+            return DocumentFacts()
+        return self.once("facts", lambda: facts_of(tree, self.model, self.records, self.schemas, {}))
 
 
 def is_document_path(path: str) -> bool:
     """Whether a file is called as documents are."""
-    return path.lower().endswith(SUFFIXES)
+    return path.lower().endswith(DOCUMENT_SUFFIXES)
 
 
 def analyse(

@@ -148,10 +148,9 @@ class AvailableNames:
         tree = analysis.tree
         if tree is None:
             return self._schemas.general(scalars.get(("thingc",), "").partition("/")[0] or "assembly")
-        made: dict[str, Any] | None = analysis.once(
+        return analysis.once(
             "schema", lambda: self._schemas.schema_of(analysis.path, tree, analysis.model, analysis.records, analysis.schemas),
         )
-        return made
 
 
 class _Parts:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
-from thingc.base.source import MappingNode, Span
+from thingc.base.source import Span, entries_of
 from thingc.documents.format.autofix import CheckResult, TextEdit, located, safe_edits
 from thingc.documents.format.value_edits import CannotSetValue, set_values
 from thingc.tools.lsp.analysis import Analysis, is_document_path
@@ -22,8 +22,7 @@ _TOP = {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 0}
 def by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
     """What an analysis found, as the protocol has it, by absolute path of the file that it is about; of what has no place in a file that is
     there (a lock that is missing), the analysed document. That one is there also where nothing was found."""
-    said: dict[str, list[dict[str, Any]]] = analysis.once("said", lambda: _by_file(analysis))
-    return said
+    return analysis.once("said", lambda: _by_file(analysis))
 
 
 def _by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
@@ -101,8 +100,7 @@ def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[d
     lines = analysis.lines()
     said = lines.text[lines.index(_start(diagnostic.span)) : lines.index(_end(diagnostic.span))]
     name = re.match(r"[\"']?([A-Za-z]\w*)(?![\w*?\[])", said)
-    components = document.tree.entries.get("components")
-    if name is None or isinstance(components, MappingNode) and name[1] in components.entries:
+    if name is None or name[1] in entries_of(document.tree.entries.get("components")):
         return  # the name that is missing is one of another document
     part = next((one for one in analysis.schemas if _as_name(one.partition(":")[2]) == re.sub(r"_?\d+$", "", name[1])), None)
     if part is not None:

@@ -32,6 +32,7 @@ _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _MEASURED = re.compile(rf"\s*{_NUMBER}(?:\s+{_NUMBER}){{0,5}}(?P<space>\s*)(?P<unit>(?:[A-Za-z%°][\w%^*/·²³]*)?)")
 _IN_EXPRESSION = re.compile(rf"(?P<number>(?<![\w.]){_NUMBER}\s*)?(?P<word>[A-Za-z]\w*)?$")
 _BARE = re.compile(r"[A-Za-z./$=][\w ./$*()+^=-]*")
+_LINE_ENDS = re.compile(r"[^\S\r\n]*(?:[\r\n]|\Z)")
 _SPECIAL = re.compile(r"(?i)true|false|null|yes|no|on|off|~")
 
 COMPOUND = (
@@ -133,7 +134,7 @@ class _Asked:
             name += cursor.quote
         if cursor.toml:
             return f"{name} = "
-        if offer.mapping and not cursor.flow and not self.text[cursor.end : _line_end(self.text, cursor.end)].strip():
+        if offer.mapping and not cursor.flow and _LINE_ENDS.match(self.text, cursor.end):
             line = self.text.rfind("\n", 0, cursor.start) + 1
             before = self.text[line : cursor.start]
             return f"{name}:\n{' ' * (len(before) + 2)}"
@@ -355,11 +356,6 @@ class _Asked:
         if not cursor.toml and (plain or re.fullmatch(r"[A-Za-z][\w.]*:[A-Za-z]\w*", word)):
             return word
         return f'"{word}"'
-
-
-def _line_end(text: str, at: int) -> int:
-    match = re.compile(r"[^\r\n]*").match(text, at)
-    return at if match is None else match.end()
 
 
 def _by_use(dimensions: tuple[Dimension, ...]) -> list[str]:

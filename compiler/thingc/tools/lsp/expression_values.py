@@ -16,6 +16,7 @@ from thingc.geometry.record import PartSchema
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.cursor import Cursor
 from thingc.tools.lsp.positions import TextPlace
+from thingc.tools.schemas.parameter_schemas import symbols_of
 
 MAX_ITEMS = 1000
 """Items of a `repeat` for which an expression is worked out."""
@@ -23,18 +24,15 @@ MAX_ITEMS = 1000
 
 def parameters_of(analysis: Analysis) -> Mapping[str, ExpressionValue]:
     """The document's own parameters with what they come to."""
-    known: Mapping[str, ExpressionValue] = analysis.known.once("parameters", lambda: _worked_out(analysis.known.tree))
-    return known
+    return analysis.known.once("parameters", lambda: _worked_out(analysis.known.tree))
 
 
 def evaluate_expression(analysis: Analysis, path: Path, text: str) -> tuple[ExpressionValue, ...]:
     """What the text of the value at a path comes to: a quantity, an expression over the parameters; inside a `repeat` of its first and its
     last item where they differ. Empty for what is none, or unsound."""
-    parameters = parameters_of(analysis)
-    if not text.lstrip().startswith("="):
-        values = parse_expression_value(text, parameters)
-        return () if values is None else (values,)
-    repeat = None if analysis.known.tree is None else node_at(analysis.known.tree, (*path[:2], "repeat"))
+    parameters, tree = parameters_of(analysis), analysis.known.tree
+    expression = text.lstrip().startswith("=")
+    repeat = node_at(tree, (*path[:2], "repeat")) if expression and tree is not None else None
     if not isinstance(repeat, MappingNode) or path[2:3] == ("repeat",):
         values = parse_expression_value(text, parameters)
         return () if values is None else (values,)
@@ -82,11 +80,7 @@ def shown(values: tuple[ExpressionValue, ...]) -> str:
 
 
 def _worked_out(tree: MappingNode | None) -> dict[str, ExpressionValue]:
-    section = None if tree is None else tree.entries.get("parameters")
-    waiting = {
-        name: text_of(node.entries.get("value") if isinstance(node, MappingNode) else node)
-        for name, node in (section.entries.items() if isinstance(section, MappingNode) else ())
-    }
+    waiting = {} if tree is None else {name: one.value for name, one in symbols_of(tree).parameters.items()}
     known: dict[str, ExpressionValue] = {}
     growing = True
     while growing:  # in any order: each round knows those that use what the round before knew

@@ -9,7 +9,7 @@ from typing import Any
 
 from thingc.base.diagnostics import Code
 from thingc.base.numeric import sum_of
-from thingc.base.source import MappingNode, Path, node_at
+from thingc.base.source import Path, entries_of, node_at
 from thingc.base.units import ANGLE, FORCE, MASS, TORQUE, Dimension, Quantity
 from thingc.model.assembly.types import Assembly, JointEdge, Mate
 from thingc.tools.lsp.analysis import Analysis
@@ -107,7 +107,7 @@ def _of_parameter(analysis: Analysis, name: str) -> str:
     if parameter is None:
         return ""
     node = None if analysis.tree is None else node_at(analysis.tree, ("parameters", name))
-    own = {key: str(one.plain()) for key, one in node.entries.items()} if isinstance(node, MappingNode) else {}
+    own = {key: str(one.plain()) for key, one in entries_of(node).items()}
     bounds = [f"at {word} `{own[key]}`" for key, word in (("min", "least"), ("max", "most")) if key in own]
     said = [own["doc"]] if "doc" in own else []
     return "; ".join((f"**{name}** = {shown((parameter,))}", *bounds, *said))

@@ -25,22 +25,30 @@ _MODULE = 2
 
 def symbols(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """The sections of the document, and the names in each."""
+    return _symbols_in(analysis, analysis.known.tree, None)
+
+
+def _symbols_in(analysis: Analysis, mapping: Node | None, kind: int | None) -> list[dict[str, Any]]:
+    """The keys of a mapping as names of a `kind`; None: they are sections, which have names in them."""
+    if not isinstance(mapping, MappingNode):
+        return []
     listed = []
-    for section, node in _sections(analysis):
-        inside = node.entries.items() if isinstance(node, MappingNode) else ()
-        children = [] if section not in _SECTIONS else [
-            one for key, value in inside if (one := _symbol(analysis, node, key, value, _SECTIONS[section], [])) is not None
-        ]
-        root = _tree(analysis)
-        one = None if root is None else _symbol(analysis, root, section, node, _MODULE, children)
-        listed += [] if one is None else [one]
+    lines = analysis.lines()
+    for key, node in mapping.entries.items():
+        name, whole = _now(analysis, mapping.keys[key]), _now(analysis, _around(mapping.keys[key], node))
+        if key and name is not None and whole is not None:
+            listed.append({
+                "name": key, "kind": _MODULE if kind is None else kind, "detail": _detail(node),
+                "range": lines.range(whole), "selectionRange": lines.range(name),
+                "children": _symbols_in(analysis, node, _SECTIONS[key]) if kind is None and key in _SECTIONS else [],
+            })
     return listed
 
 
 def folds(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """What goes over several lines, from the line of its key on, and comments of several lines."""
     ends: dict[int, int] = {}
-    for key, node in _inside(_tree(analysis)):
+    for key, node in _inside(analysis.known.tree):
         whole = _now(analysis, _around(key, node))
         if whole is not None and whole.end_line > whole.line:
             ends[whole.line] = max(ends.get(whole.line, 0), whole.end_line)
@@ -95,15 +103,6 @@ def _words(text: str, dotted: bool, parameters: Mapping[str, Node]) -> Iterator[
         yield start, end, ("parameter" if dotted or text[start:end] in parameters else "variable") if name else kind
 
 
-def _tree(analysis: Analysis) -> MappingNode | None:
-    return analysis.known.tree
-
-
-def _sections(analysis: Analysis) -> list[tuple[str, Node]]:
-    tree = _tree(analysis)
-    return [] if tree is None else list(tree.entries.items())
-
-
 def _inside(node: Node | None) -> Iterator[tuple[Span, Node]]:
     """Every key of a document with its value, and every item of a list."""
     if isinstance(node, MappingNode):
@@ -129,21 +128,6 @@ def _now(analysis: Analysis, span: Span) -> Span | None:
     if known.whole and known is analysis:
         return span
     return steady(known.documents.root.text if known.documents is not None else "", analysis.text)(span)
-
-
-def _symbol(
-    analysis: Analysis, parent: Node, key: str, node: Node, kind: int, children: list[dict[str, Any]],
-) -> dict[str, Any] | None:
-    if not isinstance(parent, MappingNode) or not key:
-        return None
-    name, whole = _now(analysis, parent.keys[key]), _now(analysis, _around(parent.keys[key], node))
-    if name is None or whole is None:
-        return None
-    lines = analysis.lines()
-    return {
-        "name": key, "kind": kind, "detail": _detail(node), "range": lines.range(whole), "selectionRange": lines.range(name),
-        "children": children,
-    }
 
 
 def _detail(node: Node) -> str:

@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.source import MappingNode, Node, ScalarNode
+from thingc.base.source import MappingNode, Node, ScalarNode, entries_of
 from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import AssemblyDefinition, Component, Joint
-from thingc.tools.schemas import values
-from thingc.tools.schemas.symbols import symbols_of
+from thingc.tools.schemas.parameter_schemas import parse_value, symbols_of, within
 
 ORIGIN = "origin"
 MAX_NAMES = 2000
@@ -109,7 +108,7 @@ def facts_of(
         materials={**dict.fromkeys(inline, ""), **materials},
         materials_sure=model is not None and model.materials_known and not inline and bool(materials),
         parameters={
-            name: quantity for name, one in symbols_of(tree).parameters.items() if (quantity := values.parse_value(one.value)) is not None
+            name: quantity for name, one in symbols_of(tree).parameters.items() if (quantity := parse_value(one.value)) is not None
         },
     )
 
@@ -118,9 +117,8 @@ def _first(names: Names) -> Names:
     return names if len(names) <= MAX_NAMES else dict(list(names.items())[:MAX_NAMES])
 
 
-def _entries(tree: MappingNode, section: str) -> dict[str, Node]:
-    node = tree.entries.get(section)
-    return node.entries if isinstance(node, MappingNode) else {}
+def _entries(tree: Node, section: str) -> Mapping[str, Node]:
+    return entries_of(entries_of(tree).get(section))
 
 
 def _scalar_text(node: Node | None) -> str:
@@ -130,7 +128,7 @@ def _scalar_text(node: Node | None) -> str:
 def _summary(node: Node) -> str:
     """The plain entries of a mapping in a line, at most eight: `yaw: 30 deg, elbow: 120 deg`."""
     entries = [
-        f"{key}: {_scalar_text(one)}" for key, one in (node.entries.items() if isinstance(node, MappingNode) else ()) if _scalar_text(one)
+        f"{key}: {_scalar_text(one)}" for key, one in entries_of(node).items() if _scalar_text(one)
     ]
     return ", ".join(entries[:8]) + (", ..." if len(entries) > 8 else "")
 
@@ -154,7 +152,7 @@ def _piece(
     name: str, node: Node, made: tuple[Component, ...], records: Records, schemas: Mapping[str, PartSchema | PartFailure],
     usual: Mapping[str, Names],
 ) -> WrittenComponent:
-    entries = node.entries if isinstance(node, MappingNode) else {}
+    entries = entries_of(node)
     source = next(((key, _scalar_text(entries[key])) for key in ("part", "file", "assembly") if _scalar_text(entries.get(key))), None)
     repeated = "repeat" in entries
     items = tuple(component.name for component in made) or ((f"{name}_0",) if repeated else (name,))
@@ -167,7 +165,7 @@ def _piece(
     if not sure and source is not None:
         mounts = {**usual.get(source[1], {}), **mounts}
     mounts.setdefault(ORIGIN, f"The frame of `{name}` itself.")
-    for extra in _entries(node, "mounts") if isinstance(node, MappingNode) else {}:
+    for extra in _entries(node, "mounts"):
         mounts.setdefault(extra, f"Added to `{name}` by this document.")
     schema = schemas.get(source[1]) if source is not None and source[0] == "part" else None
     label = _label(source, made)
@@ -258,7 +256,7 @@ def _joints(tree: MappingNode, model: AssemblyDefinition | None) -> dict[str, Jo
     written = {name for joint in joints for name in (joint, joint.rpartition("_")[0])}
     for name, node in _entries(tree, "joints").items():
         if name not in written:
-            kind = _scalar_text(node.entries.get("type")) if isinstance(node, MappingNode) else ""
+            kind = _scalar_text(entries_of(node).get("type"))
             joints[name] = JointFacts(what=f"A {kind} joint." if kind else "A joint.", angle=None, settable=True, own=True)
     return joints
 
@@ -279,7 +277,7 @@ def _joint_facts(joint: Joint, *, own: bool) -> JointFacts:
     low, high = (
         None if bound is None else Quantity(bound, coordinate or LENGTH).shown(12) for bound in (joint.limit.lower, joint.limit.upper)
     )
-    limits = values.within(low, high)
+    limits = within(low, high)
     what = f"{joint.kind.name.capitalize()}, from `{joint.parent.text}` to `{joint.child.text}`"
     what += f"; {limits}." if limits else "."
     if joint.mimic is not None:

@@ -16,10 +16,8 @@ from thingc.base.safe_text import quoted
 from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.spec.fields import REFERENCE_PATTERN
 from thingc.geometry.record import PartSchema
-from thingc.tools.schemas import part_schema, values
 from thingc.tools.schemas.document_facts import DocumentFacts, JointFacts, Names, WrittenComponent
-from thingc.tools.schemas.symbols import DocumentSymbols, parameters_schema
-from thingc.tools.schemas.values import Schema, one_of
+from thingc.tools.schemas.parameter_schemas import DocumentSymbols, Schema, documentation, one_of, parameters_schema, part_schema, quantity
 
 OPEN = r"[*?\[$]"
 """A character of a pattern or an index: then a reference is left to the compiler."""
@@ -181,7 +179,7 @@ class _Narrowing:
 
     def _parts(self) -> None:
         """What every component may be, and what it takes then: by the `part` or the `assembly` that stands in the window."""
-        choices = [(reference, part_schema.documentation(part)) for reference, part in self.around.parts.items()]
+        choices = [(reference, documentation(part)) for reference, part in self.around.parts.items()]
         lost = self.around.lost
         choices += [(reference, str(one.get("description", ""))) for reference, one in lost.items()]
         self._put("ComponentSpec", "part", one_of(choices))
@@ -190,7 +188,7 @@ class _Narrowing:
         ))
         rules: list[Schema] = []
         for reference, part in self.around.parts.items():
-            self.definitions[params_name(reference)] = part_schema.parameters(part, self.facts.parameters)
+            self.definitions[params_name(reference)] = part_schema(part, self.facts.parameters)
         for reference, one in lost.items():
             self.definitions[params_name(reference)] = one
         for reference in dict.fromkeys((*self.around.parts, *lost)):
@@ -362,4 +360,4 @@ def _full_or_short(short: Schema, mounts: Iterable[str], *, mount: Schema | None
 def _coordinate(joint: JointFacts) -> Schema:
     if joint.angle is None:  # of several coordinates, a ball, or not known
         return {"anyOf": [{"type": ["string", "array", "object"]}, {"const": 0}]}
-    return values.quantity(ANGLE if joint.angle else LENGTH)
+    return quantity(ANGLE if joint.angle else LENGTH)

@@ -6,25 +6,28 @@ import os
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.file_watcher import Stat, stat_of
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import MappingNode, ScalarNode
 from thingc.documents.load.discovery import documents_in, packaged_documents
+from thingc.documents.load.documents import Documents, load
+from thingc.documents.spec.invalid_entries import Specs
+from thingc.documents.spec.schema import json_schema
+from thingc.documents.spec.validation import part_references, validate
 from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.model.resolve.nested_assemblies import part_definitions
+from thingc.model.resolve.resolver import resolve
+from thingc.model.resolve.sources import Settings, Sources
+from thingc.model.resolve.types import AssemblyDefinition
 from thingc.tools.schemas import folder
 from thingc.tools.schemas.document_facts import DocumentFacts, Names, Records, facts_of, usual_mounts
 from thingc.tools.schemas.narrow_schema import SchemaContext, narrowed, remembered
-from thingc.tools.schemas.symbols import DocumentSymbols, near, of_variants, read_symbols, symbols_of
+from thingc.tools.schemas.parameter_schemas import DocumentSymbols, near, of_variants, read_symbols, symbols_of
 
-if TYPE_CHECKING:
-    from thingc.documents.load.documents import Documents
-    from thingc.documents.spec.invalid_entries import Specs
-    from thingc.documents.workspace import Workspace
-    from thingc.model.resolve.types import AssemblyDefinition
 
 class AvailableParts(Protocol):
     """Who answers for parts, and can say which there are: a geometry service, or what stands before one."""
@@ -92,10 +95,10 @@ class Parts:
 
     def unsure(self, references: Iterable[str]) -> list[str]:
         """The references that cannot be described now because their file is being edited."""
-        return [one for one in references if self._is_unsure(self.schemas.get(one), one.partition(":")[0] in self.unreadable)]
+        return [one for one in references if self._is_unsure(one)]
 
-    @staticmethod
-    def _is_unsure(answer: PartSchema | PartFailure | None, unreadable: bool) -> bool:
+    def _is_unsure(self, reference: str) -> bool:
+        answer, unreadable = self.schemas.get(reference), reference.partition(":")[0] in self.unreadable
         if isinstance(answer, PartFailure):
             return unreadable or answer.kind not in ("missing", "refused")
         return answer is None and unreadable
@@ -120,19 +123,12 @@ class ParsedDocument(FrozenStruct):
 
     def model(self, workspace: Workspace, schemas: Mapping[str, PartSchema | PartFailure]) -> AssemblyDefinition | None:
         """The model of its sound rest; None where nothing is sound."""
-        from thingc.model.resolve.resolver import resolve
-        from thingc.model.resolve.sources import Settings, Sources
-
         sources = Sources(workspace=workspace, documents=self.documents, specs=self.specs, schemas=schemas)
         return resolve(sources, Settings(), Report())
 
 
 def read_document(path: str, workspace: Workspace) -> ParsedDocument | None:
     """Read a document; None if nothing of it can be read. Its errors are not reported here: `thingc check` does that."""
-    from thingc.documents.load.documents import load
-    from thingc.documents.spec.invalid_entries import Specs
-    from thingc.documents.spec.validation import part_references, validate
-
     report = Report()
     documents = load(path, workspace, report, kinds=KINDS)
     if documents is None:
@@ -217,8 +213,6 @@ class Schemas:
 
     def general(self, kind: str) -> dict[str, Any] | None:
         """The schema of all documents of a kind; None for an unknown kind."""
-        from thingc.documents.spec.schema import json_schema
-
         if kind not in KINDS:
             return None
         if kind not in self._general:
@@ -307,6 +301,4 @@ class Schemas:
 
 
 def _definitions(models: Iterable[AssemblyDefinition | None]) -> tuple[PartDefinition, ...]:
-    from thingc.model.resolve.nested_assemblies import part_definitions
-
     return tuple(dict.fromkeys(definition for one in models if one is not None for definition in part_definitions(one)))

@@ -1,0 +1,304 @@
+"""Schemas of values and parameters: quantities, choices of names, the parameters of parts, and of documents as others see them."""
+
+from __future__ import annotations
+
+import copy
+import os
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from thingc.base.diagnostics import Report
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.safe_text import quoted
+from thingc.base.source import MappingNode, Node, entries_of, text_of
+from thingc.base.units import NUMBER, UNITS, Dimension, Quantity, UnitError, fits, parse_quantity
+from thingc.documents.load.documents import read_tree
+from thingc.geometry.record import DIMENSIONS, WHOLE, ParameterKind, ParameterSchema, PartSchema, Value
+
+Schema = dict[str, Any]
+
+_NUMBER = r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?"
+_ZERO = r"[-+]?0+(\.0*)?"
+EXPRESSION = r"^\s*="
+"""What an expression begins with."""
+
+MAX_BRANCHES = 300
+"""Names of one place that a language server has to try one by one."""
+
+
+def quantity(dimension: Dimension) -> Schema:
+    """A quantity of a dimension with its unit, or an expression. Products of units (`0.1 N*m/N`) are left to the compiler."""
+    units = "|".join(re.escape(name) for name, (_, _, own) in UNITS.items() if own == dimension and name != "%")
+    pattern = rf"^\s*(=.*|{_NUMBER}\s*({units}|°|[^\s\d].*[*/·^²³].*)|{_ZERO})\s*$"
+    words = dimension.words
+    return {
+        "oneOf": [
+            {
+                "type": "string", "pattern": pattern,
+                "patternErrorMessage": f"expected {words} such as `{dimension.example}`, or an expression such as `=reach / 2`",
+            },
+            {"const": 0},
+        ],
+    }
+
+
+def ratio() -> Schema:
+    """A number or a percentage, or an expression."""
+    return {"oneOf": [{"type": "string", "pattern": rf"^\s*(=.*|{_NUMBER}\s*%?)\s*$"}, {"type": "number"}]}
+
+
+def number(kind: str, minimum: Value | None, maximum: Value | None) -> Schema:
+    """A bare number (a whole one, if that is its kind) within bounds, or an expression."""
+    plain: Schema = {"type": "integer" if kind in WHOLE else "number"}
+    if minimum is not None:
+        plain["minimum"] = minimum
+    if maximum is not None:
+        plain["maximum"] = maximum
+    return {"oneOf": [plain, {"type": "string", "pattern": EXPRESSION}]}
+
+
+def one_of(choices: Iterable[tuple[str, str]], **more: Any) -> Schema:
+    """A text for which names are offered, each with its description; others are as good, where `more` does not say otherwise.
+
+    One `const` per name rather than an `enum`: language servers show the description of the name that is written, not the
+    whole list. They try every branch at every value, though: of many names snippets are made, which are only offered.
+    """
+    known = list(choices)
+    if len(known) > MAX_BRANCHES:
+        return {"type": "string", **more, "defaultSnippets": [
+            {"label": name, "body": name.replace("$", "\\$"), "description": text} for name, text in known
+        ]}
+    branches = [{"const": name, "title": name, **({"description": text} if text else {})} for name, text in known]
+    return {"type": "string", "anyOf": [*branches, {"type": "string"}], **more} if branches else {"type": "string", **more}
+
+
+def within(low: str | None, high: str | None) -> str:
+    """A range in words: `60 mm to 200 mm`, `at least 0`; empty without bounds."""
+    if low is not None and high is not None:
+        return f"{low} to {high}"
+    return f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
+
+
+def parse_value(text: str) -> Quantity | None:
+    """The quantity that a text is; None for anything else."""
+    try:
+        return parse_quantity(text)
+    except UnitError:
+        return None
+
+
+def fitting(parameters: Mapping[str, Quantity], dimension: Dimension) -> list[str]:
+    """`=name` of the document's parameters that can stand where a dimension is wanted."""
+    return [f"={name}" for name, value in parameters.items() if fits(value.dimension, dimension)]
+
+
+_KINDS: Mapping[ParameterKind, str] = {
+    "length": "a length", "angle": "an angle", "mass": "a mass", "ratio": "a number or a percentage", "number": "a number",
+    "count": "a whole number", "integer": "a whole number", "flag": "`true` or `false`", "text": "a text",
+    "choice": "one of the words offered",
+}
+
+
+def part_schema(part: PartSchema, own: Mapping[str, Quantity]) -> Schema:
+    """The schema of the `params:` of a part; `own` are the document's parameters, which expressions may use."""
+    schema: Schema = {
+        "type": "object",
+        "title": f"Parameters of {part.reference}",
+        "description": first_line(part.doc) or f"What `{part.reference}` takes.",
+        "properties": {one.name: _parameter_schema(one, own) for one in part.parameters},
+        "additionalProperties": False,
+    }
+    required = [one.name for one in part.parameters if one.required]
+    if required:
+        schema["required"] = required
+    return schema
+
+
+def documentation(part: PartSchema) -> str:
+    """The docstring of a Thing with its parameters, as the hover text of `part:`."""
+    lines = [part.doc.strip() or f"`{part.reference}` has no docstring."]
+    facts = []
+    if part.parameters and "Args:" not in part.doc:
+        facts.append("Parameters: " + ", ".join(f"`{one.name}`" for one in part.parameters) + ".")
+    if part.material:
+        facts.append(f"Of `{part.material}` unless the document says otherwise.")
+    if part.actuator:
+        facts.append("Has an actuator: a joint's `drive` may name it.")
+    return "\n\n".join([*lines, *([" ".join(facts)] if facts else [])])
+
+
+def first_line(text: str) -> str:
+    """The first sentence or line of a docstring."""
+    return text.strip().partition("\n")[0].strip()
+
+
+def _parameter_schema(one: ParameterSchema, own: Mapping[str, Quantity]) -> Schema:
+    schema = _value(one)
+    examples: list[Any] = [] if one.default is None else [_plain(one)]
+    if one.kind not in ("flag", "text", "choice"):
+        examples += fitting(own, DIMENSIONS.get(one.kind, NUMBER))
+    schema["title"] = one.name
+    schema["description"] = _description(one)
+    if examples:
+        schema["examples"] = examples
+    return schema
+
+
+def _value(one: ParameterSchema) -> Schema:
+    if one.kind == "flag":
+        return {"oneOf": [{"type": "boolean"}, {"type": "string", "pattern": EXPRESSION}]}
+    if one.kind == "text":
+        return {"type": ["string", "number"]}
+    if one.kind == "choice":
+        return {"anyOf": [
+            *({"const": choice} for choice in one.choices),
+            *({"const": plain} for choice in one.choices if (plain := _as_number(choice)) is not None),
+            {"type": "string", "pattern": EXPRESSION},
+        ]}
+    if one.kind == "ratio":
+        return ratio()
+    dimension = DIMENSIONS.get(one.kind, NUMBER)
+    if dimension != NUMBER:
+        return quantity(dimension)
+    return number(one.kind, one.minimum, one.maximum)
+
+
+def _as_number(choice: Any) -> float | int | None:
+    """What YAML makes of a choice that is a text and looks like a number: `12` may be written for "12"."""
+    if not isinstance(choice, str) or not re.fullmatch(r"-?\d+(\.\d+)?", choice, re.ASCII):
+        return None
+    return float(choice) if "." in choice else int(choice)
+
+
+def _plain(one: ParameterSchema) -> Any:
+    """The default as a document would have it: numbers and flags as such, what has a unit as a text."""
+    default = one.default
+    if isinstance(default, (bool, str)) or one.kind in ("number", *WHOLE):
+        return default
+    return one.shown(default) if default is not None else None
+
+
+def _sentence(doc: str) -> str:
+    """A docstring as a sentence with a space behind it; empty for none."""
+    return f"{doc[0].upper()}{doc[1:]}{'' if doc.endswith(('.', '!', '?')) else '.'} " if doc else ""
+
+
+def _description(one: ParameterSchema) -> str:
+    """`Edge of the plate. A length, 90 mm to 300 mm; 100 mm unless set.`"""
+    doc = _sentence(one.doc.strip())
+    kind = _KINDS.get(one.kind, one.kind)
+    dimension = DIMENSIONS.get(one.kind, NUMBER)
+    if dimension != NUMBER:
+        kind += f" such as `{dimension.example}`"
+    if one.kind == "choice":
+        kind = "one of " + quoted([one.shown(choice) for choice in one.choices], 20)
+    low = None if one.minimum is None else one.shown(one.minimum)
+    high = None if one.maximum is None else one.shown(one.maximum)
+    limits = within(low, high)
+    text = f"{doc}{kind[0].upper()}{kind[1:]}" + (f", {limits}" if limits else "")
+    if one.required:
+        return f"{text}; required."
+    return f"{text}; `{one.shown(one.default)}` unless set." if one.default is not None else f"{text}."
+
+
+class ParameterSymbol(FrozenStruct):
+    """A parameter as it is written; empty texts for what is not."""
+
+    value: str
+    minimum: str = ""
+    maximum: str = ""
+    doc: str = ""
+
+
+class DocumentSymbols(FrozenStruct):
+    """Of one document; `kind` is empty where it has none. `whole`: it could be parsed."""
+
+    kind: str
+    whole: bool = True
+    name: str = ""
+    description: str = ""
+    parameters: Mapping[str, ParameterSymbol] = {}
+
+
+_KIND = re.compile(rb"""^[^#\n]*thingc["']?[ \t]*[:=][ \t]*["']?(\w+)/""", re.MULTILINE)
+
+
+def read_symbols(path: str) -> DocumentSymbols:
+    """Of the file at a path; of one that cannot be parsed the kind alone."""
+    try:
+        with open(path, "rb") as stream:
+            data = stream.read(10_000_001)
+    except OSError:
+        return DocumentSymbols(kind="", whole=False)
+    tree = read_tree(path, data, Report())
+    if tree is not None:
+        return symbols_of(tree)
+    kind = _KIND.search(data)
+    return DocumentSymbols(kind=kind.group(1).decode() if kind is not None else "", whole=False)
+
+
+def symbols_of(tree: MappingNode) -> DocumentSymbols:
+    """Of a tree, as far as it makes sense."""
+    return DocumentSymbols(
+        kind=text_of(tree.entries.get("thingc")).strip().partition("/")[0], name=text_of(tree.entries.get("name")).strip(),
+        description=" ".join(text_of(tree.entries.get("description")).split()),
+        parameters={name: _parameter(node) for name, node in entries_of(tree.entries.get("parameters")).items()},
+    )
+
+
+def _parameter(node: Node) -> ParameterSymbol:
+    if not isinstance(node, MappingNode):
+        return ParameterSymbol(value=text_of(node).strip())
+    value, low, high, doc = (text_of(node.entries.get(key)).strip() for key in ("value", "min", "max", "doc"))
+    return ParameterSymbol(value=value, minimum=low, maximum=high, doc=doc)
+
+
+def parameters_schema(document: str, symbols: DocumentSymbols) -> Schema:
+    """The schema of the `parameters:` that a parent sets in a nested document."""
+    return {
+        "type": "object", "title": f"Parameters of {document}", "description": symbols.description or f"What `{document}` takes.",
+        "properties": {name: _schema(name, one) for name, one in symbols.parameters.items()}, "additionalProperties": False,
+    }
+
+
+def _schema(name: str, one: ParameterSymbol) -> Schema:
+    value = parse_value(one.value)
+    schema: Schema = {"type": ["string", "number", "boolean"]}
+    words = ""
+    if value is not None and value.dimension.symbol and value.value:
+        schema = quantity(value.dimension)
+        words = value.dimension.words
+    doc = _sentence(one.doc)
+    limits = within(one.minimum or None, one.maximum or None)
+    said = ", ".join(word for word in (words and words[0].upper() + words[1:], limits) if word)
+    default = f"`{one.value}` unless set." if one.value else ""
+    schema.update({
+        "title": name, "description": f"{doc}{said}{'; ' if said and default else ''}{default}".strip() or f"`{name}`.",
+        "examples": [one.value] if one.value else [],
+    })
+    return schema
+
+
+def of_variants(general: Schema, assembly: DocumentSymbols | None, others: Mapping[str, DocumentSymbols]) -> Schema:
+    """The schema of a variants document: the assemblies that it can name, and the parameters of the one that it names."""
+    schema = copy.deepcopy(general)
+    fields: Schema = schema["properties"]
+    choices = [(name, one.description or one.name) for name, one in others.items()]
+    fields["assembly"] = {**fields["assembly"], **one_of(choices)}
+    if assembly is not None and assembly.whole:
+        section = fields["parameters"]
+        each = section.pop("patternProperties", {"": section.get("additionalProperties")})
+        (value,) = each.values()
+        section["properties"] = {
+            name: {**value, "title": name, "description": one["description"]}
+            for name, one in parameters_schema("", assembly)["properties"].items()
+        }
+        section["patternProperties"] = {r"\.": value}  # paths
+        section["additionalProperties"] = False
+    return schema
+
+
+def near(document: str, other: str) -> str:
+    """How a document names another one: both are paths in the workspace."""
+    return os.path.relpath(other, os.path.dirname(document) or ".").replace(os.sep, "/")
