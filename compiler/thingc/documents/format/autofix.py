@@ -58,8 +58,7 @@ def located(edit: Edit, text: str) -> tuple[int, int] | None:
     source = Source(edit.span.file, text)
     if not (0 < edit.span.line <= len(source.starts) and 0 < edit.span.end_line <= len(source.starts)):
         return None
-    start = source.starts[edit.span.line - 1] + edit.span.column - 1
-    end = source.starts[edit.span.end_line - 1] + edit.span.end_column - 1
+    start, end = source.range(edit.span)
     stretch = text[start:end]
     places = [match.start() for match in re.finditer(rf"(?<![^\W\d]){re.escape(edit.written)}(?!\w)", stretch)]
     if len(places) != 1:

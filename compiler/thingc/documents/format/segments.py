@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from itertools import dropwhile
 
 from thingc.base.frozen_struct import FrozenStruct
 
@@ -127,6 +128,11 @@ def gap(text: str, start: int, end: int, *, compact: bool = False) -> Trivia:
 def tidy(lines: list[str | None]) -> list[str | None]:
     """Comment lines with never two empty lines in a row."""
     return [line for at, line in enumerate(lines) if line is not None or at == 0 or lines[at - 1] is not None]
+
+
+def first_lines(lines: list[str | None]) -> list[str | None]:
+    """The same, with no empty line at the beginning."""
+    return list(dropwhile(lambda line: line is None, tidy(lines)))
 
 
 def shifted(text: str, by: int) -> str:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
-from bisect import bisect_left
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from thingc.documents.format.flow_style import Inline, ordered, shape_below, shape_for
-from thingc.documents.format.segments import EndComment, Item, Segment, UnsupportedStyle, commented, gap, tidy
+from thingc.documents.format.segments import EndComment, Item, Segment, UnsupportedStyle, commented, first_lines, gap, tidy
+from thingc.documents.load.toml_tree import TomlSyntax
 from thingc.documents.spec.annotation_types import FieldType
 
 if TYPE_CHECKING:
@@ -94,9 +93,7 @@ def _opening(sections: list[_Statement]) -> list[str | None]:
     first = next((s for section in sections for s in (section, *section.pairs) if s.end), None)
     if first is None:
         return []
-    lines = tidy(first.leading)
-    while lines and lines[0] is None:
-        lines.pop(0)
+    lines = first_lines(first.leading)
     cut = max((at for at, line in enumerate(lines) if line is None or line.startswith("#:schema")), default=-1) + 1
     first.leading = lines[cut:]
     return lines[:cut]
@@ -106,21 +103,15 @@ def _section(section: _Statement, text: str, names: _Names, first: bool) -> list
     """The lines of a section: its header (the first section has none) and its pairs in order."""
     lines: list[str] = []
     if section.end:
-        leading = tidy(section.leading)
-        while leading and leading[0] is None:
-            leading.pop(0)
         lines.extend([] if first else [""])
-        lines.extend(line or "" for line in leading)
+        lines.extend(line or "" for line in first_lines(section.leading))
         head = text[section.start : section.end]
         marks = 2 if head.startswith("[[") else 1
         lines.append(commented(f"{'[' * marks}{text[slice(*section.key)].strip()}{']' * marks}", section.comment))
     pairs = sorted(section.pairs, key=lambda pair: names.rank((*section.words, *pair.words)))
     inline = Inline(text, " = ")
     for at, (pair, spaces) in enumerate(zip(pairs, _alignment(pairs, text), strict=True)):
-        leading = tidy(pair.leading)
-        while at == 0 and leading and leading[0] is None:
-            leading.pop(0)
-        lines.extend(line or "" for line in leading)
+        lines.extend(line or "" for line in (tidy(pair.leading) if at else first_lines(pair.leading)))
         assert pair.value is not None
         below = names.at((*section.words, *pair.words)).shape
         written = f"{text[slice(*pair.key)]}{' ' * spaces}= {inline.value(pair.value, below, 0)}".split("\n")
@@ -150,20 +141,11 @@ class _Cutter:
 
     def __init__(self, text: str) -> None:
         self.text = text
-        self.data = text.encode()
-        self.offsets: list[int] | None = None
-        if len(self.data) != len(text):
-            self.offsets = [at for at, byte in enumerate(self.data) if byte & 0xC0 != 0x80]
-
-    def index(self, byte: int) -> int:
-        return byte if self.offsets is None else bisect_left(self.offsets, byte)
+        self.syntax = TomlSyntax(text)
 
     def sections(self) -> tuple[list[_Statement], list[str | None]]:
         """The sections (the first without a header) and the comments behind the last statement."""
-        import tree_sitter_toml
-        from tree_sitter import Language, Parser
-
-        root = Parser(Language(tree_sitter_toml.language())).parse(self.data).root_node
+        root = self.syntax.root
         if root.has_error:
             raise UnsupportedStyle
         sections = [_Statement(start=0, end=0, key=(0, 0), words=())]
@@ -193,11 +175,10 @@ class _Cutter:
 
     def header(self, node: Syntax) -> _Statement:
         children = node.named_children
-        key = children[0]
-        start = self.index(node.start_byte)
-        end = self.text.index("]", self.index(key.end_byte)) + 1
+        key = self.syntax.range(children[0])
+        end = self.text.index("]", key[1]) + 1
         return _Statement(
-            start=start, end=end, key=(self.index(key.start_byte), self.index(key.end_byte)), words=self.words(key),
+            start=self.syntax.range(node)[0], end=end, key=key, words=self.words(children[0]),
             pairs=[self.pair(child) for child in children[1:] if child.type == "pair"],
         )
 
@@ -205,18 +186,14 @@ class _Cutter:
         key, value = (child for child in node.named_children if child.type != "comment")
         piece = self.value(value)
         return _Statement(
-            start=self.index(node.start_byte), end=piece.end, key=(self.index(key.start_byte), self.index(key.end_byte)),
-            words=self.words(key), value=piece,
+            start=self.syntax.range(node)[0], end=piece.end, key=self.syntax.range(key), words=self.words(key), value=piece,
         )
 
     def words(self, key: Syntax) -> tuple[str, ...]:
-        if key.type == "dotted_key":
-            return tuple(word for child in key.named_children for word in self.words(child))
-        text = self.data[key.start_byte : key.end_byte].decode()
-        return (next(iter(tomllib.loads(f"{text} = 0"))),) if key.type == "quoted_key" else (text,)
+        return tuple(word for word, _ in self.syntax.words(key))
 
     def value(self, node: Syntax) -> Segment:
-        start, end = self.index(node.start_byte), self.index(node.end_byte)
+        start, end = self.syntax.range(node)
         children = [child for child in node.named_children if child.type != "comment"]
         if node.type == "array":
             items = [Item(value=self.value(child)) for child in children]

@@ -4,12 +4,12 @@ stays as it is."""
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from thingc.base.diagnostics import Report
-from thingc.base.source import Document, MappingNode, Node, Plain, ScalarNode, SequenceNode, Span, node_at
+from thingc.base.source import Document, MappingNode, Node, Plain, ScalarNode, SequenceNode, node_at
 from thingc.documents.load.documents import read_tree
 from thingc.documents.load.text import Source
 from thingc.documents.load.yaml_scalars import core_value
@@ -33,7 +33,7 @@ def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
     set_one = _in_toml if _is_toml(document.path) else _in_yaml
     for keys, value in values.items():
         after = _parse_document(document, set_one(document, keys, value))
-        if after is None or after.tree.plain() != _plain_with(document.tree.plain(), keys, _meant(value)):
+        if after is None or after.tree.plain() != _put(document.tree.plain(), keys, _meant(value)):
             what = "what stands there is used elsewhere, too, or written in a way of its own"
             raise CannotSetValue(f"`{'.'.join(keys)}` cannot be set alone: {what}")
         document = after
@@ -46,7 +46,7 @@ def without(document: Document, keys: Keys) -> Document:
     Raises `CannotSetValue` where the text would then say something else than what it said without them.
     """
     after = _parse_document(document, (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys))
-    if after is None or after.tree.plain() != _plain_without(document.tree.plain(), keys):
+    if after is None or after.tree.plain() != _take_out(document.tree.plain(), keys):
         raise CannotSetValue(f"`{'.'.join(keys)}` cannot be taken out alone: it is used elsewhere, too, or written in a way of its own")
     return after
 
@@ -69,12 +69,12 @@ def _parse_document(document: Document, text: str) -> Document | None:
     return replace(document, text=text, tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
 
 
-def _plain_with(whole: Plain, keys: Keys, value: Any) -> Plain:
-    """The values of a document with one more, or another one, which the same object has afterwards."""
-    inner: Any = whole
+def _put(whole: Any, keys: Keys, value: Any, mapping: Callable[[], Any] = dict) -> Any:
+    """The values of a document with one more, or another one, which the same object has afterwards; `mapping` makes what it stands in."""
+    inner = whole
     for key in keys[:-1]:
         if isinstance(inner, dict) and not isinstance(inner.get(key), (dict, list)):
-            inner[key] = {}
+            inner[key] = mapping()
         inner = inner[_step(inner, key)]
     inner[_step(inner, keys[-1])] = value
     return whole
@@ -85,9 +85,9 @@ def _step(inner: Any, key: str) -> Any:
     return int(key) if isinstance(inner, list) else key
 
 
-def _plain_without(whole: Plain, keys: Keys) -> Plain:
+def _take_out(whole: Any, keys: Keys) -> Any:
     """The values of a document without one of them, which the same object has afterwards no more."""
-    inner: Any = whole
+    inner = whole
     for key in keys[:-1]:
         inner = inner[key]
     del inner[keys[-1]]
@@ -102,7 +102,7 @@ def _in_yaml(document: Document, keys: Keys, value: Written) -> str:
     depth = next((k for k in range(len(keys), 0, -1) if node_at(tree, keys[:k]) is not None), 0)
     node, rest = node_at(tree, keys[:depth]), keys[depth:]
     assert node is not None
-    start, end = _text_range(source, node.span)
+    start, end = source.range(node.span)
     if not rest or not isinstance(node, MappingNode):  # instead of what is there, which may be nothing: `limit:`
         if isinstance(node, (MappingNode, SequenceNode)) and text[start] not in "{[":
             raise CannotSetValue(f"`{'.'.join(keys)}` is written over several lines: set the values in it")
@@ -110,7 +110,7 @@ def _in_yaml(document: Document, keys: Keys, value: Written) -> str:
         written = _flow(value) if not rest else "{" + _entry(rest, value) + "}"
         return text[:start] + space + written + text[end:]
     if text[start] == "{":
-        at = max((_text_range(source, one.span)[1] for one in node.entries.values()), default=start + 1)
+        at = max((source.range(one.span)[1] for one in node.entries.values()), default=start + 1)
         return text[:at] + (", " if node.entries else "") + _entry(rest, value) + text[at:]
     indent = next(iter(node.keys.values())).column - 1
     line = _last_line(source, node)
@@ -124,7 +124,7 @@ def _lines(source: Source, node: MappingNode, rest: Keys, value: Written) -> lis
     last = list(node.entries.values())[-1]
     if isinstance(value, Mapping) and len(rest) == 2:  # a section that was not there
         return ["", f"{_scalar(rest[0])}:", f"  {_entry(rest[1:], value)}"]
-    start, end = _text_range(source, last.span)
+    start, end = source.range(last.span)
     if isinstance(value, Mapping) and len(rest) == 1 and isinstance(last, MappingNode) and last.entries and source.text[start] != "{":
         deep = " " * (next(iter(last.keys.values())).column - next(iter(node.keys.values())).column)
         return [f"{_scalar(rest[0])}:", *(f"{deep}{_scalar(key)}: {_flow(one)}" for key, one in value.items())]
@@ -138,24 +138,19 @@ def _out_of_yaml(document: Document, keys: Keys) -> str:
     order = list(node.entries)
     where = order.index(keys[-1])
     key, value = node.keys[keys[-1]], node.entries[keys[-1]]
-    start, end = source.starts[key.line - 1] + key.column - 1, _text_range(source, value.span)[1]
-    if text[_text_range(source, node.span)[0]] != "{":
+    start, end = source.range(key)[0], source.range(value.span)[1]
+    if text[source.range(node.span)[0]] != "{":
         last = _last_line(source, value)
         return text[: source.starts[key.line - 1]] + (text[source.starts[last] :] if last < len(source.starts) else "")
     if where + 1 < len(order):
-        after = node.keys[order[where + 1]]
-        return text[:start] + text[source.starts[after.line - 1] + after.column - 1 :]
-    before = _text_range(source, node.entries[order[where - 1]].span)[1] if where else start
+        return text[:start] + text[source.range(node.keys[order[where + 1]])[0] :]
+    before = source.range(node.entries[order[where - 1]].span)[1] if where else start
     return text[:before] + text[end:]
-
-
-def _text_range(source: Source, span: Span) -> tuple[int, int]:
-    return source.starts[span.line - 1] + span.column - 1, source.starts[span.end_line - 1] + span.end_column - 1
 
 
 def _last_line(source: Source, node: Node) -> int:
     """The line (from 1) on which a value ends."""
-    start, end = _text_range(source, node.span)
+    start, end = source.range(node.span)
     if source.text[start : start + 1] not in ("{", "["):
         inner = list(node.entries.values()) if isinstance(node, MappingNode) else list(getattr(node, "items", ()))
         if inner:
@@ -206,13 +201,8 @@ def _in_toml(document: Document, keys: Keys, value: Written) -> str:
         inline = f"{tomlkit.key(keys[1]).as_string()} = {tomlkit.item(_toml_value(value)).as_string()}"
         return text[:at] + line_end.join(("", "", header, *entries) if tables else ("", inline)) + text[at:]
     whole = tomlkit.parse(text.replace("\r\n", "\n"))
-    table: Any = whole
-    for depth, key in enumerate(keys[:-1]):
-        if isinstance(table, dict) and not isinstance(table.get(key), (dict, list)):
-            section = depth == 0 and len(keys) == 2 and isinstance(value, Mapping)
-            table[key] = tomlkit.table() if section else tomlkit.inline_table()
-        table = table[_step(table, key)]
-    table[_step(table, keys[-1])] = _toml_value(value)
+    section = len(keys) == 2 and isinstance(value, Mapping)
+    _put(whole, keys, _toml_value(value), tomlkit.table if section else tomlkit.inline_table)
     return tomlkit.dumps(whole).replace("\n", line_end)
 
 
@@ -222,10 +212,10 @@ def _behind_entries(document: Document, keys: Keys) -> tuple[int, bool] | None:
     source, text, node = Source(document.path, document.text), document.text, node_at(document.tree, keys[:1])
     if not isinstance(node, MappingNode) or not node.entries or keys[1] in node.entries:
         return None
-    last = max(node.entries.values(), key=lambda one: _text_range(source, one.span)[1])
-    start, end = _text_range(source, last.span)
+    last = max(node.entries.values(), key=lambda one: source.range(one.span)[1])
+    start, end = source.range(last.span)
     tables = isinstance(last, MappingNode) and text[start] == "["
-    if not tables and text[_text_range(source, node.span)[0]] != "[":
+    if not tables and text[source.range(node.span)[0]] != "[":
         return None
     line = source.line_at(end - 1)
     return source.starts[line] + len(source.line(line)), tables
@@ -235,12 +225,7 @@ def _out_of_toml(document: Document, keys: Keys) -> str:
     import tomlkit
 
     line_end = "\r\n" if "\r\n" in document.text else "\n"
-    whole = tomlkit.parse(document.text.replace("\r\n", "\n"))
-    table: Any = whole
-    for key in keys[:-1]:
-        table = table[key]
-    del table[keys[-1]]
-    return tomlkit.dumps(whole).replace("\n", line_end)
+    return tomlkit.dumps(_take_out(tomlkit.parse(document.text.replace("\r\n", "\n")), keys)).replace("\n", line_end)
 
 
 def _toml_value(value: Written) -> Any:

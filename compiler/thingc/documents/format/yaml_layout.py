@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 from thingc.documents.format.flow_style import Inline, order_of, outline, shape_below, shape_for
-from thingc.documents.format.segments import Item, Segment, Trivia, UnsupportedStyle, body_of, commented, gap, shifted, tidy
+from thingc.documents.format.segments import Item, Segment, Trivia, UnsupportedStyle, body_of, commented, first_lines, gap, shifted, tidy
 from thingc.documents.spec.annotation_types import FieldType
 
 _COLON = re.compile(r"[ \t]*:(?=\s|$)")
@@ -282,10 +282,7 @@ def yaml_layout(text: str, shape: FieldType | None) -> str:
     lines: list[str] = []
     if start:
         lines.extend(line.rstrip() for line in text[:start].split("\n"))
-    opening = tidy(list(head))
-    while opening and opening[0] is None:
-        opening.pop(0)
-    lines.extend(line or "" for line in opening)
+    lines.extend(line or "" for line in first_lines(head))
     if root.flow:
         lines.extend(printer.inline.value(root, shape, 0).split("\n"))
         lines.extend(_own_lines(root.trailing, 0))
@@ -311,13 +308,12 @@ class _Printer:
         spaces = self.alignment(items)
         lines: list[str] = []
         for at, item in enumerate(items):
-            leading = tidy(item.leading)
-            before = items[at - 1] if at else None
-            if before is None or (top and before.value.block):
-                while leading and leading[0] is None:
-                    leading.pop(0)
-            if before is not None and top and before.value.block:
-                leading.insert(0, None)
+            if at == 0:
+                leading = first_lines(item.leading)
+            elif top and items[at - 1].value.block:
+                leading = [None, *first_lines(item.leading)]
+            else:
+                leading = tidy(item.leading)
             lines.extend(_own_lines(leading, indent))
             lines.extend(self.entry(item, shape, indent, piece.column, spaces[at]))
         return [*lines, *_own_lines(tidy(piece.trailing), indent)]
@@ -389,10 +385,7 @@ class _Printer:
         shape = shape_for(shape, outline(piece))
         lines: list[str] = []
         for at, item in enumerate(piece.items):
-            leading = tidy(item.leading)
-            while at == 0 and leading and leading[0] is None:
-                leading.pop(0)
-            lines.extend(_own_lines(leading, indent))
+            lines.extend(_own_lines(tidy(item.leading) if at else first_lines(item.leading), indent))
             lines.extend(self.list_item(item, shape_below(shape, None), indent, piece.column))
         return [*lines, *_own_lines(tidy(piece.trailing), indent)]
 

@@ -49,6 +49,10 @@ class Source:
             end_line=last, end_column=max(end, start) - self.starts[last - 1] + 1,
         )
 
+    def range(self, span: Span) -> tuple[int, int]:
+        """The characters of a span: from, and to before (indices into `text`)."""
+        return self.starts[span.line - 1] + span.column - 1, self.starts[span.end_line - 1] + span.end_column - 1
+
     def line_at(self, index: int) -> int:
         """The number of the line (from 0) that holds the character at `index`."""
         return bisect_right(self.starts, index) - 1

@@ -20,38 +20,47 @@ if TYPE_CHECKING:
 
 def read_toml(source: Source, report: Report) -> MappingNode | None:
     """The tree of a TOML 1.0 text, or None when it has been reported that there is none."""
-    import tree_sitter_toml
-    from tree_sitter import Language, Parser
-
-    data = source.text.encode()
-    tree = Parser(Language(tree_sitter_toml.language())).parse(data)
-    places = _Places(source, data)
-    if _too_large(tree.root_node, places, report):
+    syntax = TomlSyntax(source.text)
+    if _too_large(source, syntax, report):
         return None
     try:
         values = tomllib.loads(source.text)
     except (ValueError, RecursionError) as error:
-        _report_error(error, tree.root_node, places, report)
+        _report_error(error, source, syntax, report)
         return None
-    root = _Statements(places, None).read(tree.root_node)
-    return _Joiner(places, report).table(root, values, 1)
+    root = _Statements(source, syntax, None).read()
+    return _Joiner(source, report).table(root, values, 1)
 
 
-class _Places:
-    """Byte offsets of tree-sitter to character indices and spans."""
+class TomlSyntax:
+    """tree-sitter's tree of a TOML text, from its `root`, with places as indices of characters."""
 
-    def __init__(self, source: Source, data: bytes) -> None:
-        self.source = source
-        self.data = data
-        self.offsets: list[int] | None = None
-        if len(data) != len(source.text):
-            self.offsets = [at for at, byte in enumerate(data) if byte & 0xC0 != 0x80]
+    def __init__(self, text: str) -> None:
+        import tree_sitter_toml
+        from tree_sitter import Language, Parser
 
-    def index(self, byte: int) -> int:
-        return byte if self.offsets is None else bisect_left(self.offsets, byte)
+        self._data = text.encode()
+        self.root = Parser(Language(tree_sitter_toml.language())).parse(self._data).root_node
+        self._offsets: list[int] | None = None
+        if len(self._data) != len(text):
+            self._offsets = [at for at, byte in enumerate(self._data) if byte & 0xC0 != 0x80]
 
-    def text(self, node: Syntax) -> str:
-        return self.data[node.start_byte : node.end_byte].decode()
+    def range(self, node: Syntax) -> tuple[int, int]:
+        """The characters of a node: from, and to before."""
+        start, end = node.start_byte, node.end_byte
+        return (start, end) if self._offsets is None else (bisect_left(self._offsets, start), bisect_left(self._offsets, end))
+
+    def words(self, key: Syntax) -> list[tuple[str, tuple[int, int]]]:
+        """The words of a key and where they stand."""
+        if key.type == "dotted_key":
+            return [part for child in key.named_children for part in self.words(child)]
+        text = self._data[key.start_byte : key.end_byte].decode()
+        if key.type == "quoted_key":
+            try:
+                text = next(iter(tomllib.loads(f"{text} = 0")))
+            except tomllib.TOMLDecodeError:
+                pass
+        return [(text, self.range(key))]
 
 
 @dataclass(slots=True)
@@ -90,14 +99,15 @@ _Item = Union[_Leaf, _Array, _Table]
 class _Statements:
     """The statements of a TOML text in order, put where they belong. With a report, keys written twice are reported."""
 
-    def __init__(self, places: _Places, report: Report | None) -> None:
-        self.places = places
+    def __init__(self, source: Source, syntax: TomlSyntax, report: Report | None) -> None:
+        self.source = source
+        self.syntax = syntax
         self.report = report
         self.before = len(report.diagnostics) if report is not None else 0
 
-    def read(self, document: Syntax) -> _Table:
-        root = _Table(0, len(self.places.source.text))
-        for statement in document.named_children:
+    def read(self) -> _Table:
+        root = _Table(0, len(self.source.text))
+        for statement in self.syntax.root.named_children:
             if statement.type == "pair":
                 self.pair(root, statement)
             elif statement.type in ("table", "table_array_element"):
@@ -108,9 +118,9 @@ class _Statements:
         children = statement.named_children
         if not children:
             return
-        parts = self.parts(children[0])
-        start, end = self.places.index(statement.start_byte), self.places.index(statement.end_byte)
-        end = start + len(self.places.source.text[start:end].rstrip())
+        parts = self.syntax.words(children[0])
+        start, end = self.syntax.range(statement)
+        end = start + len(self.source.text[start:end].rstrip())
         table = self.descend(root, parts[:-1], start, end)
         if table is None or not parts:
             return
@@ -142,9 +152,9 @@ class _Statements:
         children = [child for child in statement.named_children if child.type != "comment"]
         if len(children) < 2:
             return
-        parts = self.parts(children[0])
+        parts = self.syntax.words(children[0])
         value = self.value(children[1])
-        target = self.descend(table, parts[:-1], self.places.index(statement.start_byte), value.end) if parts else None
+        target = self.descend(table, parts[:-1], self.syntax.range(statement)[0], value.end) if parts else None
         if target is None:
             return
         name, place = parts[-1]
@@ -155,7 +165,7 @@ class _Statements:
         if name not in table.entries:
             return False
         if self.report is not None and len(self.report.diagnostics) - self.before < MAX_FAULTS:
-            span = self.places.source.span
+            span = self.source.span
             self.report.add(
                 Code.DUPLICATE_KEY, f"the key `{shortened(name)}` is written twice", span(*place),
                 notes=[Note(message="first written here", span=span(*table.keys[name]))], help="remove or rename one of them",
@@ -181,21 +191,8 @@ class _Statements:
             table = entry
         return table
 
-    def parts(self, key: Syntax) -> list[tuple[str, tuple[int, int]]]:
-        """The words of a key and where they stand."""
-        if key.type == "dotted_key":
-            return [part for child in key.named_children for part in self.parts(child)]
-        text = self.places.text(key)
-        place = (self.places.index(key.start_byte), self.places.index(key.end_byte))
-        if key.type == "quoted_key":
-            try:
-                text = next(iter(tomllib.loads(f"{text} = 0")))
-            except tomllib.TOMLDecodeError:
-                pass
-        return [(text, place)]
-
     def value(self, syntax: Syntax) -> _Item:
-        start, end = self.places.index(syntax.start_byte), self.places.index(syntax.end_byte)
+        start, end = self.syntax.range(syntax)
         if syntax.type == "array":
             array = _Array(start, end, False)
             array.items.extend(self.value(child) for child in syntax.named_children if child.type != "comment")
@@ -212,8 +209,8 @@ class _Statements:
 class _Joiner:
     """Values and places to nodes."""
 
-    def __init__(self, places: _Places, report: Report) -> None:
-        self.source = places.source
+    def __init__(self, source: Source, report: Report) -> None:
+        self.source = source
         self.report = report
         self.before = len(report.diagnostics)
 
@@ -270,23 +267,23 @@ class _Joiner:
         return ScalarNode(value=known, text=text, span=span, damaged=damaged)
 
 
-def _too_large(root: Syntax, places: _Places, report: Report) -> bool:
+def _too_large(source: Source, syntax: TomlSyntax, report: Report) -> bool:
     """Whether brackets or dotted keys nest beyond the bound, or there are too many values (reported): looked at before
     anything recurses."""
-    waiting = [(root, 0)]
+    waiting = [(syntax.root, 0)]
     values = 0
     while waiting:
         node, level = waiting.pop()
         values += 1
         if values > 2 * MAX_NODES:  # a pair is a statement, a key, its words and a value; a table one, its header and its words
-            start = places.index(node.start_byte)
-            report.add(Code.TOO_LARGE, f"more than {MAX_NODES} values in one document", places.source.span(start, start + 1))
+            start = syntax.range(node)[0]
+            report.add(Code.TOO_LARGE, f"more than {MAX_NODES} values in one document", source.span(start, start + 1))
             return True
         if node.type in ("array", "inline_table", "dotted_key", "ERROR"):
             level += 1
             if level > MAX_LEVELS:
-                start = places.index(node.start_byte)
-                report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", places.source.span(start, start + 1))
+                start = syntax.range(node)[0]
+                report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(start, start + 1))
                 return True
         waiting.extend((child, level) for child in reversed(node.named_children))
     return False
@@ -296,9 +293,8 @@ _PLACE = re.compile(r"\s*\(at (?:line (\d+), column (\d+)|end of document)\)$")
 _TWICE = ("overwrite", "twice", "mutate", "Duplicate", "namespace")
 
 
-def _report_error(error: Exception, root: Syntax, places: _Places, report: Report) -> None:
+def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: Report) -> None:
     """Say a fault that tomllib found, where, and what was probably meant."""
-    source = places.source
     if isinstance(error, RecursionError):
         start = _bracket_beyond(source.text)
         report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(start, start + 1))
@@ -310,7 +306,7 @@ def _report_error(error: Exception, root: Syntax, places: _Places, report: Repor
         index = min(source.starts[int(match.group(1)) - 1] + int(match.group(2)) - 1, len(source.text))
     if any(word in words for word in _TWICE):
         before = len(report.diagnostics)
-        _Statements(places, report).read(root)
+        _Statements(source, syntax, report).read()
         if len(report.diagnostics) > before:
             return
     bare = _unquoted(source, index) if words.startswith(("Invalid value", "Expected newline", "Unclosed")) else None
