@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thingc.documents.load.text import Source
-from thingc.tools.lsp.line_edits import edits
+from thingc.tools.lsp.code_actions import edits
 from thingc.tools.lsp.positions import TextLines, path_of, uri_of
 
 TEXTS = st.text(st.sampled_from("ab\n\r\t \u00e9\u2028\U0001f916\U0001d11e"), max_size=40)

@@ -14,7 +14,7 @@ from thingc.base.replacement import ReplacementRefused, replace_files
 from thingc.base.source import Document, MappingNode, Node, SequenceNode, line_of, node_at
 from thingc.documents.format.value_edits import CannotSetValue, Keys, Written, changes, set_values
 from thingc.documents.load.documents import Documents, load
-from thingc.documents.load.inline_values import is_flow, read_flow
+from thingc.documents.load.yaml_tree import is_flow, read_flow
 from thingc.documents.spec.choices import nested, parse
 from thingc.documents.spec.settable_values import in_full
 from thingc.documents.spec.validation import validate

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from thingc.base.diagnostics import Code, Note, Report
+from msgspec.structs import replace
+
+from thingc.base.diagnostics import Code, Diagnostic, Note, Report
 from thingc.base.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode, Span
 from thingc.base.suggestions import Suggestion, did_you_mean
 from thingc.base.units import scan_number, shortened
@@ -404,3 +406,25 @@ def _is_value(event: Any) -> bool:
 
 def _open(pieces: list[Any]) -> bool:
     return bool(sum(piece.value.count("(") - piece.value.count(")") for piece in pieces) > 0)
+
+
+def is_flow(text: str) -> bool:
+    """Whether a text is written as a mapping or a list in YAML's flow style, well or not: `[draft] arm` is not."""
+    return text.startswith("{") or text.startswith("[") and text.endswith("]")
+
+
+def read_flow(text: str, place: Span) -> Node | Diagnostic:
+    """The tree of a mapping or a list on one line, typed in place of what a document has (`{on: floor}`), all of it at one place; else the
+    first thing that is wrong with it."""
+    report = Report()
+    tree = read_yaml(Source("", text), report)
+    return report.diagnostics[0] if tree is None or report.failed else _at(tree, place)
+
+
+def _at(node: Node, place: Span) -> Node:
+    if isinstance(node, MappingNode):
+        entries = {key: _at(one, place) for key, one in node.entries.items()}
+        return replace(node, entries=entries, keys=dict.fromkeys(entries, place), span=place)
+    if isinstance(node, SequenceNode):
+        return replace(node, items=tuple(_at(one, place) for one in node.items), span=place)
+    return replace(node, span=place)

@@ -18,9 +18,9 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span, closest, option_span
 from thingc.base.suggestions import did_you_mean, nearest
 from thingc.base.units import shortened
-from thingc.documents.load.inline_values import is_flow, read_flow
 from thingc.documents.load.text import forbidden
 from thingc.documents.load.yaml_scalars import core_value
+from thingc.documents.load.yaml_tree import is_flow, read_flow
 from thingc.documents.spec.annotation_types import FieldType, alternatives, model_keys, shape_of
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.settable_values import in_full

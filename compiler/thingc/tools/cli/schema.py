@@ -93,7 +93,7 @@ def _write(workspace: Workspace, only: list[str] | None, no_model: bool, options
 
 
 def _print_outcome(workspace: Workspace, outcome: RefreshOutcome) -> None:
-    from thingc.tools.schemas.folder import SCHEMAS
+    from thingc.tools.schemas.refresh_schemas import SCHEMAS
 
     folder = shown_path(os.path.join(workspace.root, SCHEMAS))
     same = len(outcome.documents) - len(outcome.written) - len(outcome.kept)

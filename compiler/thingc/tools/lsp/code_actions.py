@@ -1,19 +1,59 @@
-"""Findings as the protocol has them, and their code actions: fixes, as `thingc check --fix` applies them, and missing components."""
+"""Findings as the protocol has them, and edits: fixes of findings, as `thingc check --fix` applies them, missing components, formatting."""
 
 from __future__ import annotations
 
+import difflib
 import os
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from thingc.base.diagnostics import Code, Diagnostic, Severity
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.base.source import Span, entries_of
 from thingc.documents.format.autofix import CheckResult, TextEdit, located, safe_edits
+from thingc.documents.format.formatting import format_document
 from thingc.documents.format.value_edits import CannotSetValue, set_values
+from thingc.documents.load.text import Source
 from thingc.tools.lsp.analysis import Analysis, is_document_path
-from thingc.tools.lsp.line_edits import edits
-from thingc.tools.lsp.positions import TextPlace
+from thingc.tools.lsp.positions import TextLines, TextPlace, equal_items
+
+MOST_LINES = 3000
+"""Lines between the first and the last that differ that are compared one by one; of more there is one edit."""
+
+
+def edits(before: TextLines, after: str) -> list[dict[str, Any]]:
+    """The protocol's edits that make one text of another; none where they are equal."""
+    old, new = _split(before), _split(TextLines(after))
+    top = equal_items(old, new)
+    end = equal_items(reversed(old[top:]), reversed(new[top:]))
+    old_middle, new_middle = old[top : len(old) - end], new[top : len(new) - end]
+    if not (old_middle or new_middle):
+        return []
+    spans = [(0, len(old_middle), 0, len(new_middle))]
+    if len(old_middle) + len(new_middle) <= MOST_LINES:
+        compared = difflib.SequenceMatcher(None, old_middle, new_middle, autojunk=False)
+        spans = [(i1, i2, j1, j2) for kind, i1, i2, j1, j2 in compared.get_opcodes() if kind != "equal"]
+    return [
+        {"range": before.range_of(_start(before, top + i1), _start(before, top + i2)), "newText": "".join(new_middle[j1:j2])}
+        for i1, i2, j1, j2 in spans
+    ]
+
+
+def _split(lines: TextLines) -> list[str]:
+    ends = [*lines.starts[1:], len(lines.text)]
+    return [lines.text[start:end] for start, end in zip(lines.starts, ends)]
+
+
+def _start(lines: TextLines, number: int) -> int:
+    """Where a line (from 0) begins; behind the last one the end of the text."""
+    return lines.starts[number] if number < len(lines.starts) else len(lines.text)
+
+
+def formatted(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
+    """The edits that bring a document into canonical layout; None where it is not well-formed, or none of ours."""
+    after = format_document(analysis.path, text.encode(errors="surrogatepass"), Report()) if analysis.documents is not None else None
+    return None if after is None else edits(analysis.lines(), after.decode())
+
 
 _SEVERITY: Mapping[Severity, int] = {Severity.ERROR: 1, Severity.WARNING: 2, Severity.NOTE: 3}
 _TOP = {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 0}}
@@ -98,8 +138,8 @@ def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[d
     if diagnostic.code is not Code.UNKNOWN_COMPONENT or diagnostic.span is None or document is None or document.text != analysis.text:
         return
     lines = analysis.lines()
-    said = lines.text[lines.index(_start(diagnostic.span)) : lines.index(_end(diagnostic.span))]
-    name = re.match(r"[\"']?([A-Za-z]\w*)(?![\w*?\[])", said)
+    start, end = Source(document.path, document.text).range(diagnostic.span)
+    name = re.match(r"[\"']?([A-Za-z]\w*)(?![\w*?\[])", document.text[start:end])
     if name is None or name[1] in entries_of(document.tree.entries.get("components")):
         return  # the name that is missing is one of another document
     part = next((one for one in analysis.schemas if _as_name(one.partition(":")[2]) == re.sub(r"_?\d+$", "", name[1])), None)
@@ -115,14 +155,6 @@ def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[d
         return
     what = f"`{part}`" if part is not None else "a frame"
     yield _action(f"add the component `{name[1]}`, {what}", diagnostic, analysis, analysis.path, edits(lines, after.text), preferred=False)
-
-
-def _start(span: Span) -> TextPlace:
-    return TextPlace(line=span.line, column=span.column)
-
-
-def _end(span: Span) -> TextPlace:
-    return TextPlace(line=span.end_line, column=span.end_column)
 
 
 def _as_name(text: str) -> str:

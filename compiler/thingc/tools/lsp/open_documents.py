@@ -21,8 +21,7 @@ from thingc.driver.up_to_date import state_of
 from thingc.geometry.client import NoWorkers
 from thingc.geometry.lock.lock import read_lock
 from thingc.tools.lsp.analysis import Analysis, OpenText, analyse, is_document_path
-from thingc.tools.lsp.background_workers import BackgroundWorkers
-from thingc.tools.lsp.cached_parts import AvailableNames, CachedParts, PendingRequests
+from thingc.tools.lsp.cached_parts import AvailableNames, BackgroundWorkers, CachedParts, PendingRequests
 from thingc.tools.lsp.code_actions import by_file
 
 if TYPE_CHECKING:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
+from bisect import bisect_right
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from itertools import takewhile
 from pathlib import Path
@@ -78,8 +79,6 @@ class TextLines:
         return {"start": self._position_at(start), "end": self._position_at(end)}
 
     def _position_at(self, index: int) -> dict[str, int]:
-        from bisect import bisect_right
-
         line = bisect_right(self.starts, index)
         return self.position(line, index - self.starts[line - 1] + 1)
 
@@ -101,6 +100,11 @@ def path_of(uri: str) -> str | None:
     return os.path.abspath(path) if path and "\0" not in path else None
 
 
+def equal_items(one: Iterable[str], other: Iterable[str]) -> int:
+    """How many texts are equal from the beginning on."""
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(one, other, strict=False)))
+
+
 SpanMap = Callable[[Span], Span | None]
 
 
@@ -110,9 +114,8 @@ def steady(before: str, after: str) -> SpanMap:
     if before == after:
         return lambda span: span
     old, new = before.splitlines(), after.splitlines()
-    same = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(old, new, strict=False)))
-    most = min(len(old), len(new)) - same
-    end = min(most, sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(reversed(old), reversed(new), strict=False))))
+    same = equal_items(old, new)
+    end = equal_items(reversed(old[same:]), reversed(new[same:]))
 
     def line(number: int) -> int | None:
         if number <= same:

@@ -64,7 +64,7 @@ FEATURES: dict[str, Feature] = {
     "textDocument/documentHighlight": Feature(answer="navigation:highlights"),
     "textDocument/documentSymbol": Feature(answer="symbols:symbols"),
     "textDocument/foldingRange": Feature(answer="symbols:folds"),
-    "textDocument/formatting": Feature(answer="line_edits:formatted"),
+    "textDocument/formatting": Feature(answer="code_actions:formatted"),
     "textDocument/hover": Feature(answer="hover:hover"),
     "textDocument/inlayHint": Feature(answer="expression_values:hints"),
     "textDocument/prepareRename": Feature(answer="navigation:prepare_rename", everywhere=True),

@@ -227,7 +227,9 @@ class _Narrowing:
         section = self.properties["components"]
         known: Schema = {}
         for piece in self.facts.pieces:
-            known[piece.name] = {**self._component(piece), "title": piece.name, "description": self._of_piece(piece)}
+            own = [name for name in piece.mounts if "." not in name]
+            said = f"{piece.what}\n\nMounts: {quoted(own, 30)}."
+            known[piece.name] = {**self._component(piece), "title": piece.name, "description": said}
         section["properties"] = known
         _set_each(section, self._plain("ComponentSpec", "Component"))
 
@@ -241,10 +243,6 @@ class _Narrowing:
             name = f"{piece.name} here"
             self.definitions[name] = own
         return {**_ref("ComponentSpec"), **_if(key, text, {"properties": {"attach": _ref(name)}})}
-
-    def _of_piece(self, piece: WrittenComponent) -> str:
-        own = [name for name in piece.mounts if "." not in name]
-        return f"{piece.what}\n\nMounts: {quoted(own, 30)}."
 
     # --- joints, poses, modes, sensors --------------------------------------------------------------------------
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -11,6 +13,7 @@ from typing import Any, Protocol
 from thingc.base.diagnostics import Code, Report
 from thingc.base.file_watcher import Stat, stat_of
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.safe_text import json_text
 from thingc.base.source import MappingNode, ScalarNode
 from thingc.documents.load.discovery import documents_in, packaged_documents
 from thingc.documents.load.documents import Documents, load
@@ -23,7 +26,6 @@ from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import resolve
 from thingc.model.resolve.sources import Settings, Sources
 from thingc.model.resolve.types import AssemblyDefinition
-from thingc.tools.schemas import folder
 from thingc.tools.schemas.document_facts import DocumentFacts, Names, Records, facts_of, usual_mounts
 from thingc.tools.schemas.narrow_schema import SchemaContext, narrowed, remembered
 from thingc.tools.schemas.parameter_schemas import DocumentSymbols, near, of_variants, read_symbols, symbols_of
@@ -208,7 +210,7 @@ class Schemas:
         return RefreshOutcome(
             documents=tuple(chosen), written=tuple(name for name in chosen if done[name]),
             kept=tuple(name for name in chosen if done[name] is None),
-            removed=() if only is not None else tuple(folder.remove_others(self.workspace.root, names.values())),
+            removed=() if only is not None else tuple(remove_others(self.workspace.root, names.values())),
         )
 
     def general(self, kind: str) -> dict[str, Any] | None:
@@ -259,7 +261,7 @@ class Schemas:
     ) -> bool | None:
         """Whether the schema of a document was written; None if the document is broken and keeps its last one."""
         root, kind = self.workspace.root, reading.kind if reading is not None else self._symbols[name].kind
-        if (reading is None or reading.broken) and folder.load_schema(root, name):
+        if (reading is None or reading.broken) and load_schema(root, name):
             return None
         schema = self.general(kind)
         if schema is None:
@@ -271,19 +273,19 @@ class Schemas:
             references = reading.references if reading is not None else ()
             unsure = self._parts.unsure(dict.fromkeys((*references, *self._last_references(name))))
             if unsure:
-                lost, mounts = remembered(folder.load_schema(root, name), unsure)
+                lost, mounts = remembered(load_schema(root, name), unsure)
                 usual = {**mounts, **usual}
             facts = DocumentFacts() if reading is None else facts_of(
                 reading.documents.root.tree, model, self._parts.records, self._parts.schemas, usual,
             )
             schema = narrowed(schema, facts, self._around(name, usual, lost))
-        return folder.write_schema(root, name, schema)
+        return write_schema(root, name, schema)
 
     def _last_references(self, name: str) -> list[str]:
         """The Things of modules that cannot be parsed now, as the last schema of a document has them."""
         if not self._parts.unreadable:
             return []
-        definitions = folder.load_schema(self.workspace.root, name).get("$defs", {})
+        definitions = load_schema(self.workspace.root, name).get("$defs", {})
         return [one.removeprefix("params of ") for one in definitions if one.startswith("params of ")]
 
     def _packaged(self) -> dict[str, DocumentSymbols]:
@@ -302,3 +304,78 @@ class Schemas:
 
 def _definitions(models: Iterable[AssemblyDefinition | None]) -> tuple[PartDefinition, ...]:
     return tuple(dict.fromkeys(definition for one in models if one is not None for definition in part_definitions(one)))
+
+
+# --- the folder `.thingc/schema/` of a workspace, never in git ---
+
+
+FOLDER = ".thingc"
+SCHEMAS = ".thingc/schema"
+IGNORED = "*\n"
+"""What `.gitignore` in the folder says."""
+
+
+def schema_path(relative: str) -> str:
+    """Where the schema of a document lies; both paths are in the workspace, with `/`."""
+    return f"{SCHEMAS}/{relative}.json"
+
+
+def load_schema(root: str, relative: str) -> dict[str, Any]:
+    """The schema of a document as it was last written; empty where there is none."""
+    try:
+        with open(os.path.join(root, schema_path(relative)), encoding="utf-8") as stream:
+            schema = json.load(stream)
+    except (OSError, ValueError):
+        return {}
+    return schema if isinstance(schema, dict) else {}
+
+
+def write_schema(root: str, relative: str, schema: dict[str, Any]) -> bool:
+    """Write the schema of a document where it is not the same already; whether it was. Raises OSError.
+
+    It stands on one line, which is written ten times faster than an indented one."""
+    ignored = os.path.join(root, FOLDER, ".gitignore")
+    if not os.path.exists(ignored):
+        write_text(ignored, IGNORED)
+    return write_text(os.path.join(root, schema_path(relative)), json_text(json.dumps(schema, ensure_ascii=False)) + "\n")
+
+
+def write_text(path: str, text: str) -> bool:
+    """Write a file aside and rename it, where it does not hold the same text already; whether it was written."""
+    data = text.encode("utf-8")
+    try:
+        with open(path, "rb") as stream:
+            if stream.read() == data:
+                return False
+    except FileNotFoundError:
+        pass
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    aside = f"{path}.{os.getpid()}.new"
+    try:
+        with open(aside, "wb") as stream:
+            stream.write(data)
+        if os.path.exists(path):
+            os.chmod(aside, os.stat(path).st_mode & 0o777)
+        os.replace(aside, os.path.realpath(path))
+    finally:
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(aside)
+    return True
+
+
+def remove_others(root: str, documents: Iterable[str]) -> list[str]:
+    """Remove the schemas of documents that are not there any more; the documents' paths in the workspace."""
+    top = os.path.join(root, SCHEMAS)
+    kept = set(documents)
+    removed: list[str] = []
+    for folder, _, files in os.walk(top, topdown=False):
+        for name in sorted(files):
+            path = os.path.join(folder, name)
+            relative = os.path.relpath(path, top).replace(os.sep, "/").removesuffix(".json")
+            if name.endswith(".json") and relative not in kept:
+                os.unlink(path)
+                removed.append(relative)
+        if folder != top:
+            with contextlib.suppress(OSError):  # it is not empty
+                os.rmdir(folder)
+    return sorted(removed)
