@@ -7,10 +7,10 @@ line of the parent document that nested it, and so on).
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import takewhile
 from typing import Union
 
 from thingc.base.frozen_struct import FrozenStruct
@@ -143,11 +143,7 @@ def dotted(path: Path) -> str:
 
 def closest(paths: Iterable[str], place: str) -> str:
     """That one of the paths at which values are set which shares most of its keys, from the first on, with the path `place`."""
-
-    def shared(path: str) -> int:
-        return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(path.split("."), place.split("."))))
-
-    return max(paths, key=shared)
+    return max(paths, key=lambda path: len(os.path.commonprefix([path.split("."), place.split(".")])))
 
 
 def node_at(root: Node, path: Path) -> Node | None:

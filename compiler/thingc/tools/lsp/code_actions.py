@@ -15,7 +15,7 @@ from thingc.documents.format.formatting import format_document
 from thingc.documents.format.value_edits import CannotSetValue, set_values
 from thingc.documents.load.text import Source
 from thingc.tools.lsp.analysis import Analysis, is_document_path
-from thingc.tools.lsp.positions import TextLines, TextPlace, equal_items
+from thingc.tools.lsp.positions import TextLines, TextPlace, equal_ends
 
 MOST_LINES = 3000
 """Lines between the first and the last that differ that are compared one by one; of more there is one edit."""
@@ -24,8 +24,7 @@ MOST_LINES = 3000
 def edits(before: TextLines, after: str) -> list[dict[str, Any]]:
     """The protocol's edits that make one text of another; none where they are equal."""
     old, new = _split(before), _split(TextLines(after))
-    top = equal_items(old, new)
-    end = equal_items(reversed(old[top:]), reversed(new[top:]))
+    top, end = equal_ends(old, new)
     old_middle, new_middle = old[top : len(old) - end], new[top : len(new) - end]
     if not (old_middle or new_middle):
         return []

@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 import re
 from bisect import bisect_right
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import lru_cache
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
@@ -100,9 +99,10 @@ def path_of(uri: str) -> str | None:
     return os.path.abspath(path) if path and "\0" not in path else None
 
 
-def equal_items(one: Iterable[str], other: Iterable[str]) -> int:
-    """How many texts are equal from the beginning on."""
-    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(one, other, strict=False)))
+def equal_ends(old: list[str], new: list[str]) -> tuple[int, int]:
+    """How many lines of two texts are equal: from the beginning on, and of the others from the end on."""
+    top = len(os.path.commonprefix([old, new]))
+    return top, len(os.path.commonprefix([old[top:][::-1], new[top:][::-1]]))
 
 
 SpanMap = Callable[[Span], Span | None]
@@ -114,8 +114,7 @@ def steady(before: str, after: str) -> SpanMap:
     if before == after:
         return lambda span: span
     old, new = before.splitlines(), after.splitlines()
-    same = equal_items(old, new)
-    end = equal_items(reversed(old[same:]), reversed(new[same:]))
+    same, end = equal_ends(old, new)
 
     def line(number: int) -> int | None:
         if number <= same:
