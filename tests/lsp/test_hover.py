@@ -13,7 +13,7 @@ from live.documents import ROBOT, write
 from lsp.documents import Documents
 from lsp.editor import Editor
 from thingc.tools.lsp.analysis import Analysis
-from thingc.tools.lsp.expression_values import hints
+from thingc.tools.lsp.computed_values import hints
 from thingc.tools.lsp.hover import hover
 from thingc.tools.lsp.positions import TextPlace
 

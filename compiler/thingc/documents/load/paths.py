@@ -36,13 +36,13 @@ def find_file(
     None when it has been reported at `where` that it is absolute, leaves the workspace, is not there, or has none of
     the `suffixes`. `what` names it in messages (`an assembly document`).
     """
-    escape_control = shortened(text)
+    shown = shortened(text)
     if not text.strip():
-        report.add(Code.MISSING_FILE, f"expected the path of {what}, found `{escape_control}`", where)
+        report.add(Code.MISSING_FILE, f"expected the path of {what}, found `{shown}`", where)
         return None
     if os.path.isabs(text) or text.startswith(("/", "~")) or _DRIVE.match(text):
         report.add(
-            Code.OUTSIDE_WORKSPACE, f"`{escape_control}` is an absolute path", where,
+            Code.OUTSIDE_WORKSPACE, f"`{shown}` is an absolute path", where,
             help="write it relative to this document, inside the workspace",
         )
         return None
@@ -52,20 +52,20 @@ def find_file(
         return None
     if not workspace.contains(path):
         report.add(
-            Code.OUTSIDE_WORKSPACE, f"`{escape_control}` leaves the workspace", where,
+            Code.OUTSIDE_WORKSPACE, f"`{shown}` leaves the workspace", where,
             help="move the file into the folder of `thingc.toml`, or put a `thingc.toml` into a folder above both",
         )
         return None
     if not path.lower().endswith(suffixes):
         report.add(
-            Code.FILE_TYPE, f"expected {what} ({', '.join(suffixes)}), found `{escape_control}`", where,
+            Code.FILE_TYPE, f"expected {what} ({', '.join(suffixes)}), found `{shown}`", where,
         )
         return None
     if not os.path.isfile(path):
         if os.path.isdir(path):
-            report.add(Code.MISSING_FILE, f"`{escape_control}` is a folder, not a file", where, help="name a file in it")
+            report.add(Code.MISSING_FILE, f"`{shown}` is a folder, not a file", where, help="name a file in it")
         else:
-            report.add(Code.MISSING_FILE, f"there is no file `{escape_control}`", where, help=_near(path, text, beside, suffixes))
+            report.add(Code.MISSING_FILE, f"there is no file `{shown}`", where, help=_near(path, text, beside, suffixes))
         return None
     relative = workspace.relative(path)
     if unseen(relative):  # of the file that a link leads to

@@ -17,9 +17,8 @@ from thingc.base.joints.kinds import KINDS
 from thingc.base.units import ANGLE, LENGTH, UNITS, Dimension, Quantity, fits, parse_quantity
 from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
 from thingc.tools.lsp.analysis import Analysis
+from thingc.tools.lsp.computed_values import bounds_of, evaluate_expression, frame_words, parameters_of
 from thingc.tools.lsp.cursor import Cursor, cursor_at
-from thingc.tools.lsp.expression_values import bounds_of, evaluate_expression, parameters_of
-from thingc.tools.lsp.mount_frames import frame_words
 from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.lsp.schema_walk import KeyOffer, SchemaWalk
 

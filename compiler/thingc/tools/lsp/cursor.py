@@ -10,9 +10,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
-from thingc.tools.lsp.scan import CursorPlace, Role, Scan, Token
+from thingc.tools.lsp.scan import CursorPlace, Scan, Token
 
 _SEGMENT = re.compile(r"""[ \t]*(?:"([^"\r\n]*)"?|'([^'\r\n]*)'?|([A-Za-z0-9_-]*))""")
 _BARE_ON_LINE = re.compile(r"[^\r\n#]*")
@@ -215,29 +214,28 @@ class YamlScan(Scan):
             top.last = name
             return self._value(key.end(), end, path, top)
         if top.column == column and not top.sequence and self.text[here] not in "{[":
-            return self._word(here, end, CursorPlace(role="key", path=top.path, start=here, end=here))
+            return self._word(here, end, top.path)
         if top.state == "open" and self.text[here] not in "{[\"'&!*|>=":
             self.scalars[top.inner()] = self._written(here, end)
-            after = self._word(here, end, CursorPlace(role="key", path=top.inner(), start=here, end=here, either=True))
+            after = self._word(here, end, top.inner(), either=True)
             top.state = "scalar"
             return after
         if top.state == "done" and top.last is not None and not top.sequence:
-            return self._word(here, end, CursorPlace(role="key", path=top.path, start=here, end=here))
+            return self._word(here, end, top.path)
         return self._value(here, end, top.inner(), top)
 
     def _written(self, here: int, end: int) -> str:
         comment = _COMMENTED.search(self.text, here, end)
         return self.text[here : end if comment is None else comment.start()].rstrip(" \t")
 
-    def _word(self, here: int, end: int, place: CursorPlace) -> int:
-        """A line, from `here` on, that is no entry of a mapping yet."""
+    def _word(self, here: int, end: int, path: Path, *, either: bool = False) -> int:
+        """A line, from `here` on, that is no entry of the mapping at a path yet."""
         quote = self.text[here] if self.text[here] in "\"'" else ""
-        place.start, place.quote = here + len(quote), quote
-        written = self._written(here, end)
-        place.end = max(place.start, here + len(written))
-        comment = self.text.find("#", here + len(written), end)
+        start, stop = here + len(quote), here + len(self._written(here, end))
+        comment = self.text.find("#", stop, end)
+        place = CursorPlace(role="key", path=path, start=start, end=max(start, stop), either=either, quote=quote)
         self.token(place, end if comment < 0 else comment)
-        return self.rest(here + len(written))
+        return self.rest(stop)
 
     def _value(self, at: int, end: int, path: Path, frame: _Frame) -> int:
         here = self.spaces(at)
@@ -297,27 +295,17 @@ class YamlScan(Scan):
         return match is not None and len(match.group(1)) <= column
 
 
-class Cursor(FrozenStruct):
+class Cursor(CursorPlace):
     """A place in a text, in characters from its beginning.
 
-    `role`: a `key` of the mapping at `path`, or the `value` there (`either`: it may be the first key of a mapping as well as a value
-    on a line of its own, `path` is the same). `typed` stands before the cursor, from `start` on; a completion replaces `start` to
-    before `end`, which lie on one line. `quote` is what was opened before it, `flow`: inside brackets, `header`: in the header of a
-    TOML table; `separated`: a key has its `:` or `=` already; `toml`: the language.
+    `typed` stands before the cursor, from `start` on; a completion replaces `start` to before `end`, which lie on one line.
+    `separated`: a key has its `:` or `=` already; `toml`: the language.
 
     `keys` and `scalars` are those of the whole text: the keys of every mapping without the one at the cursor, and the text of
     every value that is one.
     """
 
-    role: Role
-    path: Path
     typed: str
-    start: int
-    end: int
-    either: bool
-    quote: str
-    flow: bool
-    header: bool
     separated: bool
     toml: bool
     keys: Mapping[Path, tuple[str, ...]]

@@ -10,12 +10,19 @@ from typing import Any
 from thingc.base.diagnostics import Code
 from thingc.base.numeric import sum_of
 from thingc.base.source import Path, entries_of, node_at
-from thingc.base.units import ANGLE, FORCE, MASS, TORQUE, Dimension, Quantity
+from thingc.base.units import ANGLE, FORCE, MASS, TORQUE, Quantity
 from thingc.model.assembly.types import Assembly, JointEdge, Mate
 from thingc.tools.lsp.analysis import Analysis
+from thingc.tools.lsp.computed_values import (
+    direction_words,
+    evaluate_expression,
+    frame_words,
+    in_words,
+    length_words,
+    parameters_of,
+    shown,
+)
 from thingc.tools.lsp.cursor import Cursor, cursor_at
-from thingc.tools.lsp.expression_values import evaluate_expression, parameters_of, shown
-from thingc.tools.lsp.mount_frames import direction_words, frame_words, in_words, length_words
 from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.lsp.schema_walk import SchemaWalk, described, described_as
 
@@ -37,7 +44,8 @@ def hover(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, 
 def words_at(analysis: Analysis, cursor: Cursor, written: str) -> str:
     """What is said of the key or value `written` at a cursor, as Markdown; empty where there is nothing to say."""
     if cursor.role == "key" and written in _CODES:
-        return _of_code(_CODES[written])
+        code = _CODES[written]
+        return f"**{code.code}**: {code.title}\n\nCure: {code.cure}\n\n`thingc explain {code.code}` says more."
     known = analysis.known
     schema = None if known.in_reach is None else known.in_reach.schema_of(known, cursor.scalars)
     walk = None if schema is None else SchemaWalk(schema, cursor.keys, cursor.scalars)
@@ -47,10 +55,6 @@ def words_at(analysis: Analysis, cursor: Cursor, written: str) -> str:
     flats = [] if walk is None else walk.at(cursor.path)
     parts = [_of_value(known, cursor, written), _referred(known, cursor.path, written) or described_as(flats, written)]
     return "\n\n".join(part for part in parts if part) or described(flats)
-
-
-def _of_code(code: Code) -> str:
-    return f"**{code.code}**: {code.title}\n\nCure: {code.cure}\n\n`thingc explain {code.code}` says more."
 
 
 def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
@@ -76,8 +80,6 @@ def _of_name(analysis: Analysis, path: Path) -> str:
     section, name = path[0], str(path[-1])
     if len(path) == 2 and section in _OF:
         return _OF[str(section)](analysis, name)
-    if section == "parameters" and len(path) == 2:
-        return _of_parameter(analysis, name)
     if section == "mounts" and name in analysis.facts.exports:
         return _of_mount(analysis, analysis.facts.exports[name])
     if section == "poses" and len(path) == 3:
@@ -141,7 +143,7 @@ def _measured(assembly: Assembly, name: str) -> Iterator[str]:
     mass = sum_of(one.properties.mass for one in inside)
     sources = dict.fromkeys(one.mass_source for one in inside if one.properties.mass)
     if mass:
-        yield f"Mass {_format_value(mass, MASS)} ({', '.join(sources)})" + (f", {len(inside)} parts." if len(inside) > 1 else ".")
+        yield f"Mass {Quantity(mass, MASS).shown(5)} ({', '.join(sources)})" + (f", {len(inside)} parts." if len(inside) > 1 else ".")
     if len(inside) == 1:
         base = assembly.occurrences[assembly.base].path
         if inside[0].index != assembly.base:
@@ -174,7 +176,7 @@ def _of_joint(analysis: Analysis, name: str) -> str:
         lines.append(_motion(edge))
         if edge.actuator is not None:
             unit = TORQUE if edge.twist.coordinate == ANGLE else FORCE
-            effort = "" if edge.limit.effort is None else f", up to {_format_value(edge.limit.effort, unit)}"
+            effort = "" if edge.limit.effort is None else f", up to {Quantity(edge.limit.effort, unit).shown(5)}"
             lines.append(f"Driven ({edge.actuator.kind}{effort}).")
         if edge.mimic is None and edge.actuator is None and mate.loop is None:
             lines.append("Nothing drives it.")
@@ -195,17 +197,16 @@ def _edge(assembly: Assembly, name: str) -> tuple[Mate, JointEdge] | None:
 
 def _of_pose(analysis: Analysis, name: str) -> str:
     """The joints that a pose sets, globs and nested poses worked out, and the modes that begin in it."""
-    if name not in analysis.facts.poses or analysis.model is None:
-        return ""
-    pose = next((one for one in analysis.model.poses if one.name == name), None)
-    if pose is None:
+    model = analysis.model
+    pose = None if model is None else next((one for one in model.poses if one.name == name and name in analysis.facts.poses), None)
+    if model is None or pose is None:
         return ""
     dimensions = {} if analysis.assembly is None else {
         edge.path: edge.twist.coordinate for mate in analysis.assembly.mates for edge in mate.joints
     }
-    values = [f"{path.replace('/', '.')} {_format_value(value, dimensions.get(path, ANGLE))}" for path, value in pose.values.items()]
+    values = [f"{path.replace('/', '.')} {Quantity(value, dimensions.get(path, ANGLE)).shown(5)}" for path, value in pose.values.items()]
     more = f", and {len(values) - 12} more" if len(values) > 12 else ""
-    modes = [f"`{mode.name}`" for mode in analysis.model.modes if mode.pose == name]
+    modes = [f"`{mode.name}`" for mode in model.modes if mode.pose == name]
     return f"**{name}**: " + (f"{', '.join(values[:12])}{more}; all other joints at 0." if values else "every joint at 0.") + (
         f"\n\nModes that begin in it: {', '.join(modes)}." if modes else ""
     )
@@ -226,10 +227,6 @@ def _of_mode(analysis: Analysis, name: str) -> str:
 
 
 _OF: dict[str, Callable[[Analysis, str], str]] = {
-    "components": _of_component, "joints": _of_joint, "poses": _of_pose, "modes": _of_mode,
+    "components": _of_component, "joints": _of_joint, "parameters": _of_parameter, "poses": _of_pose, "modes": _of_mode,
 }
-
-
-def _format_value(value: float, dimension: Dimension) -> str:
-    return Quantity(value, dimension).shown(5)
 

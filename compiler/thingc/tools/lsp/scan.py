@@ -10,6 +10,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
+from msgspec.structs import replace
+
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
 
@@ -33,8 +35,7 @@ class Token(FrozenStruct):
     quote: str = ""
 
 
-@dataclass(slots=True, kw_only=True)
-class CursorPlace:
+class CursorPlace(FrozenStruct):
     """Where the cursor was met: a `key` of the mapping at `path`, or the `value` there; the token that stands there already reaches
     from `start` to before `end` (equal: none). `either`: the first key of a mapping or a value on a line of its own; `quote`: the
     one that was opened; `flow`: inside brackets; `header`: in the header of a TOML table."""
@@ -103,8 +104,7 @@ class Scan(ABC):
     def token(self, place: CursorPlace, high: int) -> None:
         """A token; spaces behind it, up to `high`, belong to what is typed."""
         if place.start <= self.target <= high:
-            place.end = max(place.end, self.target)
-            self.place = place
+            self.place = replace(place, end=max(place.end, self.target))
 
     def mute(self, start: int, end: int) -> None:
         """A comment or the like."""

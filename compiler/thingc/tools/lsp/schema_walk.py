@@ -159,19 +159,11 @@ def described_as(flats: list[Schema], value: str) -> str:
 def _children(schema: Schema, step: str | int) -> Iterator[Any]:
     if isinstance(step, int):
         yield schema.get("items")
+    elif step in schema.get("properties", {}):
+        yield schema["properties"][step]
     else:
-        yield from _definitions_named(schema, step)
-
-
-def _definitions_named(schema: Schema, name: str) -> Iterator[Any]:
-    """What holds for the value of a key."""
-    if name in schema.get("properties", {}):
-        yield schema["properties"][name]
-        return
-    matching = [one for pattern, one in schema.get("patternProperties", {}).items() if re.search(pattern, name)]
-    yield from matching
-    if not matching:
-        yield schema.get("additionalProperties")
+        matching = [one for pattern, one in schema.get("patternProperties", {}).items() if re.search(pattern, step)]
+        yield from matching or [schema.get("additionalProperties")]
 
 
 def _may_join(schema: Schema, name: str, there: set[str]) -> bool:

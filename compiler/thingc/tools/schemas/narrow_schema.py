@@ -346,10 +346,10 @@ def _full_or_short(short: Schema, mounts: Iterable[str], *, mount: Schema | None
     full: Schema = dict(_ref("AttachSpec"))
     if mount is not None:
         full = {"allOf": [full, {"properties": {"mount": mount}}]}
-    offered = {word: {"type": "string", "description": text} for word, text in (
-        ("mount", "My mount, where the mate is written in full: `{mount: back, to: plate.servo_seat, turn: 90 deg}`."),
-    ) if word in words}
-    brief = {**short, "properties": {**short.get("properties", {}), **offered}}
+    brief = {**short, "properties": {**short.get("properties", {})}}
+    if "mount" in words:
+        text = "My mount, where the mate is written in full: `{mount: back, to: plate.servo_seat, turn: 90 deg}`."
+        brief["properties"]["mount"] = {"type": "string", "description": text}
     if not words:
         return brief
     return {"if": {"anyOf": [{"required": [word]} for word in words]}, "then": full, "else": brief}
