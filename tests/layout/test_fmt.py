@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Report
 from thingc.documents.format import toml_layout
+from thingc.documents.format.flow_style import FIRST, ordered
 from thingc.documents.format.formatting import format_document
-from thingc.documents.format.segments import FIRST, ordered
 from thingc.documents.spec.annotation_types import model_keys
 from thingc.tools.cli.main import main
 

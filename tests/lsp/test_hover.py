@@ -13,9 +13,9 @@ from live.documents import ROBOT, write
 from lsp.documents import Documents
 from lsp.editor import Editor
 from thingc.tools.lsp.analysis import Analysis
-from thingc.tools.lsp.computed_values import hints
 from thingc.tools.lsp.hover import hover
 from thingc.tools.lsp.positions import TextPlace
+from thingc.tools.lsp.shown_values import hints
 
 CHANGED = ROBOT.replace("count: 2", "count: 2\n  half: =reach / 2")
 WHOLE = {"start": {"line": 0, "character": 0}, "end": {"line": 999, "character": 0}}

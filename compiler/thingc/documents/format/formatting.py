@@ -6,7 +6,8 @@ import re
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode
-from thingc.documents.format.segments import UnsupportedStyle, equal_values, root_shape, shape_below, shape_for, takes_vectors
+from thingc.documents.format.flow_style import equal_values, root_shape, shape_below, shape_for, takes_vectors
+from thingc.documents.format.segments import UnsupportedStyle
 from thingc.documents.load.documents import document_kind, read_tree
 from thingc.documents.spec.annotation_types import FieldType
 

@@ -5,20 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from thingc.documents.format.segments import (
-    EndComment,
-    Inline,
-    Item,
-    Segment,
-    UnsupportedStyle,
-    commented,
-    first_lines,
-    gap,
-    ordered,
-    shape_below,
-    shape_for,
-    tidy,
-)
+from thingc.documents.format.flow_style import Inline, ordered, shape_below, shape_for
+from thingc.documents.format.segments import EndComment, Item, Segment, UnsupportedStyle, commented, first_lines, gap, tidy
 from thingc.documents.load.toml_tree import TomlSyntax
 from thingc.documents.spec.annotation_types import FieldType
 

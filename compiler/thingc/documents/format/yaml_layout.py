@@ -5,23 +5,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from thingc.documents.format.segments import (
-    Inline,
-    Item,
-    Segment,
-    Trivia,
-    UnsupportedStyle,
-    body_of,
-    commented,
-    first_lines,
-    gap,
-    order_of,
-    outline,
-    shape_below,
-    shape_for,
-    shifted,
-    tidy,
-)
+from thingc.documents.format.flow_style import Inline, order_of, outline, shape_below, shape_for
+from thingc.documents.format.segments import Item, Segment, Trivia, UnsupportedStyle, body_of, commented, first_lines, gap, shifted, tidy
 from thingc.documents.spec.annotation_types import FieldType
 
 _COLON = re.compile(r"[ \t]*:(?=\s|$)")

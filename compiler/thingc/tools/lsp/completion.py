@@ -17,10 +17,10 @@ from thingc.base.joints.kinds import KINDS
 from thingc.base.units import ANGLE, LENGTH, UNITS, Dimension, Quantity, fits, parse_quantity
 from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
 from thingc.tools.lsp.analysis import Analysis
-from thingc.tools.lsp.computed_values import bounds_of, evaluate_expression, frame_words, parameters_of
 from thingc.tools.lsp.cursor import Cursor, cursor_at
 from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.lsp.schema_walk import KeyOffer, SchemaWalk
+from thingc.tools.lsp.shown_values import bounds_of, evaluate_expression, frame_words, parameters_of
 
 MAX_ITEMS = 500
 

@@ -13,18 +13,10 @@ from thingc.base.source import Path, entries_of, node_at
 from thingc.base.units import ANGLE, FORCE, MASS, TORQUE, Quantity
 from thingc.model.assembly.types import Assembly, JointEdge, Mate
 from thingc.tools.lsp.analysis import Analysis
-from thingc.tools.lsp.computed_values import (
-    direction_words,
-    evaluate_expression,
-    frame_words,
-    in_words,
-    length_words,
-    parameters_of,
-    shown,
-)
 from thingc.tools.lsp.cursor import Cursor, cursor_at
 from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.lsp.schema_walk import SchemaWalk, described, described_as
+from thingc.tools.lsp.shown_values import direction_words, evaluate_expression, frame_words, in_words, length_words, parameters_of, shown
 
 _CODES = {code.code: code for code in Code}
 

@@ -66,7 +66,7 @@ FEATURES: dict[str, Feature] = {
     "textDocument/foldingRange": Feature(answer="symbols:folds"),
     "textDocument/formatting": Feature(answer="code_actions:formatted"),
     "textDocument/hover": Feature(answer="hover:hover"),
-    "textDocument/inlayHint": Feature(answer="computed_values:hints"),
+    "textDocument/inlayHint": Feature(answer="shown_values:hints"),
     "textDocument/prepareRename": Feature(answer="navigation:prepare_rename", everywhere=True),
     "textDocument/references": Feature(answer="navigation:references", everywhere=True),
     "textDocument/rename": Feature(answer="navigation:rename", options={"prepareProvider": True}, everywhere=True),

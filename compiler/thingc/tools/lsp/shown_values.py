@@ -1,4 +1,4 @@
-"""What is computed for a reader: values of parameters and expressions, their inlay hints, and frames of mounts. Faults are not reported."""
+"""Values that are shown to a reader: of parameters and expressions, their inlay hints, and frames of mounts. Faults are not reported."""
 
 from __future__ import annotations
 

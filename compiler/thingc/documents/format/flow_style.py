@@ -1,0 +1,223 @@
+"""Values in braces and brackets, and scalars: one space where one belongs, keys in order; lines stay as they are.
+
+The order of keys is that of the document models; the keys that a person chooses stay as they are."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic_core import PydanticCustomError
+
+from thingc.base.units import UnitError, parse_quantity
+from thingc.documents.format.segments import Item, Segment, shifted
+from thingc.documents.spec.annotation_types import FieldType, branch_of, model_keys, shape_of
+from thingc.documents.spec.assembly import AssemblySpec, AtSpec, ComponentSpec, JointSpec
+from thingc.documents.spec.modes import HoldSpec, ModeSpec, WorldAtSpec
+from thingc.documents.spec.validation import model_of
+
+FIRST: dict[type[BaseModel], tuple[str, ...]] = {
+    ComponentSpec: (
+        "repeat", "part", "file", "unit", "assembly", "link", "frame", "params", "parameters", "material", "mass", "com", "inertia",
+        "shapes", "attach", "at", "mounts", "mirror", "collision", "visual", "process", "bom",
+    ),
+    JointSpec: (
+        "repeat", "type", "parent", "child", "axis", "loop", "turn", "gap", "offset", "limit", "dynamics", "mimic", "drive",
+    ),
+    AtSpec: ("in",), WorldAtSpec: ("on",), HoldSpec: ("at",), ModeSpec: ("extends",),
+    AssemblySpec: (
+        "name", "description", "parameters", "materials", "defaults", "components", "joints", "tendons", "links", "mounts", "poses",
+        "modes", "sensors", "names",
+    ),
+}
+"""Models whose keys do not stand as a person reads them (those of defaults and poses come before their own): these keys first, the
+others behind them in the model's order."""
+
+FREE = ("$schema", "thingc")
+"""Keys that stand above all others of a document."""
+
+
+@cache
+def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, FieldType]]:
+    """The rank and the shape of every key of a model."""
+    keys = model_keys(model)
+    first = [key for key in FIRST.get(model, ()) if key in keys]
+    names = [*first, *(key for key in keys if key not in first)]
+    if "thingc" in keys:
+        names = [*FREE, *(name for name in names if name != "thingc")]
+    return {name: rank for rank, name in enumerate(names)}, {key: shape for key, (shape, _) in keys.items()}
+
+
+def root_shape(kind: str | None) -> FieldType | None:
+    """The shape of a document of a kind; None where no model is known."""
+    model = model_of(kind or "")
+    return None if model is None else shape_of(model)
+
+
+def shape_for(shape: FieldType | None, value: Any) -> FieldType | None:
+    """The shape of what is written: of a union the branch that was meant. `value` needs the right type and keys only."""
+    if shape is None or shape.kind != "union":
+        return shape
+    return branch_of(shape, value)
+
+
+def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
+    """The shape of an entry (or, without a key, of an item) of a value of this shape, if it is known."""
+    if shape is None:
+        return None
+    if shape.model is not None and shape.kind == "model":
+        return None if key is None else _keys(shape.model)[1].get(key)
+    if (shape.kind == "dict") == (key is not None) and shape.kind in ("dict", "list"):
+        return shape_of(shape.members[0])
+    return None
+
+
+def ordered(names: Sequence[str], shape: FieldType | None) -> list[int]:
+    """The canonical order of the keys of a mapping, as indices into `names`.
+
+    A key that the model does not know stays behind the key that it stands behind.
+    """
+    if shape is None or shape.kind != "model" or shape.model is None:
+        return list(range(len(names)))
+    ranks = _keys(shape.model)[0]
+    places: list[tuple[int, int]] = []
+    rank = -1
+    for at, name in enumerate(names):
+        rank = ranks.get(name, rank)
+        places.append((rank, at))
+    return [at for _, at in sorted(places)]
+
+
+_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
+_GLUED = re.compile(rf"({_NUMBER}(?: {_NUMBER})*)( *)((?:[^\W\d_]|%).*)", re.ASCII)
+
+
+def spaced(text: str, shape: FieldType | None) -> str:
+    """`120mm` as `120 mm`, `0 0 4mm` as `0 0 4 mm`; any other text, and any text that is no quantity here, as it is."""
+    match = _GLUED.fullmatch(text)
+    if match is None or match.group(2) == " " or shape is None:
+        return text
+    better = f"{match.group(1)} {match.group(3)}"
+    return better if equal_values(text, better, shape) else text
+
+
+def equal_values(text: str, other: str, shape: FieldType | None) -> bool:
+    """Whether two texts are one quantity to the field that takes them (no field: None, or an item of a vector)."""
+    if shape is not None and shape.kind == "field" and shape.field is not None:
+        try:
+            value = shape.field.validate(text)
+            return not isinstance(value, str) and bool(value == shape.field.validate(other))
+        except PydanticCustomError:
+            pass
+    if shape is None or not takes_vectors(shape):
+        return False
+    try:
+        return parse_quantity(text) == parse_quantity(other)
+    except UnitError:
+        return False
+
+
+def takes_vectors(shape: FieldType) -> bool:
+    """Whether a field takes three values, so that the items of a list there are quantities."""
+    if shape.kind != "field" or shape.field is None:
+        return False
+    try:
+        return isinstance(shape.field.validate("0 0 0"), tuple)
+    except PydanticCustomError:
+        return False
+
+
+class Inline:
+    """Prints the values of one text; `separator` stands between key and value (`: ` or ` = `)."""
+
+    def __init__(self, text: str, separator: str) -> None:
+        self.text = text
+        self.separator = separator
+
+    def value(self, piece: Segment, shape: FieldType | None, by: int) -> str:
+        """The value as it should be written, its further lines moved by `by` columns."""
+        written = self.text[piece.start : piece.end]
+        if piece.kind == "scalar":
+            return self.scalar(piece, written, shape, by)
+        if piece.odd:
+            return shifted(written, by)
+        # an alias may stand where a person chooses the keys, and there their order counts
+        shape = None if piece.body > piece.start else shape_for(shape, outline(piece))
+        head = self.text[piece.start : piece.body].rstrip()
+        opening, closing = self.text[piece.body], self.text[piece.end - 1]
+        gaps = self.gaps(piece)
+        order = list(range(len(piece.items)))
+        if piece.kind == "map" and not any("#" in gap for gap in gaps):
+            order = order_of(piece.items, shape)
+        texts = [self.entry(piece.items[at], shape, by) for at in order]
+        if not any("\n" in gap for gap in gaps):
+            body = ", ".join(texts)
+        else:
+            tidied = [self.tidied(gap, at in (0, len(texts)), by) for at, gap in enumerate(gaps)]
+            body = tidied[0] + "".join(text + after for text, after in zip(texts, tidied[1:], strict=True))
+        return f"{head}{' ' if head else ''}{opening}{body}{closing}"
+
+    def entry(self, item: Item, shape: FieldType | None, by: int) -> str:
+        """`key: value`, or an item of a list."""
+        if item.key is None:
+            vector = shape is not None and takes_vectors(shape)
+            return self.value(item.value, shape if vector else shape_below(shape, None), by)
+        key = self.text[item.key[0] : item.key[1]]
+        return key + self.separator + self.value(item.value, shape_below(shape, item.name), by)
+
+    def scalar(self, piece: Segment, written: str, shape: FieldType | None, by: int) -> str:
+        """A scalar as it is written, with a space before its unit."""
+        if "\n" in written:
+            return shifted(written, by)
+        if not written or shape is None or piece.aliases or piece.anchors:
+            return written
+        body = self.text[piece.body : piece.end]
+        quote = body[0] if body[0] in "\"'" and len(body) > 1 and body[-1] == body[0] and "\\" not in body else ""
+        inner = body[len(quote) : len(body) - len(quote)]
+        if inner[:1] not in "0123456789+-.":
+            return written
+        shape = shape_for(shape, inner)
+        return self.text[piece.start : piece.body] + quote + spaced(inner, shape) + quote
+
+    def gaps(self, piece: Segment) -> list[str]:
+        """What stands before, between and behind the entries."""
+        at = piece.body + 1
+        gaps: list[str] = []
+        for item in piece.items:
+            gaps.append(self.text[at : item.start])
+            at = item.value.end
+        return [*gaps, self.text[at : piece.end - 1]]
+
+    def tidied(self, gap: str, outer: bool, by: int) -> str:
+        """A gap of a value over several lines: its lines stay, with no spaces at their ends."""
+        if "\n" not in gap:
+            return ("," if "," in gap else "") if outer else ", "
+        first, *others = gap.split("\n")
+        first = first.rstrip() if "#" in first else first.strip()
+        lines = [line.rstrip() for line in others[:-1]]
+        return shifted("\n".join([first, *lines, others[-1]]), by)
+
+
+def outline(piece: Segment) -> Any:
+    """What `shape_for` needs to know of a value: its type and its keys."""
+    if piece.kind == "map":
+        return {item.name: None for item in piece.items}
+    return [] if piece.kind == "list" else ""
+
+
+def order_of(items: list[Item], shape: FieldType | None) -> list[int]:
+    """The canonical order of the entries of a mapping; theirs, where another would part an alias from its anchor."""
+    order = ordered([item.name for item in items], shape)
+    if order == sorted(order):
+        return order
+    place = {at: new for new, at in enumerate(order)}
+    for at, item in enumerate(items):
+        for later in range(at + 1, len(items)):
+            other = items[later].value
+            shared = (item.value.anchors & (other.anchors | other.aliases)) | (item.value.aliases & other.anchors)
+            if shared and place[at] > place[later]:
+                return sorted(order)
+    return order
