@@ -21,10 +21,9 @@ from known_changes import ROBOTS, cases, rewritten
 
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
-from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparison import compare
 from thingc.tools.diff.name_mapping import equal
-from thingc.tools.diff.snapshot import Snapshot
+from thingc.tools.diff.snapshot import Change, Snapshot
 from thingc.tools.diff.take_snapshot import take_snapshot
 
 

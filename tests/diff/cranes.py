@@ -6,9 +6,8 @@ from pathlib import Path
 
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
-from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparison import Comparison, compare
-from thingc.tools.diff.snapshot import Snapshot
+from thingc.tools.diff.snapshot import Change, Snapshot
 from thingc.tools.diff.take_snapshot import take_snapshot
 
 CRANE = """\

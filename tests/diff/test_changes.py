@@ -10,9 +10,8 @@ import pytest
 from msgspec.structs import replace
 
 from diff.cranes import CRANE, drawn, made, sound, write
-from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparison import Comparison, compare
-from thingc.tools.diff.snapshot import Snapshot
+from thingc.tools.diff.snapshot import Change, Snapshot
 from thingc.tools.diff.text_report import following
 
 Made = set[tuple[str, str, str, str | None]]

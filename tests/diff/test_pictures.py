@@ -11,12 +11,11 @@ import mujoco
 import pytest
 
 from diff.cranes import write
-from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparison import Comparison
-from thingc.tools.diff.page import as_html
 from thingc.tools.diff.pictures import GONE, MOVED, NEW, OTHER, SAME, coloured, colours, with_removed
 from thingc.tools.diff.results import DiffResult
-from thingc.tools.diff.text_report import as_markdown
+from thingc.tools.diff.snapshot import Change
+from thingc.tools.diff.text_report import as_html, as_markdown
 
 CHANGES = (
     Change(what="component", change="added", path="lamp", new="lamps:Lamp"),

@@ -30,8 +30,7 @@ from thingc.base.diagnostics import Diagnostic
 from thingc.base.safe_text import json_text
 from thingc.driver.environment import Options
 from thingc.tools.cli.check import without_code
-from thingc.tools.reporting.github import as_github
-from thingc.tools.reporting.sarif import as_sarif
+from thingc.tools.reporting.ci_formats import as_github, as_sarif
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from mutations import NAMES, ROOT, Grammar, mutated, mutated_code, mutated_lock, seeds

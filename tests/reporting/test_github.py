@@ -10,7 +10,7 @@ import pytest
 from reporting.reports import every_shape, on_one_line, repository
 from thingc.base.diagnostics import Severity
 from thingc.tools.cli.main import main
-from thingc.tools.reporting.github import as_github
+from thingc.tools.reporting.ci_formats import as_github
 
 
 def parsed(line: str) -> tuple[str, dict[str, str], str]:

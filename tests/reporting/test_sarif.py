@@ -12,7 +12,7 @@ import pytest
 
 from reporting.reports import every_shape, on_one_line, repository
 from thingc.base.diagnostics import Code, Severity
-from thingc.tools.reporting.sarif import as_sarif
+from thingc.tools.reporting.ci_formats import as_sarif
 
 SCHEMA = json.loads((Path(__file__).parent / "sarif-2.1.0-rtm.5.json").read_text())
 VALIDATOR = jsonschema.Draft4Validator(SCHEMA, format_checker=jsonschema.Draft4Validator.FORMAT_CHECKER)

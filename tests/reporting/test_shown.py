@@ -20,8 +20,7 @@ from thingc.base.diagnostic_output import as_json, as_text
 from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
 from thingc.base.safe_text import LONGEST, LONGEST_QUOTE, escape_control, json_text, shortened
 from thingc.driver.testing.results import as_junit
-from thingc.tools.reporting.github import as_github
-from thingc.tools.reporting.sarif import as_sarif
+from thingc.tools.reporting.ci_formats import as_github, as_sarif
 
 NEVER = {
     "a byte of a file name": "\udce9", "an escape sequence": "\x1b[31m", "NUL": "\0", "bell": "\a", "DEL": "\x7f",

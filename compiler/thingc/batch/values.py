@@ -13,15 +13,7 @@ from fractions import Fraction
 from typing import Any
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.units import (
-    Dimension,
-    Quantity,
-    UnitError,
-    exact,
-    parse_quantity,
-    scan_number,
-    scan_unit,
-)
+from thingc.base.units import Dimension, Quantity, UnitError, exact, parse_quantity, scan_number, scan_unit
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, plain
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.load.documents import Documents

@@ -9,12 +9,7 @@ from pydantic import Field, model_validator
 from thingc.base.joints.bases import BaseType
 from thingc.documents.spec.allowances import Allow, allow
 from thingc.documents.spec.base import Model, rule
-from thingc.documents.spec.fields import (
-    ForceField,
-    NumberField,
-    TimeField,
-    Vector3Acceleration,
-)
+from thingc.documents.spec.fields import ForceField, NumberField, TimeField, Vector3Acceleration
 from thingc.documents.spec.name_types import ComponentField, JointPattern, ModeField, OwnPoseKey, PoseField, RootField, ShownMountField
 from thingc.documents.spec.poses import PoseSpec
 

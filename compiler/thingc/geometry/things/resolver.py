@@ -10,17 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from build123d import (
-    Axis,
-    BoundBox,
-    Joint,
-    Location,
-    Matrix,
-    OrientedBoundBox,
-    Plane,
-    ShapeList,
-    Vector,
-)
+from build123d import Axis, BoundBox, Joint, Location, Matrix, OrientedBoundBox, Plane, ShapeList, Vector
 from build123d.build_common import Builder, LocationList
 from build123d.topology import Shape, downcast
 

@@ -13,9 +13,10 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Diagnostic, shown_path
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import quoted
+from thingc.documents.workspace import CONSUMERS, Workspace
 from thingc.driver import build_document, dependencies, pipeline, up_to_date
 from thingc.driver.build_document import BuildRequest, BuildResult
 from thingc.driver.environment import Environment, Options, attempted, store_of
@@ -23,8 +24,8 @@ from thingc.driver.output import OutputError, build_folder, listed, unswept, ver
 from thingc.driver.pipeline import UnknownChoice
 from thingc.geometry.store.local import Store
 from thingc.targets.artifact import CARRIED, counts_of
+from thingc.targets.registry import TARGETS, chosen, unknown
 from thingc.tools.cli import console
-from thingc.tools.cli.emit_option import add_building, chosen_targets, in_words
 
 EPILOG = """\
 {about}
@@ -164,3 +165,60 @@ def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
                         *(f"--compat={word}" for word in arguments.compat)])
     for target, counts in answer["losses"].items():
         console.say(f"{target}: {unsaid(counts)}: {words}", stream=sys.stderr)
+
+
+# --- options of several commands, and their meaning ---------------------------------------------------------------------
+
+
+def in_words() -> str:
+    """Every target of ours, each with what it is."""
+    unasked, asked = ([f"{name} ({one.says})" for name, one in TARGETS.items() if one.unasked == kind] for kind in (True, False))
+    return f"Targets: {', '.join(unasked)}; and, only where they are named, {', '.join(asked)}."
+
+
+def add_emit(parser: argparse.ArgumentParser) -> None:
+    """The option `--emit`."""
+    asked = [name for name, target in TARGETS.items() if not target.unasked]
+    parser.add_argument(
+        "--emit", metavar="T", action="append", default=[],
+        help=f"only this target, or `all` (may be repeated; default: those of the workspace, else all but {', '.join(asked)})",
+    )
+
+
+def add_compat(parser: argparse.ArgumentParser) -> None:
+    """The option `--compat`."""
+    parser.add_argument(
+        "--compat", metavar="C", action="append", default=[],
+        help=f"have this program read the MuJoCo models, too: {', '.join(CONSUMERS)} (may be repeated; default: those of the workspace)",
+    )
+
+
+def add_building(parser: argparse.ArgumentParser) -> None:
+    """The options that say what a build folder holds, and where it is."""
+    parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
+    parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
+    add_emit(parser)
+    add_compat(parser)
+    parser.add_argument(
+        "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
+    )
+    parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error, unless it is allowed")
+
+
+def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list[Diagnostic]]:
+    """The targets, and what is wrong with those that the workspace names. Raises `WrongCommandLine` for those of the command line."""
+    for _, message, hint in unknown(arguments.emit):
+        raise console.WrongCommandLine(message, hint)
+    if arguments.emit and not chosen(arguments.emit):
+        raise console.WrongCommandLine("`--emit` names no target", "write for example: --emit mjcf,urdf")
+    if arguments.emit and arguments.compat and not {"mjcf", "mjz"} & {*chosen(arguments.emit)}:
+        raise console.WrongCommandLine("`--compat` is about MuJoCo models, which `--emit` leaves out", "add `mjcf` to what `--emit` names")
+    if arguments.emit:
+        return chosen(arguments.emit), []
+    workspace = Workspace.find(arguments.document, Report())
+    if workspace is None:  # what is wrong with it is said by who reads the document
+        return chosen(()), []
+    return chosen(workspace.emit), [
+        Diagnostic(code=Code.UNKNOWN_CHOICE, severity=Severity.ERROR, message=message, help=hint, span=workspace.span(("emit", index)))
+        for index, message, hint in unknown(workspace.emit)
+    ]

@@ -373,16 +373,16 @@ def print_found(diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO,
     elif form == "json":
         print_json(diagnostics, **more)
     else:
-        from thingc.tools.reporting.repository_paths import repository
+        from thingc.tools.reporting.ci_formats import repository
 
         base = repository(working_folder() or os.sep)
         if form == "github":
-            from thingc.tools.reporting.github import as_github
+            from thingc.tools.reporting.ci_formats import as_github
 
             sys.stdout.write(as_github(diagnostics, base=base))
         else:
             from thingc import __version__
-            from thingc.tools.reporting.sarif import as_sarif
+            from thingc.tools.reporting.ci_formats import as_sarif
 
             sys.stdout.write(as_sarif(diagnostics, base=base, version=__version__, documentation=_documentation()))
 

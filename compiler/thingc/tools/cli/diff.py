@@ -108,7 +108,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str, str], str] | None:
     """Write the page and the pictures that were asked for; where each picture is, by document and what it shows. Raises OSError."""
-    from thingc.tools.diff.page import as_html
+    from thingc.tools.diff.text_report import as_html
 
     if arguments.html is not None:
         with open(arguments.html, "w", encoding="utf-8") as page:
@@ -130,7 +130,7 @@ def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str
 
 def fail_on(words: Sequence[str]) -> frozenset[str]:
     """What `--fail-on` names, in the singular of answers. Raises `WrongCommandLine`."""
-    from thingc.tools.diff.change import WHATS
+    from thingc.tools.diff.snapshot import WHATS
 
     known: dict[str, str] = {what: what for what in WHATS}
     known |= {f"{what}es" if what.endswith("s") else f"{what}s": what for what in WHATS}

@@ -19,8 +19,7 @@ from thingc.base.safe_text import json_text
 from thingc.driver import pipeline
 from thingc.driver.build_document import BuildRequest
 from thingc.tools.cli import console, signals
-from thingc.tools.cli.build import answer_of, tell, wish_of
-from thingc.tools.cli.emit_option import add_building, chosen_targets
+from thingc.tools.cli.build import add_building, answer_of, chosen_targets, tell, wish_of
 from thingc.tools.live.rebuild_loop import Rebuild, RebuildLoop
 
 EPILOG = """\

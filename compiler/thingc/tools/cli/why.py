@@ -15,7 +15,7 @@ from thingc.driver.environment import Environment, attempted
 from thingc.driver.pipeline import Compilation
 from thingc.targets.artifact import Loss
 from thingc.tools.cli import console
-from thingc.tools.cli.emit_option import add_compat, add_emit, chosen_targets
+from thingc.tools.cli.build import add_compat, add_emit, chosen_targets
 
 EPILOG = """\
   thingc why assemblies/arm.yaml hand/cap       would it be modelled again, and what has changed since last time?

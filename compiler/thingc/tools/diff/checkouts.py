@@ -19,10 +19,9 @@ from thingc.tools.affected.git_changes import changed_paths
 from thingc.tools.diff.arguments import ComparisonRequest, Side, SideKind, UnknownComparison
 from thingc.tools.diff.build_folder_snapshot import UnreadableSide, outline, snapshot_of_build, snapshot_of_lock
 from thingc.tools.diff.cached_snapshots import BrokenDocument, Subject
-from thingc.tools.diff.change import Change
 from thingc.tools.diff.comparison import Comparison, compare
 from thingc.tools.diff.revisions import Repository, Revision
-from thingc.tools.diff.snapshot import Snapshot
+from thingc.tools.diff.snapshot import Change, Snapshot
 from thingc.tools.diff.surface_distance import SurfaceDistances
 
 

@@ -2,15 +2,444 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.inertia import MassProperties
+from thingc.base.numeric import hypot
 from thingc.base.one_line_repr import OneLineRepr
-from thingc.tools.diff.change import Change
-from thingc.tools.diff.consequences import Farthest, add_consequences
-from thingc.tools.diff.document_changes import compare_stated
-from thingc.tools.diff.name_mapping import NameMapping
-from thingc.tools.diff.snapshot import Snapshot
+from thingc.base.pose import Pose, rpy_of
+from thingc.base.source import Span
+from thingc.tools.diff.document_changes import DocumentChanges, above_of, compare_stated
+from thingc.tools.diff.name_mapping import NameMapping, equal, shared_order
+from thingc.tools.diff.snapshot import Change, DisplayValue, How, OccurrenceSnapshot, Row, Snapshot, What
+
+Farthest = Callable[[str, str], float | None]
+"""The largest distance [m] of two surfaces, by the SHA-256 of their meshes; None where they cannot be had."""
+
+Difference = tuple[str, DisplayValue, DisplayValue]
+"""A field, and what it was and is."""
+
+MADE = ("part", "file", "assembly", "link", "frame", "mirror", "faces", "unit")
+WEIGHED = ("mass.", "com.", "inertia.", "process.", "material")
+SHAPES = 1e-7
+"""By how much of itself an integral over a shape may differ that is the same: the kernel adds up faces in the order it meets them."""
+
+
+def add_consequences(pairing: NameMapping, changes: DocumentChanges, farthest: Farthest = lambda old, new: None) -> None:
+    """Adds what follows to the changes of what is stated."""
+    _Following(pairing, changes, farthest).all()
+
+
+class _Following:
+    def __init__(self, pairing: NameMapping, changes: DocumentChanges, farthest: Farthest) -> None:
+        self.pairing, self.changes, self.farthest = pairing, changes, farthest
+        self.old: Snapshot = pairing.old
+        self.new: Snapshot = pairing.new
+        self.occurrences = [
+            (one, self.new.occurrences[there]) for path, one in self.old.occurrences.items()
+            if (there := pairing.path("component", path)) is not None and there in self.new.occurrences
+        ]
+        self._moved: dict[str, tuple[str, ...]] = {}
+
+    def all(self) -> None:
+        """Every kind, those that cause others first."""
+        for old, new in self.occurrences:
+            self._geometry(old, new)
+            self._mounts(old, new)
+            self._mass(old, new)
+        known = not (self.old.lacks or self.new.lacks)
+        if known:
+            self._places()
+            self._links()
+            self._whole()
+        if known or self.old.rows and self.new.rows:
+            self._rows()
+        self._coordinates()
+        self._outcomes()
+
+    def _add(
+        self, what: What, paths: tuple[str, str], difference: Difference, because: Iterable[str], span: Span | None = None,
+        change: How = "changed",
+    ) -> None:
+        (old, new), (field, before, after) = paths, difference
+        self.changes.add(Change(
+            what=what, change=change, path=old, new_path=new if new != old else None, field=field, old=before, new=after,
+            because=tuple(dict.fromkeys(because)), span=span,
+        ))
+
+    # --- parts -------------------------------------------------------------------------------------------------------
+
+    def _made(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> dict[str, None]:
+        """What gave a part another shape: what it is, and its parameters. Its code alone is the cause itself."""
+        paths = (old.path, new.path)
+        return self.changes.causes("component", paths, MADE) | self.changes.causes("parameter", paths, ("params.",))
+
+    def _geometry(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> None:
+        one, other = old.shape, new.shape
+        if one == other or one is None and other is None:
+            return
+        paths = (old.path, new.path)
+        because, span = self._made(old, new), other.made if other is not None else None
+        if one is None or other is None:
+            volume, now = (None if shape is None else shape.volume for shape in (one, other))
+            self._add("geometry", paths, ("volume", volume, now), because, span)
+            return
+        alike = _near(one.inertia, other.inertia) and _near(one.centre, other.centre, _size(one.box))
+        fields: list[Difference] = []
+        for field, size, now in (("volume", one.volume, other.volume), ("area", one.area, other.area)):
+            if not _near(size, now):
+                fields.append((field, size, now))
+        if not _near(one.box, other.box, _size(one.box)):
+            fields.append(("box", one.box, other.box))
+        if not fields and not alike:
+            fields.append(("centre", one.centre, other.centre))
+        distance = self.farthest(one.mesh, other.mesh) if fields and one.mesh is not None and other.mesh is not None else None
+        for difference in fields:
+            self._add("geometry", paths, difference, because, span)
+        if distance:
+            self._add("geometry", paths, ("surface", distance, distance), because or [old.path], span)
+
+    def _mounts(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> None:
+        paths = (old.path, new.path)
+        because: dict[str, None] | None = None
+        for name in {**old.mounts, **new.mounts}:
+            before, after = old.mounts.get(name), new.mounts.get(name)
+            if before is not None and after is not None and _same_pose(before, after):
+                continue
+            if because is None:
+                because = self._made(old, new) or self.changes.causes("geometry", paths)
+            how: How = "added" if before is None else "removed" if after is None else "moved"
+            span = new.shape.made if new.shape is not None else None
+            difference = ("pose", _told(before), _told(after))
+            self._add("mount", (f"{old.path}/{name}", f"{new.path}/{name}"), difference, because, span, how)
+
+    def _mass(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> None:
+        fields: list[Difference] = []
+        if old.properties is not None and new.properties is not None:
+            fields += _masses(old.properties, new.properties, "")
+        elif not _near(old.mass, new.mass):
+            fields.append(("mass", old.mass, new.mass))
+        if old.source != new.source:
+            fields.append(("mass_source", old.source, new.source))
+        if not fields:
+            return
+        paths = (old.path, new.path)
+        materials = [one.material for one in (old, new) if one.material is not None]
+        because = {
+            **self._made(old, new), **self.changes.causes("component", paths, WEIGHED), **self.changes.causes("geometry", paths),
+            **self.changes.causes("material", materials, ("density", "process.")),
+        }
+        for difference in fields:
+            self._add("mass", paths, difference, because)
+
+    # --- places ------------------------------------------------------------------------------------------------------
+
+    def _places(self) -> None:
+        """Where parts and frames are at q = 0, seen from the base, or from what it is now."""
+        base = next((occurrence for occurrence in self.old.occurrences.values() if occurrence.parent is None), None)
+        there = self.pairing.path("component", base.path) if base is not None else None
+        if base is None or there is None or base.place is None or there not in self.new.occurrences:
+            return
+        seen = self.new.occurrences[there].place
+        assert seen is not None
+        back = base.place @ seen.inverse()
+        for old, new in self.occurrences:
+            if old.place is None or new.place is None:
+                continue
+            place = back @ new.place
+            before, after = old.place, place
+            differences: list[Difference] = []
+            if not _same(before.translation, after.translation):
+                differences.append(("place", tuple(before.translation), tuple(after.translation)))
+            if not all(map(_same, before.rotation, after.rotation)):
+                differences.append(("turn", tuple(rpy_of(before.rotation)), tuple(rpy_of(after.rotation))))
+            for difference in differences:
+                because = self._mover(new.path) or self.changes.structure()
+                self._add("component", (old.path, new.path), difference, because, change="moved")
+
+    def _mover(self, path: str) -> tuple[str, ...]:
+        """What moved a part of the new robot: something between it and the base."""
+        if path not in self._moved:
+            self._moved[path] = ()
+            occurrence = self.new.occurrences[path]
+            if occurrence.parent is not None:
+                causes = dict.fromkeys(self._mover(occurrence.parent))
+                old = self.pairing.old_component(path)
+                before = self.old.occurrences.get(old) if old is not None else None
+                if before is None or not self._hangs_as_before(before, occurrence):
+                    causes |= self._hung(occurrence)
+                    if before is not None:
+                        causes |= self._hung(before)
+                self._moved[path] = tuple(causes)
+        return self._moved[path]
+
+    def _hangs_as_before(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> bool:
+        if old.parent is None or new.parent is None or self.pairing.path("component", old.parent) != new.parent:
+            return False
+        places = (self.old.occurrences[old.parent].place, old.place, self.new.occurrences[new.parent].place, new.place)
+        above, own, there, here = places
+        return above is not None and own is not None and there is not None and here is not None and _same_pose(
+            above.inverse() @ own, there.inverse() @ here,
+        )
+
+    def _hung(self, occurrence: OccurrenceSnapshot) -> dict[str, None]:
+        """What was changed where a part hangs: the mate, the joint, the mounts that meet, the parts that have them."""
+        ends = [occurrence.path, *([occurrence.parent] if occurrence.parent is not None else [])]
+        above = [path for end in ends for path in above_of(end)]
+        causes = self.changes.causes("mate", above) | self.changes.causes_of_mounts(above)
+        causes |= self.changes.causes("parameter", ends, ("params.",)) | self.changes.causes("geometry", ends)
+        causes |= self.changes.causes("component", ends, MADE)
+        if occurrence.joint is not None:
+            coordinates = [occurrence.joint, *(f"{occurrence.joint}_{k}" for k in range(6))]
+            causes |= self.changes.causes("joint", coordinates, ("turn", "gap", "axis", "offset", "parent", "child", "type"))
+        return causes
+
+    # --- links and the whole -----------------------------------------------------------------------------------------
+
+    def _links(self) -> None:
+        """What links are called and which frame they have; and the masses of those of several parts."""
+        olds, news = ({link.frame: link for link in side.links} for side in (self.old, self.new))
+        for old, new in self.occurrences:
+            one, other = olds.get(old.path), news.get(new.path)
+            names = [None if link is None or link.name == frame else link.name for link, frame in ((one, old.path), (other, new.path))]
+            if (one is None) != (other is None) or names[0] != names[1]:
+                before, after = (None if link is None else link.name for link in (one, other))
+                self._add("component", (old.path, new.path), ("link", before, after), self.changes.structure())
+            if one is None or other is None or len(one.members) == len(other.members) == 1:
+                continue
+            because: dict[str, None] | None = None
+            for difference in _masses(one.properties, other.properties, "link."):
+                if because is None:
+                    because = self._weighed([*one.members, *other.members]) or self.changes.structure()
+                self._add("mass", (one.name, other.name), difference, because)
+
+    def _weighed(self, paths: Sequence[str]) -> dict[str, None]:
+        causes = self.changes.causes("mass", paths)
+        causes |= self.changes.causes("component", [above for path in paths for above in above_of(path)], ("place", "turn", *MADE))
+        return causes
+
+    def _whole(self) -> None:
+        if self.old.whole is None or self.new.whole is None:
+            return
+        fields = list(_masses(self.old.whole, self.new.whole, "robot."))
+        if fields:
+            because = self._weighed([*self.old.occurrences, *self.new.occurrences]) or self.changes.structure()
+            for difference in fields:
+                self._add("mass", ("", ""), difference, because)
+        one, other = _reach(self.old), _reach(self.new)
+        if not _near(one, other):
+            moved = self.changes.causes("mount", [f"{path}/{name}" for path, one in self.new.occurrences.items() for name in one.mounts])
+            moved |= self.changes.causes("component", [*self.old.occurrences, *self.new.occurrences], ("place", "turn"))
+            self._add("geometry", ("", ""), ("robot.reach", one, other), moved or self.changes.structure())
+
+    def _coordinates(self) -> None:
+        """The order in which a mode's model has the coordinates that both robots have."""
+        joints = [path for what, path in self.old.things if what == "joint"]
+        known = {path: there for path in joints if (there := self.pairing.path("joint", path)) is not None}
+        for mode, names in self.old.coordinates.items():
+            there = self.pairing.path("mode", mode) or (mode if mode in self.new.coordinates else None)
+            if there is None or there not in self.new.coordinates:
+                continue
+            before = shared_order(names, known)
+            after = [name for name in self.new.coordinates[there] if name in set(before)]
+            if [name for name in before if name in set(after)] != after:
+                because = self.changes.causes("mode", [mode, there], ("root", "cut", "base")) or self.changes.structure()
+                difference = ("coordinates", tuple(names), tuple(self.new.coordinates[there]))
+                self._add("mode", (mode, there), difference, because)
+
+    # --- what is made of it ------------------------------------------------------------------------------------------
+
+    def _rows(self) -> None:
+        """Lines of the bill of materials, by what they are of, and files of prints."""
+        olds, news = _by_definition(self.old.rows), _by_definition(self.new.rows)
+        renumbered: list[tuple[str, Row, Row]] = []
+        causes: dict[str, None] = {}
+        for definition in {**olds, **news}:
+            ones, others = olds.get(definition, []), news.get(definition, [])
+            for one, other in _paired(ones, others, lambda path: self.pairing.path("component", path)):
+                members = [*(one.members if one else ()), *(other.members if other else ())]
+                if one is None or other is None:
+                    because = self._listed(members)
+                    causes |= because
+                    row = one or other
+                    assert row is not None
+                    self.changes.add(Change(
+                        what="bom", change="removed" if other is None else "added", path=definition,
+                        old=one.quantity if one else None, new=other.quantity if other else None, because=tuple(because),
+                    ))
+                    continue
+                for field in ("quantity", "make", "material"):
+                    before, after = getattr(one, field), getattr(other, field)
+                    if before != after:
+                        because = self._listed(members)
+                        causes |= because
+                        self._add("bom", (definition, definition), (field, before, after), because)
+                if one.number != other.number:
+                    renumbered.append((definition, one, other))
+        for definition, one, other in renumbered:
+            because = self.changes.causes("bom", [*one.members, *other.members], ("bom.number",)) or causes
+            self._add("bom", (definition, definition), ("number", one.number, other.number), because)
+        self._prints()
+
+    def _listed(self, members: Sequence[str]) -> dict[str, None]:
+        """What changed that pieces are there, or what they are."""
+        materials = [
+            occurrence.material for side in (self.old, self.new) for path in members
+            if (occurrence := side.occurrences.get(path)) is not None and occurrence.material is not None
+        ]
+        return {
+            **self.changes.causes("component", members, (*MADE, *WEIGHED)), **self.changes.causes("parameter", members, ("params.",)),
+            **self.changes.causes("bom", members, ("bom.",)), **self.changes.causes("material", materials, ("process.",)),
+        }
+
+    def _prints(self) -> None:
+        causes = {
+            root: None for change in self.changes.found if change.what in ("component", "parameter") for root in self.changes.roots(change)
+        }
+        for path in {**self.old.prints, **self.new.prints} if self.old.prints and self.new.prints else {}:
+            one, other = self.old.prints.get(path), self.new.prints.get(path)
+            if one != other:
+                how: How = "added" if one is None else "removed" if other is None else "changed"
+                self.changes.add(Change(what="file", change=how, path=path, because=tuple(causes) if how != "changed" else ()))
+        self._print_files()
+
+    def _print_files(self) -> None:
+        olds, news = ({row.stem: row for row in side.rows if row.stem is not None} for side in (self.old, self.new))
+        for stem in {**olds, **news}:
+            before, after = olds.get(stem), news.get(stem)
+            path = f"stl/{stem}.stl"
+            if before is None or after is None:
+                row = before or after
+                assert row is not None
+                self.changes.add(Change(
+                    what="file", change="removed" if after is None else "added", path=path, because=tuple(self._listed(row.members)),
+                ))
+                continue
+            # the same text, and another shape: the code of the part is another one
+            because = self.changes.causes("geometry", [*before.members, *after.members])
+            if because and self._reshaped(before, after):
+                self.changes.add(Change(what="file", change="changed", path=path, because=tuple(because)))
+
+    def _reshaped(self, old: Row, new: Row) -> bool:
+        shapes = [side.occurrences[row.members[0]].shape for side, row in ((self.old, old), (self.new, new))]
+        one, other = shapes
+        return one is not None and other is not None and not (
+            _near(one.volume, other.volume) and _near(one.area, other.area) and _near(one.inertia, other.inertia)
+            and _near(one.box, other.box, _size(one.box))
+        )
+
+    def _outcomes(self) -> None:
+        """Tests that come to something else."""
+        if self.old.outcomes is None or self.new.outcomes is None:
+            return
+        news = {(outcome.test, outcome.where): outcome for outcome in self.new.outcomes}
+        all_ = {
+            root: None for change in self.changes.found
+            if change.what not in ("bom", "file", "test", "sensor") and change.change != "renamed" for root in self.changes.roots(change)
+        }
+        for old in self.old.outcomes:
+            there = self.pairing.path("test", old.test)
+            where = ", ".join(
+                self.pairing.path("mode" if k == 0 else "pose", word) or word for k, word in enumerate(old.where.split(", "))
+            )
+            new = news.get((there, where)) if there is not None else None
+            if new is None or there is None:
+                continue
+            paths = (old.test, there)
+            because = self.changes.causes("test", paths) | all_
+            at = f" [{new.where}]" if new.where else ""
+            if old.passed != new.passed:
+                self._add("test", paths, (f"passed{at}", old.passed, new.passed), because)
+            for name in {**old.measured, **new.measured}:
+                before, after = old.measured.get(name), new.measured.get(name)
+                if before is None or after is None or not _near(before, after, 1e-2):  # what is below a nanometre, or so, is nothing
+                    self._add("test", paths, (f"measured.{name}{at}", before, after), because)
+
+
+def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Difference]:
+    """What is another in the mass of a body. What weighs nothing is nowhere."""
+    told: list[tuple[str, DisplayValue, DisplayValue]] = []
+    if not _near(old.mass, new.mass):
+        told.append((f"{prefix}mass", old.mass, new.mass))
+    if old.mass or new.mass:
+        if not all(abs(a - b) < 1e-9 for a, b in zip(old.centre, new.centre, strict=True)):
+            told.append((f"{prefix}centre", old.centre, new.centre))
+        if not _near(old.inertia, new.inertia):
+            told.append((f"{prefix}inertia", old.inertia, new.inertia))
+    return told
+
+
+def _reach(robot: Snapshot) -> float:
+    """How far from the base's origin the farthest frame or mount is at q = 0 [m]."""
+    base = next(occurrence.place for occurrence in robot.occurrences.values() if occurrence.parent is None)
+    assert base is not None
+    back = base.inverse()
+    return max(
+        hypot(*(back @ place).translation)
+        for occurrence in robot.occurrences.values() if occurrence.place is not None
+        for place in (occurrence.place, *(occurrence.place @ mount for mount in occurrence.mounts.values()))
+    )
+
+
+def _near(old: DisplayValue, new: DisplayValue, scale: float = 0.0) -> bool:
+    """`equal` at the precision of integrals over shapes."""
+    if isinstance(old, tuple) and isinstance(new, tuple):
+        largest = max((abs(x) for one in (old, new) for x in _flat(one)), default=0.0)
+        return len(old) == len(new) and all(
+            _near(one, other, max(scale, largest)) for one, other in zip(old, new, strict=True)
+        )
+    if isinstance(old, (int, float)) and isinstance(new, (int, float)):
+        return abs(old - new) <= SHAPES * max(abs(old), abs(new), scale) or abs(old - new) < 1e-18
+    return equal(old, new)
+
+
+def _flat(value: DisplayValue) -> Iterable[float]:
+    if isinstance(value, tuple):
+        for one in value:
+            yield from _flat(one)
+    elif isinstance(value, (int, float)):
+        yield value
+
+
+def _size(box: tuple[Sequence[float], Sequence[float]]) -> float:
+    return max(b - a for a, b in zip(*box, strict=True))
+
+
+def _same_pose(old: Pose, new: Pose) -> bool:
+    return _same(old.translation, new.translation) and all(map(_same, old.rotation, new.rotation))
+
+
+def _same(old: Sequence[float], new: Sequence[float]) -> bool:
+    return all(abs(a - b) < 1e-9 for a, b in zip(old, new, strict=True))
+
+
+def _told(pose: Pose | None) -> DisplayValue:
+    return None if pose is None else (tuple(pose.translation), tuple(rpy_of(pose.rotation)))
+
+
+def _by_definition(rows: Iterable[Row]) -> dict[str, list[Row]]:
+    grouped: dict[str, list[Row]] = {}
+    for row in rows:
+        grouped.setdefault(row.definition, []).append(row)
+    return grouped
+
+
+def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None]) -> list[tuple[Row | None, Row | None]]:
+    """Lines of one definition in both lists: those of the same pieces, then in order."""
+    left, pairs = list(news), []
+    rest: list[Row] = []
+    for old in olds:
+        members = {path(member) for member in old.members}
+        same = next((new for new in left if members & set(new.members)), None)
+        if same is None:
+            rest.append(old)
+        else:
+            left.remove(same)
+            pairs.append((old, same))
+    both = min(len(rest), len(left))
+    pairs += zip(rest[:both], left[:both], strict=True)
+    return [*pairs, *((old, None) for old in rest[both:]), *((None, new) for new in left[both:])]
 
 
 class Comparison(OneLineRepr, FrozenStruct):

@@ -7,9 +7,8 @@ from collections.abc import Iterable, Iterator
 from thingc.base.joints.kinds import KINDS
 from thingc.base.source import Span
 from thingc.base.units import Dimension, Quantity, UnitError, parse_quantity
-from thingc.tools.diff.change import PERHAPS, Change, How, What
 from thingc.tools.diff.name_mapping import NameMapping, Pair
-from thingc.tools.diff.snapshot import Fact, Named, Snapshot, SnapshotElement, Value, told
+from thingc.tools.diff.snapshot import PERHAPS, Change, Fact, How, Named, Snapshot, SnapshotElement, Value, What, told
 from thingc.tools.diff.source_locations import names_in
 
 POSITIONS = frozenset({"limit.lower", "limit.upper", "limit.cone", "offset"})

@@ -7,9 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeGuard
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.tools.diff.change import What
 from thingc.tools.diff.matching import match
-from thingc.tools.diff.snapshot import Named, Snapshot, SnapshotElement, Value
+from thingc.tools.diff.snapshot import Named, Snapshot, SnapshotElement, Value, What
 
 RELATIVE = 1e-9
 """By how much of themselves two numbers may differ that are the same one in other words (`0.1 m`, `100 mm`)."""

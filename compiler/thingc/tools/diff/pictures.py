@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree
 
 from thingc.targets.render.thumbnail_series import body_poses, extent, small_picture
-from thingc.tools.diff.change import Change
+from thingc.tools.diff.snapshot import Change
 
 SIZE = (960, 720)
 """Width and height [px]."""

@@ -10,9 +10,9 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Span
 from thingc.driver.up_to_date import packed, unpacked
-from thingc.tools.diff.change import Change, DisplayValue
 from thingc.tools.diff.checkouts import BrokenSide, DocumentPair
 from thingc.tools.diff.comparison import Comparison
+from thingc.tools.diff.snapshot import Change, DisplayValue
 
 
 class DiffResult(OneLineRepr, FrozenStruct):

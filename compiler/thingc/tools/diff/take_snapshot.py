@@ -28,16 +28,7 @@ from thingc.model.resolve.types import (
     StatedValue,
 )
 from thingc.tools.diff.assembly_facts import edges_of, links_of, occurrences_of, rows_of, sensor_values, tendon_facts
-from thingc.tools.diff.change import What
-from thingc.tools.diff.snapshot import (
-    ComponentNode,
-    Fact,
-    Named,
-    Snapshot,
-    SnapshotElement,
-    TestOutcome,
-    Value,
-)
+from thingc.tools.diff.snapshot import ComponentNode, Fact, Named, Snapshot, SnapshotElement, TestOutcome, Value, What
 from thingc.tools.diff.source_locations import DocumentTrees
 
 if TYPE_CHECKING:

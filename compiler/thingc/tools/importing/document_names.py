@@ -11,7 +11,7 @@ from thingc.base.pose import Pose
 from thingc.documents.load.yaml_scalars import core_value
 from thingc.documents.spec.name_types import RESERVED
 from thingc.tools.importing.quantities import same_place
-from thingc.tools.importing.source_model import Attachment, SourceJoint, SourceLink, SourceRobot, SourceShape, SourceTendon
+from thingc.tools.importing.source_model import Attachment, SourceLink, SourceMotion, SourceRobot, SourceShape
 from thingc.tools.importing.tree import by_parent, downwards
 from thingc.tools.importing.update_import import PreviousImport
 
@@ -99,7 +99,7 @@ class DocumentNaming:
         for sensor in robot.sensors:
             things = self.joints if sensor.joint is not None else self.tendons if sensor.tendon is not None else self.sites
             self.sensors += distinct([things.get(sensor.name, sensor.name)], "sensor", taken=self.sensors).values()
-        both: list[tuple[str, SourceJoint | SourceTendon]] = [(self.joints[one.name], one) for of in self.order for one in of.joints]
+        both: list[tuple[str, SourceMotion]] = [(self.joints[one.name], one) for of in self.order for one in of.joints]
         both += [(self.tendons[one.name], one) for one in robot.tendons]
         self.driven = [(word, one.name, one.drive) for word, one in both if one.drive is not None]
         drives = [word for name, word in (*self.joints.items(), *self.tendons.items()) if name != word]

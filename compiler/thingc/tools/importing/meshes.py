@@ -19,9 +19,9 @@ from thingc.geometry.mesh_bounds import BadMesh, bounded
 from thingc.geometry.meshes.cache import measured
 from thingc.geometry.meshes.files import mesh_file
 from thingc.tools.importing.document_names import distinct
-from thingc.tools.importing.losses import Losses
 from thingc.tools.importing.packages import MOST_BYTES, NotFound, Packages
 from thingc.tools.importing.source_model import SourceLoss, SourceRobot, SourceShape
+from thingc.tools.importing.xml_source import Losses
 
 READ = (".stl", ".obj", ".dae", ".ply", ".glb")
 FOLDER = "meshes"

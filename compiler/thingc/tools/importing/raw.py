@@ -10,16 +10,7 @@ from typing import Any
 from thingc.documents.load.yaml_scalars import core_value
 from thingc.tools.importing.document_names import DocumentNaming
 from thingc.tools.importing.quantities import quantity
-from thingc.tools.importing.source_model import (
-    Raw,
-    SourceAdded,
-    SourceJoint,
-    SourceLink,
-    SourcePose,
-    SourceShape,
-    SourceTarget,
-    SourceTendon,
-)
+from thingc.tools.importing.source_model import Raw, SourceAdded, SourceJoint, SourceLink, SourcePose, SourceShape, SourceTarget
 
 
 def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
@@ -73,7 +64,7 @@ def _controls(words: DocumentNaming, state: SourcePose) -> Raw:
     """`ctrl` of a keyframe in the order of the source, if it is not that of ours: drives of positions at q, adhesions as the mode has them,
     all others at 0."""
     usual: dict[str, float | None] = {one.name: one.force for one in words.robot.adhesions}
-    driven: list[SourceJoint | SourceTendon] = [*(joint for one in words.order for joint in one.joints), *words.robot.tendons]
+    driven = [*(joint for one in words.order for joint in one.joints), *words.robot.tendons]
     for one in driven:
         if one.drive is not None and one.drive.kind == "position":
             q = state.q.get(one.name, 0.0)

@@ -16,7 +16,6 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.inertia import MassProperties
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector, along, rotate
 from thingc.base.suggestions import did_you_mean
-from thingc.tools.importing.losses import Losses
 from thingc.tools.importing.packages import Packages
 from thingc.tools.importing.sdf_frames import WORLD, Frames, NamedFrame, key_of
 from thingc.tools.importing.sdf_includes import Includes
@@ -36,7 +35,7 @@ from thingc.tools.importing.source_model import (
     Weight,
 )
 from thingc.tools.importing.tree import look_at_mimics, root_of, spanned
-from thingc.tools.importing.xml_source import SourceElement, read_robot
+from thingc.tools.importing.xml_source import Losses, SourceElement, read_robot
 from thingc.tools.importing.xml_values import ChildValues
 
 KINDS: dict[str, tuple[Kind, ...]] = {

@@ -7,9 +7,8 @@ import re
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Report
-from thingc.tools.importing.losses import Losses
 from thingc.tools.importing.packages import NotFound, Packages
-from thingc.tools.importing.xml_source import SourceElement, read_robot, read_xml
+from thingc.tools.importing.xml_source import Losses, SourceElement, read_robot, read_xml
 from thingc.tools.importing.xml_values import ChildValues
 
 MOST_INCLUDES = 100

@@ -31,6 +31,13 @@ FAR = 1000.0
 """Where a slide ends [m] that has no ends: the language wants some."""
 
 
+class SourceThing(FrozenStruct):
+    """What has a name in the source, and a place there."""
+
+    name: str
+    where: Span
+
+
 class Weight(FrozenStruct):
     """What a link weighs, in its frame, and where that is said."""
 
@@ -57,20 +64,16 @@ class SourceShape(FrozenStruct):
     name: str | None = None
 
 
-class SourceSite(FrozenStruct):
+class SourceSite(SourceThing):
     """A frame on a link that has a name, and maybe `others`."""
 
-    name: str
     pose: Pose
-    where: Span
     others: tuple[str, ...] = ()
 
 
-class SourceLink(OneLineRepr, FrozenStruct):
+class SourceLink(OneLineRepr, SourceThing):
     """A rigid body: it weighs nothing where `weight` is None. `frames` are names that the source has for its frame, besides its own."""
 
-    name: str
-    where: Span
     weight: Weight | None = None
     shapes: tuple[SourceShape, ...] = ()
     sites: tuple[SourceSite, ...] = ()
@@ -120,13 +123,11 @@ class SourceMimic(FrozenStruct):
         return at
 
 
-class SourceDrive(FrozenStruct):
+class SourceDrive(SourceThing):
     """What drives a joint or a tendon, by the `name` that it has in the source: gains [N m/rad or N/m, N m s/rad or N s/m] and the largest
     effort [N m or N] as they are there."""
 
-    name: str
     kind: Literal["motor", "position", "velocity"]
-    where: Span
     kp: float | None = None
     kv: float | None = None
     effort: float | None = None
@@ -134,28 +135,30 @@ class SourceDrive(FrozenStruct):
     raw: Raw = ()
 
 
-class SourceJoint(OneLineRepr, FrozenStruct):
-    """A motion of a link: about, or along, the unit vector `axis` through `anchor` [m], both in the frame of the link as it hangs, where q
-    is `start` [rad or m], or `begin` if that is beyond its ends (None: the middle of these).
-    `damping` [N m s/rad or N s/m], `friction` [N m or N], `armature` [kg m^2 or kg], `stiffness` [N m/rad or N/m] of
-    a spring that does nothing at q = `rest` [rad or m]; a screw goes by `lead` [m] in one turn."""
+class SourceMotion(OneLineRepr, SourceThing):
+    """What acts along q of a joint, or along the length of a tendon: its ends and drive, `damping` [N m s/rad or N s/m], `friction` [N m or
+    N], `armature` [kg m^2 or kg], and `stiffness` [N m/rad or N/m] of a spring that does nothing at `rest` [rad or m]."""
 
-    name: str
-    kind: Kind
-    axis: Vector
-    where: Span
-    anchor: Vector = (0.0, 0.0, 0.0)
     ends: SourceLimits = SourceLimits()
     damping: float = 0.0
     friction: float = 0.0
     armature: float = 0.0
     stiffness: float = 0.0
     rest: float = 0.0
+    drive: SourceDrive | None = None
+    raw: Raw = ()
+
+
+class SourceJoint(SourceMotion):
+    """A motion of a link: about, or along, the unit vector `axis` through `anchor` [m], both in the frame of the link as it hangs, where q
+    is `start` [rad or m], or `begin` if that is beyond its ends (None: the middle of these). A screw goes by `lead` [m] in one turn."""
+
+    kind: Kind
+    axis: Vector
+    anchor: Vector = (0.0, 0.0, 0.0)
     start: float = 0.0
     begin: float | None = None
     follows: SourceMimic | None = None
-    drive: SourceDrive | None = None
-    raw: Raw = ()
     lead: float = 0.0
 
 
@@ -180,36 +183,24 @@ class SourceStep(FrozenStruct):
     divisor: float | None = None
 
 
-class SourceTendon(OneLineRepr, FrozenStruct):
+class SourceTendon(SourceMotion):
     """A length: of one over joints the sum of these factors times their q, an angle if it `turns`; of one with `steps` that of the path,
-    `width` [m] how thick it is. What it does by itself, and its drive, are along that length, as of a joint."""
+    `width` [m] how thick it is."""
 
-    name: str
-    where: Span
     moves: tuple[tuple[str, float], ...] = ()
     turns: bool = False
     steps: tuple[SourceStep, ...] = ()
     width: float | None = None
-    ends: SourceLimits = SourceLimits()
-    damping: float = 0.0
-    friction: float = 0.0
-    armature: float = 0.0
-    stiffness: float = 0.0
-    rest: float = 0.0
-    drive: SourceDrive | None = None
-    raw: Raw = ()
 
 
-class Attachment(FrozenStruct):
+class Attachment(SourceThing):
     """How the link `child` hangs on the link `parent`: at `pose` in it at q = 0, moved by the joints one after the other. `name` is what
     the source calls it; `rpy` [rad] are the angles that it states the pose with, if it does; `floating` where nothing holds the two
     together, which the world alone may be a parent of."""
 
-    name: str
     parent: str
     child: str
     pose: Pose
-    where: Span
     rpy: Vector | None = None
     joints: tuple[SourceJoint, ...] = ()
     floating: bool = False
@@ -225,24 +216,20 @@ class Attachment(FrozenStruct):
         return replace(self, parent=self.child, child=self.parent, pose=self.pose.inverse(), rpy=None, joints=joints)
 
 
-class SourceLoop(FrozenStruct):
+class SourceLoop(SourceThing):
     """What keeps a point, a frame, or an axis (z) of two links together, each given in its link; `equality` is its name in MJCF, if any."""
 
-    name: str
     kind: Literal["ball", "fixed", "continuous", "prismatic", "screw"]
     ends: tuple[tuple[str, Pose], tuple[str, Pose]]
-    where: Span
     raw: Raw = ()
     equality: str = ""
 
 
-class SourceAdhesion(FrozenStruct):
+class SourceAdhesion(SourceThing):
     """What can pull a link onto what it touches, with a force [N] at most."""
 
-    name: str
     link: str
     force: float
-    where: Span
     raw: Raw = ()
 
 
@@ -253,24 +240,20 @@ class SourceTarget(FrozenStruct):
     name: str
 
 
-class SourceAdded(FrozenStruct):
+class SourceAdded(SourceThing):
     """An element of MuJoCo's that the language has no words for: the section that it stands in, its tag, `name` and attributes."""
 
     section: Literal["contact", "equality", "actuator", "sensor"]
     tag: str
-    name: str
     attributes: tuple[tuple[str, str | SourceTarget], ...]
-    where: Span
 
 
-class SourceSensor(FrozenStruct):
+class SourceSensor(SourceThing):
     """What is measured at a `site`, `seen_from` another, or of a `joint` or a `tendon` of that name, or seen from `pose` in a `link` with
     an angle of view [rad]; `volume` is a shape and its size, as a `SourceShape` has it; `noise` and `cutoff` are by reading [SI]; `parts`
     says for each sensor of the source which reading of it it is."""
 
     kind: SensorType
-    name: str
-    where: Span
     site: str | None = None
     seen_from: str | None = None
     joint: str | None = None
@@ -284,14 +267,12 @@ class SourceSensor(FrozenStruct):
     parts: tuple[tuple[str, str], ...] = ()
 
 
-class SourcePose(FrozenStruct):
+class SourcePose(SourceThing):
     """A state that has a name: q of joints [rad or m, of a ball the unit quaternion w, x, y, z], and what controls its drives and adhesions
     are at, by their names in the source; `at` is where the base is, if not where the robot stands."""
 
-    name: str
     q: Mapping[str, float | Quaternion]
     controls: Mapping[str, float]
-    where: Span
     at: Pose | None = None
 
 
@@ -303,7 +284,7 @@ class SourceLoss(FrozenStruct):
     where: Span
 
 
-class SourceRobot(OneLineRepr, FrozenStruct):
+class SourceRobot(OneLineRepr, SourceThing):
     """All that a reader has found. A robot stands with its link `root` at `pose` in the world; `links` and `hangings` are in the order of
     the source. Links that are `excluded` never touch; `gravity` [m/s^2] where it is not 9.81 downwards; `simulation` as the language has
     it, `options` as MuJoCo has what the language has not, by their paths, `added` whole elements; `order` lists the names of the actuators
@@ -311,8 +292,6 @@ class SourceRobot(OneLineRepr, FrozenStruct):
     not in files of their own, by the names that shapes have for them, `mesh_folder` is where meshes are that are not where it names them,
     seen from its file."""
 
-    name: str
-    where: Span
     root: str
     links: tuple[SourceLink, ...]
     hangings: tuple[Attachment, ...]

@@ -11,7 +11,6 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.inertia import MassProperties
 from thingc.base.pose import NO_POSE
 from thingc.base.suggestions import did_you_mean
-from thingc.tools.importing.losses import Losses
 from thingc.tools.importing.source_model import (
     Attachment,
     Kind,
@@ -28,7 +27,7 @@ from thingc.tools.importing.source_model import (
 )
 from thingc.tools.importing.tree import look_at_mimics, root_of
 from thingc.tools.importing.urdf_blocks import TAGS, Blocks
-from thingc.tools.importing.xml_source import SourceElement, read_robot
+from thingc.tools.importing.xml_source import Losses, SourceElement, read_robot
 from thingc.tools.importing.xml_values import Values
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")

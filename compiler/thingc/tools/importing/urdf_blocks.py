@@ -10,9 +10,8 @@ from typing import Literal
 from thingc.base.diagnostics import Code
 from thingc.base.pose import Pose, placed
 from thingc.base.suggestions import did_you_mean
-from thingc.tools.importing.losses import Losses
 from thingc.tools.importing.source_model import SourceSensor
-from thingc.tools.importing.xml_source import SourceElement
+from thingc.tools.importing.xml_source import Losses, SourceElement
 from thingc.tools.importing.xml_values import Values
 
 TAGS = ("gazebo", "transmission", "ros2_control", "mujoco")

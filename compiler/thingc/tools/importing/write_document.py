@@ -17,8 +17,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import MATE, NO_POSE, Pose, Vector, along, shifted
 from thingc.documents.format.formatting import format_document
 from thingc.tools.importing.document_names import DocumentNaming
-from thingc.tools.importing.joint_values import drive_words, dynamics_words, tendon_lines
-from thingc.tools.importing.modes import mode_lines, sensor_lines
+from thingc.tools.importing.modes import drive_words, dynamics_words, mode_lines, sensor_lines, tendon_lines
 from thingc.tools.importing.quantities import TURNS, angle, length, lengths, mass, pose_words, quantity, shape_words, was
 from thingc.tools.importing.raw import name_lines, quoted, raw_lines
 from thingc.tools.importing.source_model import Attachment, SourceJoint, SourceLink, SourceRobot, SourceShape

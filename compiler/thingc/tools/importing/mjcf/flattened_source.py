@@ -16,10 +16,9 @@ from xml.sax.saxutils import quoteattr
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Span
-from thingc.tools.importing.losses import Losses
 from thingc.tools.importing.packages import NotFound, Packages
 from thingc.tools.importing.source_model import SourceLoss
-from thingc.tools.importing.xml_source import SourceElement, read_xml
+from thingc.tools.importing.xml_source import Losses, SourceElement, read_xml
 from thingc.tools.importing.xml_values import NOT_FINITE
 
 MOST_COPIES, MOST_ELEMENTS = 10_000, 100_000

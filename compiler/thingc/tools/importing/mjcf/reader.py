@@ -15,9 +15,8 @@ from thingc.base.pose import NO_POSE, Pose, multiply, transpose
 from thingc.tools.importing.mjcf.adding import Added
 from thingc.tools.importing.mjcf.compiled_source import WORLD, CompiledSource, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.drives import Actuators
-from thingc.tools.importing.mjcf.equalities import Equalities
+from thingc.tools.importing.mjcf.equalities import Equalities, free_joint, joint_of
 from thingc.tools.importing.mjcf.flattened_source import ABSENT, FlattenedSource, flattened
-from thingc.tools.importing.mjcf.joints import free_joint, joint_of
 from thingc.tools.importing.mjcf.sensing import sensors
 from thingc.tools.importing.mjcf.settings import options, poses, simulation, touching
 from thingc.tools.importing.mjcf.shapes import Geoms

@@ -1,7 +1,10 @@
-"""SARIF 2.1.0 (OASIS), for code scanning and for editors that show such files.
+"""Diagnostics for continuous integration: SARIF 2.1.0 (OASIS) for code scanning and editors, annotations of GitHub Actions.
 
-What has a place in a document is a result; what is said of the command line or of the machine is a notification of the
-invocation, for a result without a place is refused by those who read these files.
+In SARIF, what has a place in a document is a result. What is said of the command line or of the machine is a notification of the
+invocation: readers refuse a result without a place.
+
+GitHub's annotations are "Workflow commands for GitHub Actions" (`::error file=...,line=...::message`), with the escapes of its
+toolkit: `%`, CR and LF in messages, `:` and `,` in properties, too. Each diagnostic becomes one on its line of a pull request.
 """
 
 from __future__ import annotations
@@ -10,19 +13,42 @@ import hashlib
 import json
 import os
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 from urllib.parse import quote
 
-from thingc.base.diagnostics import Code, Diagnostic, Severity
+from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
 from thingc.base.safe_text import escape_control, json_text
 from thingc.base.source import Span
-from thingc.tools.reporting.repository_paths import within
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 ROOT = "%SRCROOT%"
 """The name of the folder that relative places start from: the repository."""
 FINGERPRINT = "documentPathAndMessage/v1"
+_COMMANDS: Mapping[Severity, str] = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "notice"}
+"""Of GitHub."""
+
+
+def repository(folder: str) -> str:
+    """The absolute path of the nearest folder from `folder` upwards that holds `.git`, else of `folder` itself."""
+    start = os.path.abspath(folder)
+    above = start
+    while not os.path.exists(os.path.join(above, ".git")):
+        parent = os.path.dirname(above)
+        if parent == above:
+            return start
+        above = parent
+    return above
+
+
+def within(file: str, base: str) -> str | None:
+    """An absolute `file` relative to the folder `base`, with `/` between its words; None where it lies elsewhere."""
+    try:
+        relative = os.path.relpath(file, base)
+    except ValueError:  # another drive
+        return None
+    words = relative.split(os.sep)
+    return None if words[0] == os.pardir else "/".join(words)
 
 
 def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, documentation: str | None = None) -> str:
@@ -98,11 +124,12 @@ def _results(placed: Iterable[Diagnostic], rules: Sequence[Code], base: str) -> 
     return results
 
 
-def _message_text(d: Diagnostic) -> str:
-    lines = [escape_control(d.message), *(f"note: {escape_control(note.message)}" for note in d.notes if note.span is None)]
-    if d.help:
-        lines.append(f"help: {escape_control(d.help)}")
-    return "\n".join(lines)
+def _message_text(d: Diagnostic, notes: Iterable[str] | None = None) -> str:
+    """The message, the notes (unless given, those without a place) and the help, a line each. Whatever they quote stays on its line."""
+    if notes is None:
+        notes = (note.message for note in d.notes if note.span is None)
+    lines = [d.message, *(f"note: {note}" for note in notes), *([f"help: {d.help}"] if d.help else [])]
+    return "\n".join(map(escape_control, lines))
 
 
 def _fingerprint(d: Diagnostic, base: str) -> str:
@@ -135,3 +162,40 @@ def _physical(span: Span, base: str) -> dict[str, Any]:
 def _encoded(path: str) -> str:
     """A path as a URI: a first word with a colon must not be taken for a scheme, so `:` is encoded, too."""
     return quote(os.fsencode(path), safe="/")
+
+
+def as_github(diagnostics: Sequence[Diagnostic], *, base: str) -> str:
+    """One line for each diagnostic, files relative to the repository's folder `base`; an empty text for none."""
+    return "".join(_command(d, base) + "\n" for d in diagnostics)
+
+
+def _command(d: Diagnostic, base: str) -> str:
+    properties = {} if d.span is None else _annotation_location(d.span, base)
+    properties["title"] = d.code.code
+    written = ",".join(f"{key}={_property(value)}" for key, value in properties.items())
+    return f"::{_COMMANDS[d.severity]} {written}::{_data(_message_text(d, [_note(note, base) for note in d.notes]))}"
+
+
+def _annotation_location(span: Span, base: str) -> dict[str, str]:
+    place = {"file": escape_control(within(span.file, base) or span.file), "line": str(span.line)}
+    if span.line == span.end_line and span.column != span.end_column:
+        place["col"] = str(span.column)
+    place["endLine"] = str(span.end_line)
+    if "col" in place:  # never on several lines: GitHub drops such annotations
+        place["endColumn"] = str(span.end_column)
+    return place
+
+
+def _note(note: Note, base: str) -> str:
+    """A note with its place: an annotation has one place only."""
+    if note.span is None:
+        return note.message
+    return f"{note.message} ({within(note.span.file, base) or note.span.file}:{note.span.line}:{note.span.column})"
+
+
+def _data(text: str) -> str:
+    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+
+
+def _property(text: str) -> str:
+    return _data(text).replace(":", "%3A").replace(",", "%2C")
