@@ -17,9 +17,9 @@ class Limit(OneLineRepr, FrozenStruct):
 
     lower: float | None = None
     upper: float | None = None
+    cone: float | None = None
     effort: float | None = None
     velocity: float | None = None
-    cone: float | None = None
 
     @property
     def bounded(self) -> bool:

@@ -52,42 +52,35 @@ OPTIONS = {
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `add`."""
     parser.epilog = EPILOG
-    parser.add_argument("what", type=console.one_of(WHAT), metavar="{" + ",".join(WHAT) + "}", help="what is added")
-    parser.add_argument(
-        "name", metavar="NAME", help="its name; of a part its class or MODULE:CLASS, of an assembly its document, there or not",
-    )
-    parser.add_argument("--to", metavar="DOC", help="the document that it is added to; a part or an assembly may be for none yet")
-    parser.add_argument("--on", metavar="MOUNT", help="of a part or an assembly: the mount that it is attached to")
-    parser.add_argument("--by", metavar="MOUNT", help="of a part or an assembly: the mount of its own that meets that of --on")
-    parser.add_argument("--at", metavar="MOUNT", help="of a part or an assembly: the frame that its own is laid into, instead of --on")
-    parser.add_argument(
-        "--name", metavar="NAME", dest="component", help="of a part or an assembly: what the component is called; as the part unless given",
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("what", type=console.one_of(WHAT), metavar="{" + ",".join(WHAT) + "}", help="what is added")
+    add("name", metavar="NAME", help="its name; of a part its class or MODULE:CLASS, of an assembly its document, there or not")
+    add("--to", metavar="DOC", help="the document that it is added to; a part or an assembly may be for none yet")
+    add("--on", metavar="MOUNT", help="of a part or an assembly: the mount that it is attached to")
+    add("--by", metavar="MOUNT", help="of a part or an assembly: the mount of its own that meets that of --on")
+    add("--at", metavar="MOUNT", help="of a part or an assembly: the frame that its own is laid into, instead of --on")
+    add("--name", metavar="NAME", dest="component", help="of a part or an assembly: what the component is called; as the part unless given")
+    add(
         "--param", metavar="NAME=VALUE", action="append",
         help="of a part or an assembly: a parameter of it, for example 'length=80 mm' (may be repeated)",
     )
-    parser.add_argument(
-        "--new", action="store_true", default=None, help="of a part: a class to begin with, also where another one is called nearly so",
-    )
-    parser.add_argument("--root", metavar="ROOT", help="of a mode: a component or a mount; that of the first mode unless given")
-    parser.add_argument(
+    add("--new", action="store_true", default=None, help="of a part: a class to begin with, also where another one is called nearly so")
+    add("--root", metavar="ROOT", help="of a mode: a component or a mount; that of the first mode unless given")
+    add(
         "--base", type=console.one_of(BASES), metavar="{" + ",".join(BASES) + "}",
         help="of a mode: the first that no other mode with this root has, unless given",
     )
-    parser.add_argument(
+    add(
         "--standing-on", metavar="MOUNT", action="append",
         help="of a mode: the mount that is its root and is held on the floor; with --base free, or of several, the floor carries them",
     )
-    parser.add_argument("--pose", metavar="POSE", help="of a mode: where it starts; as the first mode does unless given")
-    parser.add_argument("--gravity", metavar="GRAVITY", help="of a mode: wall, ceiling, or three accelerations; floor unless given")
-    parser.add_argument(
-        "--type", type=console.one_of(get_args(JointType)), metavar="TYPE", help="of a joint: its kind; revolute unless given",
-    )
-    parser.add_argument("--parent", metavar="MOUNT", help="of a joint: the mount that it is measured from")
-    parser.add_argument("--child", metavar="MOUNT", help="of a joint: the mount that moves; what had placed its component is taken out")
-    parser.add_argument("--loop", action="store_true", default=None, help="of a joint: closes a loop instead of placing the child")
-    parser.add_argument("--kind", metavar="KIND", help="of a test: what it measures, for example mass")
+    add("--pose", metavar="POSE", help="of a mode: where it starts; as the first mode does unless given")
+    add("--gravity", metavar="GRAVITY", help="of a mode: wall, ceiling, or three accelerations; floor unless given")
+    add("--type", type=console.one_of(get_args(JointType)), metavar="TYPE", help="of a joint: its kind; revolute unless given")
+    add("--parent", metavar="MOUNT", help="of a joint: the mount that it is measured from")
+    add("--child", metavar="MOUNT", help="of a joint: the mount that moves; what had placed its component is taken out")
+    add("--loop", action="store_true", default=None, help="of a joint: closes a loop instead of placing the child")
+    add("--kind", metavar="KIND", help="of a test: what it measures, for example mass")
     console.add_format(parser)
     console.add_geometry(parser)
 

@@ -46,32 +46,29 @@ STATUSES = {"built": "built", "kept_out": "kept out", "refused": "refused", "fai
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `batch`."""
     parser.epilog = EPILOG
-    parser.add_argument("document", metavar="DOC", help="a document of variants (YAML or TOML)")
-    parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
-    parser.add_argument(
-        "--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: those of the document)",
-    )
-    parser.add_argument("--limit", metavar="N", type=console.positive, help="only the first N variants")
-    parser.add_argument("--resume", action="store_true", help="go on with a batch that was stopped")
-    parser.add_argument("--retry", action="store_true", help="with --resume: build variants again that failed")
-    parser.add_argument("--adopt", metavar="ID", help="write what one variant says into the assembly document, and build nothing")
-    parser.add_argument("--unpack", metavar="ID", help="write the folder of one variant of a packed batch, and build nothing")
-    parser.add_argument("--dry-run", action="store_true", help="say what would be built, and write nothing")
-    parser.add_argument(
+    add = parser.add_argument
+    add("document", metavar="DOC", help="a document of variants (YAML or TOML)")
+    add("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
+    add("--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: those of the document)")
+    add("--limit", metavar="N", type=console.positive, help="only the first N variants")
+    add("--resume", action="store_true", help="go on with a batch that was stopped")
+    add("--retry", action="store_true", help="with --resume: build variants again that failed")
+    add("--adopt", metavar="ID", help="write what one variant says into the assembly document, and build nothing")
+    add("--unpack", metavar="ID", help="write the folder of one variant of a packed batch, and build nothing")
+    add("--dry-run", action="store_true", help="say what would be built, and write nothing")
+    add(
         "--layout", choices=(FOLDERS, PACKED),
         help="a folder for each variant, or many variants in a file (default: that of the document, else packed for more than 2000)",
     )
-    parser.add_argument("--timeout", metavar="TIME", help="longest time for one variant (default: '10 min')")
-    parser.add_argument(
-        "--cluster", metavar="ADDRESS", help="build on other machines: tcp://HOST:8786 (dask) or slurm:partition=NAME,cpus=8",
+    add("--timeout", metavar="TIME", help="longest time for one variant (default: '10 min')")
+    add("--cluster", metavar="ADDRESS", help="build on other machines: tcp://HOST:8786 (dask) or slurm:partition=NAME,cpus=8")
+    add("--ship", action="store_true", help="with --cluster: its machines share no folder with this one; files go there and back")
+    add(
+        "--pictures", metavar="N", type=_pictures,
+        help="pictures on the batch's page: so many, `none` or `all` (default: 48, and none of more than 200 variants)",
     )
-    parser.add_argument(
-        "--ship", action="store_true", help="with --cluster: its machines share no folder with this one; files go there and back",
-    )
-    parser.add_argument("--pictures", metavar="N", type=_pictures,
-                        help="pictures on the batch's page: so many, `none` or `all` (default: 48, and none of more than 200 variants)")
-    parser.add_argument("--page-only", action="store_true", help="write the page of a batch anew, and build nothing")
-    parser.add_argument(
+    add("--page-only", action="store_true", help="write the page of a batch anew, and build nothing")
+    add(
         "--verify", choices=tuple(VERIFY), default="some",
         help="the models that MuJoCo is asked about: all, none, or the first and every 64th of those that differ in numbers only (default)",
     )
@@ -377,8 +374,4 @@ def _told(planned: Plan, forecast: DryRun) -> list[str]:
 
 
 def _refuse(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic]) -> int:
-    console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug)
-    return console.exit_code(diagnostics)
-
-
-
+    return console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug)

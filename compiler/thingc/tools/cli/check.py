@@ -35,23 +35,16 @@ up in the store; those that are not there are modelled first (in a worker of its
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `check`."""
     parser.epilog = EPILOG
-    parser.add_argument(
+    add = parser.add_argument
+    add(
         "document", metavar="DOC", nargs="*",
         help="an assembly, materials or variants document (YAML or TOML), or a folder with all documents below it (default: this one)",
     )
-    parser.add_argument(
-        "--touched", action="store_true", help="the words are files that have changed: check the documents that they concern"
-    )
-    parser.add_argument(
-        "--no-code", action="store_true", help="run nothing of the workspace: parts are as parts.lock.json says (see `thingc lock`)"
-    )
-    parser.add_argument(
-        "--time-limit", metavar="TIME", default="5 s", help="with --no-code: longest computing for one document (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--fix", action="store_true", help="mend in the documents what can only have meant one thing, then say what is left"
-    )
-    parser.add_argument("--diff", action="store_true", help="with --fix: write nothing, show what would be mended")
+    add("--touched", action="store_true", help="the words are files that have changed: check the documents that they concern")
+    add("--no-code", action="store_true", help="run nothing of the workspace: parts are as parts.lock.json says (see `thingc lock`)")
+    add("--time-limit", metavar="TIME", default="5 s", help="with --no-code: longest computing for one document (default: %(default)s)")
+    add("--fix", action="store_true", help="mend in the documents what can only have meant one thing, then say what is left")
+    add("--diff", action="store_true", help="with --fix: write nothing, show what would be mended")
     console.add_format(parser, console.FINDINGS)
     console.add_compiling(parser)
 

@@ -337,18 +337,17 @@ def say_in_place(line: str = "") -> None:
         sys.stderr.flush()
 
 
-def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None) -> None:
-    """Code frames and a closing count, coloured only on a terminal (and never where NO_COLOR is set).
+def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None) -> int:
+    """Print code frames and a closing count, coloured only on a terminal (and never where NO_COLOR is set). Returns the exit code.
 
     `texts` are those of documents that are in no file, by the name in their spans.
     """
-    if not diagnostics:
-        return
-    color = stream.isatty() and "NO_COLOR" not in os.environ
-    print(as_text(diagnostics, color=color, debug=debug, texts=texts), file=stream)
-    counts = summary(diagnostics)
-    if counts:
-        print(counts, file=stream)
+    if diagnostics:
+        color = stream.isatty() and "NO_COLOR" not in os.environ
+        print(as_text(diagnostics, color=color, debug=debug, texts=texts), file=stream)
+        if counts := summary(diagnostics):
+            print(counts, file=stream)
+    return exit_code(diagnostics)
 
 
 def print_json(diagnostics: Sequence[Diagnostic], **more: object) -> None:
@@ -363,8 +362,8 @@ def print_data(value: Mapping[str, object]) -> None:
     sys.stdout.write(json_text(json.dumps(value, indent=2, ensure_ascii=False)) + "\n")
 
 
-def print_found(diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO, debug: bool, **more: object) -> None:
-    """What was found in one of the forms of `FINDINGS`: text goes to `stream`, the others go alone to standard output.
+def print_found(diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO, debug: bool, **more: object) -> int:
+    """Print what was found in one of the forms of `FINDINGS`: text to `stream`, the others alone to standard output. Returns the exit code.
 
     `more` are further keys of the JSON answer.
     """
@@ -373,18 +372,16 @@ def print_found(diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO,
     elif form == "json":
         print_json(diagnostics, **more)
     else:
-        from thingc.tools.reporting.ci_formats import repository
+        from thingc.tools.reporting.ci_formats import as_github, as_sarif, repository
 
         base = repository(working_folder() or os.sep)
         if form == "github":
-            from thingc.tools.reporting.ci_formats import as_github
-
             sys.stdout.write(as_github(diagnostics, base=base))
         else:
             from thingc import __version__
-            from thingc.tools.reporting.ci_formats import as_sarif
 
             sys.stdout.write(as_sarif(diagnostics, base=base, version=__version__, documentation=_documentation()))
+    return exit_code(diagnostics)
 
 
 def _documentation() -> str | None:

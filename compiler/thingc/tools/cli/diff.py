@@ -43,24 +43,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `diff`."""
     parser.epilog = EPILOG
     parser.set_defaults(behind=[])
-    parser.add_argument(
+    add = parser.add_argument
+    add(
         "side", metavar="SIDE", nargs="*",
         help="the old state, and the new one (default: the working tree): documents, build folders, locks, or revisions of git, also "
         "OLD..NEW; documents that are compared in both follow --",
     )
-    parser.add_argument(
+    add(
         "--fail-on", metavar="WHAT", action="append", default=[],
         help="exit with 1 where something of this kind changes: mass, joints, tests, ... (separated by commas; may be repeated)",
     )
-    parser.add_argument("--no-tests", action="store_true", help="leave the tests of the documents out")
-    parser.add_argument(
-        "--no-code", action="store_true", help="run nothing of the workspace: parts are as parts.lock.json says (see `thingc lock`)"
-    )
-    parser.add_argument(
-        "--time-limit", metavar="TIME", default="20 s", help="with --no-code: longest computing for one document (default: %(default)s)"
-    )
-    parser.add_argument("--html", metavar="FILE", help="also write a page with pictures, and a slider from before to after")
-    parser.add_argument("--pictures", metavar="FOLDER", help="also write pictures: before, after, and what changed in colours")
+    add("--no-tests", action="store_true", help="leave the tests of the documents out")
+    add("--no-code", action="store_true", help="run nothing of the workspace: parts are as parts.lock.json says (see `thingc lock`)")
+    add("--time-limit", metavar="TIME", default="20 s", help="with --no-code: longest computing for one document (default: %(default)s)")
+    add("--html", metavar="FILE", help="also write a page with pictures, and a slider from before to after")
+    add("--pictures", metavar="FOLDER", help="also write pictures: before, after, and what changed in colours")
     console.add_format(parser, FORMS)
     console.add_geometry(parser)
 

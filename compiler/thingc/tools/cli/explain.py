@@ -32,8 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
     code = find(arguments.code)
     if code is None:
         diagnostics = [console.WrongCommandLine(f"there is no code `{arguments.code}`", _hint(near(arguments.code))).diagnostic]
-        console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=False)
-        return console.USAGE
+        return console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=False)
     if arguments.format == "json":
         console.print_data(explained(code))
     else:

@@ -32,15 +32,12 @@ STANDARD_INPUT = "-"
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `fmt`."""
     parser.epilog = EPILOG
-    parser.add_argument("document", metavar="DOC", nargs="+", help="a document, a folder of documents, or - for standard input")
-    parser.add_argument("--check", action="store_true", help="write nothing, name what would change: exit code 1 if anything would")
-    parser.add_argument("--diff", action="store_true", help="write nothing, show what would change")
-    parser.add_argument(
-        "--modeline", action="store_true", help="name the document's own schema in its first line, for editors without settings"
-    )
-    parser.add_argument(
-        "--touched", action="store_true", help="the words are files that have changed: those that are no documents are passed over"
-    )
+    add = parser.add_argument
+    add("document", metavar="DOC", nargs="+", help="a document, a folder of documents, or - for standard input")
+    add("--check", action="store_true", help="write nothing, name what would change: exit code 1 if anything would")
+    add("--diff", action="store_true", help="write nothing, show what would change")
+    add("--modeline", action="store_true", help="name the document's own schema in its first line, for editors without settings")
+    add("--touched", action="store_true", help="the words are files that have changed: those that are no documents are passed over")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -52,13 +49,11 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         paths = list(_documents(arguments))
     except console.WrongCommandLine as fault:
-        console.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
-        return console.USAGE
+        return console.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
     for path in paths:
         count += 1
         changed += _one(path, arguments, report)
-    console.print_text(report.ordered(), stream=sys.stdout, debug=False)
-    code = console.exit_code(report.diagnostics)
+    code = console.print_text(report.ordered(), stream=sys.stdout, debug=False)
     if not arguments.diff:
         would = " would be" if arguments.check else ""
         console.say(f"{changed} of {counted(count, 'document')}{would} changed")
@@ -130,8 +125,7 @@ def _standard_input(arguments: argparse.Namespace) -> int:
     formatted = format_document(name, data, report)
     if formatted is None:
         texts = {name: data.decode("utf-8-sig", errors="replace")}
-        console.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
-        return console.exit_code(report.diagnostics)
+        return console.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
     changed = formatted != data
     if arguments.diff:
         _print_diff("<stdin>", data, formatted)

@@ -34,12 +34,10 @@ def run(arguments: argparse.Namespace) -> int:
         console.require_document(arguments.document)
         options = console.options_of(arguments)
     except console.WrongCommandLine as fault:
-        console.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
-        return console.USAGE
+        return console.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
     compilation = attempted(arguments.document, options, compile)
     diagnostics = console.final(compilation.report, strict=arguments.strict)
-    console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-    code = console.exit_code(diagnostics)
+    code = console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
     if code == 0 and compilation.assembly is not None:
         from thingc.targets.hag import emit as hag
 

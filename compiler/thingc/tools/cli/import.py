@@ -37,29 +37,26 @@ of it, with the line of the source.
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `import`."""
     parser.epilog = EPILOG
-    parser.add_argument("file", metavar="FILE", help="a robot: .urdf, .xacro, .sdf, .xml (MJCF)")
-    parser.add_argument("-o", "--output", metavar="DIR", help="the folder that is made (default: called like the robot)")
-    parser.add_argument(
+    add = parser.add_argument
+    add("file", metavar="FILE", help="a robot: .urdf, .xacro, .sdf, .xml (MJCF)")
+    add("-o", "--output", metavar="DIR", help="the folder that is made (default: called like the robot)")
+    add(
         "--package", metavar="NAME=DIR", action="append", default=[],
         help="where `package://NAME/...` is (may be repeated; else folders above the file, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
     )
-    parser.add_argument(
+    add(
         "--mesh-root", metavar="DIR", action="append", default=[],
         help="a folder outside the robot's own whose files may be copied, found by the end of their path (may be repeated)",
     )
-    parser.add_argument(
-        "--arg", metavar="NAME=VALUE", action="append", default=[], help="of a xacro file: an argument, `$(arg NAME)` (may be repeated)",
-    )
-    parser.add_argument("--no-meshes", action="store_true", help="leave meshes out, each of which is listed then")
-    parser.add_argument("--check", action="store_true", help="write nothing: say what would be kept, repaired and lost")
-    parser.add_argument(
+    add("--arg", metavar="NAME=VALUE", action="append", default=[], help="of a xacro file: an argument, `$(arg NAME)` (may be repeated)")
+    add("--no-meshes", action="store_true", help="leave meshes out, each of which is listed then")
+    add("--check", action="store_true", help="write nothing: say what would be kept, repaired and lost")
+    add(
         "--repair", metavar="inertia=HOW", type=_repair,
         help="change links that cannot move: inertia=nearest (to the nearest inertia that a solid has), or inertia=shapes",
     )
-    parser.add_argument(
-        "--root", metavar="LINK", action="append", default=[], help="a link that gets a mode of its own, rooted at it (may be repeated)",
-    )
-    parser.add_argument(
+    add("--root", metavar="LINK", action="append", default=[], help="a link that gets a mode of its own, rooted at it (may be repeated)")
+    add(
         "--update", action="store_true",
         help="merge into what the last import wrote: what you have changed stays (exit code 1 where the file has changed it, too)",
     )
@@ -91,8 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
                 console.say(*_told(arguments, imported, folder, []))
         except OutputError as fault:
             fault.diagnose(report)
-    console.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
-    return console.exit_code(report.diagnostics)
+    return console.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
 
 
 def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousImport, report: Report) -> dict[str, str]:

@@ -170,11 +170,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _interrupted()
         diagnostic, debug = console.of_exception(fault), getattr(options, "debug", False)
         try:
-            console.print_found([diagnostic], _form(getattr(options, "format", "text")), stream=sys.stderr, debug=debug)
+            code = console.print_found([diagnostic], _form(getattr(options, "format", "text")), stream=sys.stderr, debug=debug)
             sys.stdout.flush()
         except OSError:  # standard output is what cannot be written
-            console.print_text([diagnostic], stream=sys.stderr, debug=debug)
-        return console.exit_code([diagnostic])
+            code = console.print_text([diagnostic], stream=sys.stderr, debug=debug)
     return code
 
 
@@ -207,8 +206,7 @@ def _refuse(fault: WrongUsage, words: Sequence[str]) -> int:
     asked += [word.removeprefix("--format=") for word in words if word.startswith("--format=")]
     # Who asks for a form that the command has not, is told so in text.
     form = _form(asked[-1]) if asked and not str(fault).startswith("--format") else "text"
-    console.print_found(diagnostics, form, stream=sys.stderr, debug=False)
-    return console.USAGE
+    return console.print_found(diagnostics, form, stream=sys.stderr, debug=False)
 
 
 def _form(asked: str) -> str:

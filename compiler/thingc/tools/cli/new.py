@@ -52,8 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise console.WrongCommandLine(f"a robot cannot be called so: {fault}", hint) from fault
     except OutputError as fault:
         fault.diagnose(report)
-        console.print_text(report.diagnostics, stream=sys.stderr, debug=False)
-        return console.exit_code(report.diagnostics)
+        return console.print_text(report.diagnostics, stream=sys.stderr, debug=False)
     console.say(*_next_steps(arguments, folder, name))
     return 0
 

@@ -46,17 +46,14 @@ def run(arguments: argparse.Namespace) -> int:
         console.require_document(arguments.document)
         workspace = Workspace.find(os.path.abspath(arguments.document), report)
         if workspace is None:
-            console.print_text(report.ordered(), stream=sys.stdout, debug=False)
-            return console.exit_code(report.diagnostics)
+            return console.print_text(report.ordered(), stream=sys.stdout, debug=False)
         sight = index_workspace(workspace, {}, disk=cache(on_disk))  # of each file one state is read
         declared = _named(sight, arguments.document, arguments.path)
         done = rename_edits(sight, declared, arguments.name)
     except console.WrongCommandLine as fault:
-        console.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
-        return console.USAGE
+        return console.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
     except RenameRefused as fault:
-        console.print_text([console.WrongCommandLine(str(fault)).diagnostic], stream=sys.stdout, debug=False)
-        return console.USAGE
+        return console.print_text([console.WrongCommandLine(str(fault)).diagnostic], stream=sys.stdout, debug=False)
     before = {file: sight.read(file) or "" for file in done.texts}
     for file, text in done.texts.items():
         if arguments.diff:

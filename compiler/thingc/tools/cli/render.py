@@ -44,23 +44,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `render`."""
     parser.epilog = EPILOG
     console.add_document(parser)
-    parser.add_argument("--mode", metavar="M", help="in this mode (default: the first)")
-    parser.add_argument("--pose", metavar="P", help="in this pose (default: the mode's own)")
-    parser.add_argument("-o", "--output", metavar="PNG", help="the file to write (default: NAME_MODE_POSE.png in this folder)")
-    parser.add_argument("--size", metavar="WxH", type=_size, default=Shot().size, help="in pixels (default: 1280x960)")
-    parser.add_argument(
+    add = parser.add_argument
+    add("--mode", metavar="M", help="in this mode (default: the first)")
+    add("--pose", metavar="P", help="in this pose (default: the mode's own)")
+    add("-o", "--output", metavar="PNG", help="the file to write (default: NAME_MODE_POSE.png in this folder)")
+    add("--size", metavar="WxH", type=_size, default=Shot().size, help="in pixels (default: 1280x960)")
+    add(
         "--azimuth", metavar="DEG", type=_degrees(360.0),
         help="look along this direction: 0 along x, 90 along y; on a wall 0 looks at it (default: 140; on a wall 40)",
     )
-    parser.add_argument(
-        "--elevation", metavar="DEG", type=_degrees(90.0), help="look up by this, down if negative (default: -22; at a ceiling 16)"
-    )
-    parser.add_argument("--mounts", action="store_true", help="draw the mounts that something sits on, or that the document shows or adds")
-    parser.add_argument(
-        "--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of this component, such as hand.cap",
-    )
-    parser.add_argument("--joints", action="store_true", help="draw the axes of the joints, with arrows the way that coordinates grow")
-    parser.add_argument("--root", action="store_true", help="draw the frame of the mode's root")
+    add("--elevation", metavar="DEG", type=_degrees(90.0), help="look up by this, down if negative (default: -22; at a ceiling 16)")
+    add("--mounts", action="store_true", help="draw the mounts that something sits on, or that the document shows or adds")
+    add("--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of this component, such as hand.cap")
+    add("--joints", action="store_true", help="draw the axes of the joints, with arrows the way that coordinates grow")
+    add("--root", action="store_true", help="draw the frame of the mode's root")
     console.add_compiling(parser)
 
 
@@ -73,8 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         diagnostics = attempted(arguments.document, options, partial(_render, arguments))
     except NoGraphics as fault:
         diagnostics = [Diagnostic(code=Code.NO_GRAPHICS, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
-    console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-    return console.exit_code(diagnostics)
+    return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
 
 
 def _check_output(path: str | None) -> None:

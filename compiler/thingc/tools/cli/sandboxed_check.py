@@ -45,7 +45,6 @@ def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -
         return _done(work)
     sys.stdout.flush()
     sys.stderr.flush()
-    _load_ahead()
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
@@ -57,18 +56,10 @@ def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -
         with contextlib.suppress(ProcessLookupError):
             os.kill(child, signal.SIGKILL)
     _, status = os.waitpid(child, 0)
-    return _answer(data) if in_time and status == 0 else _costly(in_time, status, seconds, memory)
-
-
-def _answer(data: bytes) -> Any | Diagnostic:
+    if not in_time or status != 0:
+        return _costly(in_time, status, seconds, memory)
     kind, value = json.loads(data)
-    if kind == "failed":
-        return unpacked(value)
-    return value
-
-
-def _load_ahead() -> None:
-    """What every check imports, once for all children."""
+    return unpacked(value) if kind == "failed" else value
 
 
 def _collected(reading: int, child: int, patience: float) -> tuple[bytes, bool]:

@@ -53,8 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     for workspace, only in _workspaces(arguments.place, report):
         _write(workspace, only, arguments.no_model, options)
     diagnostics = report.ordered()
-    console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-    return console.exit_code(diagnostics)
+    return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
 
 
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:

@@ -42,8 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
         options = console.options_of(arguments)
         given = settings(arguments.value)
     except console.WrongCommandLine as fault:
-        console.print_found([fault.diagnostic], arguments.format, stream=sys.stdout, debug=False)
-        return console.USAGE
+        return console.print_found([fault.diagnostic], arguments.format, stream=sys.stdout, debug=False)
     return write(arguments.document, given, options, arguments, diff=arguments.diff)
 
 

@@ -80,8 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             before, diagnostics = attempted(arguments.against, plain, _page)
             if before is None:
-                console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-                return console.exit_code(diagnostics)
+                return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
     live = RebuildLoop(arguments.document, options, partial(_wish, arguments), console.of_exception, writes=False, turn=turn)
     server = _server(arguments)
     if before is not None:

@@ -48,9 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
     except console.WrongCommandLine as fault:
         if arguments.format == "json":
             _say_line({"diagnostics": as_json([fault.diagnostic])})
-        else:
-            console.print_text([fault.diagnostic], stream=sys.stderr, debug=arguments.debug)
-        return console.USAGE
+            return console.USAGE
+        return console.print_text([fault.diagnostic], stream=sys.stderr, debug=arguments.debug)
     return until_interrupted(live, Lines(arguments).say if arguments.format == "text" else say_json)
 
 

@@ -45,8 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     console.require_document(arguments.document)
     diagnostics = attempted(arguments.document, console.options_of(arguments), partial(_answered, arguments))
-    console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-    return console.exit_code(diagnostics)
+    return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
 
 
 def _answered(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:

@@ -9,9 +9,10 @@ from msgspec.structs import replace
 from thingc.base.pose import Pose
 from thingc.base.source import line_of
 from thingc.geometry.record import PartDefinition, PartRecord
-from thingc.model.assembly.types import Assembly, LinkedSensor, Mate, Occurrence, TendonStep
+from thingc.model.assembly.types import ActuatorModel, Assembly, LinkedSensor, Mate, Occurrence, TendonStep
+from thingc.model.resolve.coordinates import Dynamics, Limit
 from thingc.targets.bom import with_pieces
-from thingc.tools.diff.snapshot import Edge, Fact, LinkOf, Named, OccurrenceSnapshot, PartShape, Row, Value
+from thingc.tools.diff.snapshot import Edge, Fact, LinkOf, Named, OccurrenceSnapshot, PartShape, Row, Value, field_values
 
 
 def edges_of(assembly: Assembly) -> Iterator[Edge]:
@@ -122,9 +123,8 @@ def tendon_facts(assembly: Assembly) -> dict[str, Fact]:
     for one in assembly.tendons:
         values: dict[str, Value] = {f"joints.{path}": factor for path, factor in one.moves.items()}
         values |= {f"path.{place}": _step_value(step) for place, step in enumerate(one.steps)} | {"width": one.width}
-        values |= {f"limit.{key}": getattr(one.limit, key) for key in ("lower", "upper")}
-        values |= {f"dynamics.{key}": getattr(one.dynamics, key) for key in ("damping", "friction", "armature", "stiffness", "rest")}
-        values |= {f"drive.{key}": getattr(one.actuator, key, None) for key in ("kind", "kp", "kv", "effort", "velocity")}
+        values |= field_values("limit", Limit, one.limit) | field_values("dynamics", Dynamics, one.dynamics)
+        values |= field_values("drive", ActuatorModel, one.actuator)
         facts |= {f"tendons.{one.path}.{key}": Fact(value=value, span=one.origin[0]) for key, value in values.items() if value is not None}
     return facts
 

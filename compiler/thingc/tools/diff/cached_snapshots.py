@@ -8,6 +8,7 @@ import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from msgspec import convert, to_builtins
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Severity
@@ -68,10 +69,10 @@ class Subject:
         key = self._key()
         earlier = self.store.get_json("diff-tests", key)
         if earlier is not None:
-            return replace(self.snapshot, outcomes=_unpacked(earlier))
+            return replace(self.snapshot, outcomes=convert(earlier, tuple[TestOutcome, ...]))
         outcomes = self._outcomes()
         with contextlib.suppress(StoreUnusable):
-            self.store.put_json("diff-tests", key, [[one.test, one.where, one.passed, dict(one.measured)] for one in outcomes])
+            self.store.put_json("diff-tests", key, to_builtins(outcomes))
         return replace(self.snapshot, outcomes=outcomes)
 
     def model(self) -> tuple[str, dict[str, bytes]]:
@@ -121,8 +122,3 @@ class Subject:
             sorted(settings.parameters.items()), sorted(settings.choices.items()), self._environment.compat,
         ]
         return hashlib.sha256(json.dumps(about).encode()).hexdigest()
-
-
-def _unpacked(values: list[tuple[str, str, bool, dict[str, float]]]) -> tuple[TestOutcome, ...]:
-    return tuple(TestOutcome(test=test, where=where, passed=passed, measured=measured) for test, where, passed, measured in values)
-

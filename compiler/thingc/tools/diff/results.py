@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from msgspec import convert, to_builtins
+
 from thingc.base.diagnostics import shown_path
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
@@ -77,7 +79,7 @@ def pack(answer: Comparison | BrokenSide) -> list[Any]:
     """The values of an answer for one document."""
     if isinstance(answer, BrokenSide):
         return ["broken", answer.name, [packed(d) for d in answer.diagnostics], dict(answer.texts)]
-    return ["compared", answer.name, [_change(change) for change in answer.changes], list(answer.unknown)]
+    return ["compared", answer.name, to_builtins(answer.changes), list(answer.unknown)]
 
 
 def unpack(values: list[Any]) -> Comparison | BrokenSide:
@@ -85,26 +87,13 @@ def unpack(values: list[Any]) -> Comparison | BrokenSide:
     kind, name, inner, more = values
     if kind == "broken":
         return BrokenSide(name=name, diagnostics=tuple(unpacked(one) for one in inner), texts=more)
-    return Comparison(name=name, changes=tuple(_back(one) for one in inner), unknown=tuple(more))
+    return Comparison(name=name, changes=tuple(map(_change, inner)), unknown=tuple(more))
 
 
-def _change(change: Change) -> list[Any]:
-    span = change.span
-    place = None if span is None else [span.file, span.line, span.column, span.end_line, span.end_column]
-    return [
-        change.what, change.change, change.path, change.new_path, change.field, change.old, change.new, change.because, change.reason,
-        change.words, place,
-    ]
+def _change(values: dict[str, Any]) -> Change:
+    fields = {key: _tuples(value) for key, value in values.items() if key != "span"}
+    return Change(**fields, span=convert(values["span"], Span | None))
 
 
-def _back(values: list[Any]) -> Change:
-    what, how, path, new_path, field, old, new, because, reason, words, place = values
-    span = None if place is None else Span(file=place[0], line=place[1], column=place[2], end_line=place[3], end_column=place[4])
-    return Change(
-        what=what, change=how, path=path, new_path=new_path, field=field, old=_tuples(old), new=_tuples(new), because=tuple(because),
-        reason=reason, words=None if words is None else (words[0], words[1]), span=span,
-    )
-
-
-def _tuples(value: Any) -> DisplayValue:
+def _tuples(value: Any) -> Any:
     return tuple(_tuples(one) for one in value) if isinstance(value, list) else value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, Union, get_args
+from typing import Any, Literal, Union, get_args
 
 from msgspec.structs import replace
 
@@ -61,6 +61,10 @@ class Change(OneLineRepr, FrozenStruct):
             self, change=_BACKWARD.get(self.change, self.change), path=there, new_path=back, old=self.new, new=self.old, because=(),
             reason="", words=None if self.words is None else (self.words[1], self.words[0]), span=None,
         )
+
+
+NOT_COMPARED = frozenset({"name", "origin", "origins", "sources", "span", "spans", "wrong"})
+"""Fields of structs that say where something is written, or what it is called."""
 
 
 class Named(OneLineRepr, FrozenStruct):
@@ -216,3 +220,8 @@ def told(value: Value) -> DisplayValue:
     if isinstance(value, tuple):
         return tuple(told(one) for one in value)
     return value
+
+
+def field_values(key: str, kind: type[FrozenStruct], of: FrozenStruct | None) -> dict[str, Any]:
+    """The fields of a struct of a kind by dotted key, without those that say where it is written. Without a struct each is None."""
+    return {f"{key}.{name}": getattr(of, name, None) for name in kind.__struct_fields__ if name not in NOT_COMPARED}

@@ -12,12 +12,14 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Origin, Span
 from thingc.geometry.record import PartDefinition
-from thingc.model.assembly.types import Assembly, JointEdge
+from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge
+from thingc.model.resolve.coordinates import Dynamics, Limit
 from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import (
     AssemblyDefinition,
     At,
     Attach,
+    BomEntry,
     Component,
     Joint,
     JointRange,
@@ -28,17 +30,12 @@ from thingc.model.resolve.types import (
     StatedValue,
 )
 from thingc.tools.diff.assembly_facts import edges_of, links_of, occurrences_of, rows_of, sensor_values, tendon_facts
-from thingc.tools.diff.snapshot import ComponentNode, Fact, Named, Snapshot, SnapshotElement, TestOutcome, Value, What
+from thingc.tools.diff.snapshot import ComponentNode, Fact, Named, Snapshot, SnapshotElement, TestOutcome, Value, What, field_values
 from thingc.tools.diff.source_locations import DocumentTrees
 
 if TYPE_CHECKING:
     from thingc.driver.pipeline import Compilation
 
-PROCESS = ("kind", "walls", "line_width", "layer", "top", "bottom", "infill", "overlap", "bridge_flow", "estimate")
-LIMITS = ("lower", "upper", "cone", "effort", "velocity")
-DYNAMICS = ("damping", "friction", "armature", "stiffness", "rest")
-DRIVE = ("kind", "kp", "kv", "effort", "velocity", "axis")
-BOM = ("number", "supplier", "cost", "make")
 KEYS = {"minimum": "min", "maximum": "max", "base": "from"}
 """Keys of tests, where what is read of them is called otherwise."""
 
@@ -146,7 +143,7 @@ class _Reader:
         material = occurrence.material if occurrence is not None else None
         facts["material"] = fact(Named(what="material", path=material.name) if material is not None else None, "material")
         facts |= {key: fact(value, *key.split(".")) for key, value in _overrides(component.overrides)}
-        facts |= {f"bom.{key}": fact(getattr(component.bom, key), "bom", key) for key in BOM}
+        facts |= {key: fact(value, *key.split(".")) for key, value in field_values("bom", BomEntry, component.bom).items()}
         if isinstance(made, PartDefinition):
             inner = ("params",) if made.kind == "code" else ()
             facts |= {".".join((*inner, name)): fact(value, *inner, name) for name, value in made.parameters}
@@ -208,13 +205,12 @@ class _Reader:
         edge: JointEdge | None = self._edges.get(prefix + joint.path.replace(".", "/"))
         limit, dynamics = (edge.limit, edge.dynamics) if edge is not None else (joint.limit, joint.dynamics)
         yield "offset", joint.offset
-        yield from ((f"limit.{key}", getattr(limit, key)) for key in LIMITS)
-        yield from ((f"dynamics.{key}", getattr(dynamics, key)) for key in DYNAMICS)
+        yield from field_values("limit", Limit, limit).items()
+        yield from field_values("dynamics", Dynamics, dynamics).items()
         drive, actuator = joint.drive, edge.actuator if edge is not None else None
         component = drive.component if drive is not None else None
         yield "drive", _occurrence(definition, prefix, component) if component is not None else None
-        for key in DRIVE:
-            yield f"drive.{key}", getattr(actuator, key) if actuator is not None else None
+        yield from field_values("drive", ActuatorModel, actuator).items()
         mimic = joint.mimic
         yield "mimic.joint", Named(what="joint", path=prefix + mimic.joint.path) if mimic is not None else None
         yield "mimic.multiplier", mimic.multiplier if mimic is not None else None
@@ -375,16 +371,13 @@ def _overrides(overrides: Overrides) -> Iterator[tuple[str, Value]]:
     yield "collision", overrides.collision
     yield "visual", overrides.visual
     yield "print.up", overrides.up
-    for key in PROCESS:
-        yield f"process.{key}", getattr(overrides.process, key) if overrides.process is not None else None
+    yield from field_values("process", Process, overrides.process).items()
 
 
 def _process(process: Process | None) -> Iterator[tuple[str, Fact]]:
-    for key in PROCESS:
-        origin: Origin = process.origins.get(key, ()) if process is not None else ()
-        yield f"process.{key}", Fact(
-            value=getattr(process, key) if process is not None else None, span=origin[0] if origin else None,
-        )
+    for key, value in field_values("process", Process, process).items():
+        origin: Origin = process.origins.get(key.removeprefix("process."), ()) if process is not None else ()
+        yield key, Fact(value=value, span=origin[0] if origin else None)
 
 
 def _pose(pose: Pose) -> Iterator[tuple[str, Value]]:
