@@ -18,12 +18,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "designs"))
 
 import drawing
 from known_changes import ROBOTS, cases, rewritten
+from msgspec.structs import replace
 
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
 from thingc.tools.diff.comparison import compare
 from thingc.tools.diff.name_mapping import equal
-from thingc.tools.diff.snapshot import Change, Snapshot
+from thingc.tools.diff.snapshot import Change, How, Snapshot
 from thingc.tools.diff.take_snapshot import take_snapshot
 
 
@@ -34,6 +35,15 @@ def drawn(document: Path) -> Snapshot | None:
         return None if compilation.report.failed or compilation.assembly is None else take_snapshot(compilation)
 
 
+def mirrored(change: Change) -> Change:
+    """The same change from the new robot to the old one."""
+    there, back = (change.path, None) if change.new_path is None else (change.new_path, change.path)
+    how: dict[How, How] = {"added": "removed", "removed": "added"}
+    return replace(
+        change, change=how.get(change.change, change.change), path=there, new_path=back, old=change.new, new=change.old,
+    )
+
+
 def faults(old: Snapshot, new: Snapshot, made: frozenset[tuple[str, str, str, str | None]]) -> Iterator[str]:
     """What `thingc diff` says wrong of two robots, one of which came of the other by these changes."""
     there, back = compare(old, new).changes, compare(new, old).changes
@@ -42,7 +52,7 @@ def faults(old: Snapshot, new: Snapshot, made: frozenset[tuple[str, str, str, st
     yield from (f"named: {one}" for one in named - made)
     paths = {c.path for c in there if not c.caused} | {"perhaps"}
     yield from (f"a stray cause: {c}" for c in there if not set(c.because) <= paths)
-    if sorted(map(_content, (c.backward for c in there))) != sorted(map(_content, back)):
+    if sorted(map(_content, (mirrored(c) for c in there))) != sorted(map(_content, back)):
         yield "the way back is no mirror image"
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
 from thingc.tools.diff.comparison import Comparison, compare
-from thingc.tools.diff.snapshot import Change, Snapshot
+from thingc.tools.diff.snapshot import Change, How, Snapshot
 from thingc.tools.diff.take_snapshot import take_snapshot
 
 CRANE = """\
@@ -100,11 +102,20 @@ def content(change: Change) -> tuple[str, ...]:
     return tuple(map(repr, (change.what, change.change, change.path, change.new_path, change.field, change.old, change.new)))
 
 
+def mirrored(change: Change) -> Change:
+    """The same change from the new robot to the old one."""
+    there, back = (change.path, None) if change.new_path is None else (change.new_path, change.path)
+    how: dict[How, How] = {"added": "removed", "removed": "added"}
+    return replace(
+        change, change=how.get(change.change, change.change), path=there, new_path=back, old=change.new, new=change.old,
+    )
+
+
 def sound(old: Snapshot, new: Snapshot) -> Comparison:
     """What changed, after looking that the way back is the mirror image, and that every cause is a change that somebody made."""
     there, back = compare(old, new), compare(new, old)
-    assert sorted(content(c.backward) for c in there.changes) == sorted(map(content, back.changes))
-    assert {content(c.backward) for c in there.changes if not c.caused} == {content(c) for c in back.changes if not c.caused}
+    assert sorted(content(mirrored(c)) for c in there.changes) == sorted(map(content, back.changes))
+    assert {content(mirrored(c)) for c in there.changes if not c.caused} == {content(c) for c in back.changes if not c.caused}
     named = {c.path for c in there.changes if not c.caused} | {"perhaps"}
     assert [c for c in there.changes if not set(c.because) <= named] == []
     return there

@@ -10,7 +10,7 @@ from thingc.base.numeric import hypot
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Span
-from thingc.tools.diff.document_changes import DocumentChanges, above_of, compare_stated
+from thingc.tools.diff.document_changes import DocumentChanges, StatedChanges, above_of
 from thingc.tools.diff.name_mapping import NameMapping, equal, shared_order
 from thingc.tools.diff.snapshot import Change, DisplayValue, How, OccurrenceSnapshot, Row, Snapshot, What
 
@@ -26,12 +26,9 @@ SHAPES = 1e-7
 """By how much of itself an integral over a shape may differ that is the same: the kernel adds up faces in the order it meets them."""
 
 
-def add_consequences(pairing: NameMapping, changes: DocumentChanges, farthest: Farthest = lambda old, new: None) -> None:
-    """Adds what follows to the changes of what is stated."""
-    _Following(pairing, changes, farthest).all()
-
-
 class _Following:
+    """Adds what follows to the changes of what is stated."""
+
     def __init__(self, pairing: NameMapping, changes: DocumentChanges, farthest: Farthest) -> None:
         self.pairing, self.changes, self.farthest = pairing, changes, farthest
         self.old: Snapshot = pairing.old
@@ -455,7 +452,7 @@ class Comparison(OneLineRepr, FrozenStruct):
 def compare(old: Snapshot, new: Snapshot, farthest: Farthest = lambda old, new: None) -> Comparison:
     """What changed from one snapshot to another. `farthest` measures how far surfaces are apart; without it nothing says so."""
     pairing = NameMapping(old, new)
-    changes = compare_stated(pairing)
-    add_consequences(pairing, changes, farthest)
+    changes = StatedChanges(pairing).changes
+    _Following(pairing, changes, farthest).all()
     ordered = sorted(changes.found, key=lambda change: change.caused)
     return Comparison(name=new.name, changes=tuple(ordered), unknown=tuple(sorted(old.lacks | new.lacks)))

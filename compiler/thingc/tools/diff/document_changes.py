@@ -126,12 +126,9 @@ def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
     return any(field == one or one.endswith(".") and field.startswith(one) for one in fields)
 
 
-def compare_stated(pairing: NameMapping) -> DocumentChanges:
-    """All changes of what the documents state."""
-    return _StatedChanges(pairing).changes
+class StatedChanges:
+    """All `changes` of what the documents state."""
 
-
-class _StatedChanges:
     def __init__(self, pairing: NameMapping) -> None:
         self.pairing = pairing
         self.changes = DocumentChanges()

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, Union, get_args
 
-from msgspec.structs import replace
-
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
 from thingc.base.one_line_repr import OneLineRepr
@@ -20,7 +18,6 @@ WHATS: tuple[What, ...] = get_args(What)
 """What a change may be of, the most important first where they are told."""
 
 How = Literal["added", "removed", "renamed", "moved", "changed"]
-_BACKWARD: dict[How, How] = {"added": "removed", "removed": "added"}
 
 DisplayValue = Union[None, bool, int, float, str, tuple["DisplayValue", ...]]
 """A value as an answer tells it: SI, names as documents write them."""
@@ -52,15 +49,6 @@ class Change(OneLineRepr, FrozenStruct):
     def caused(self) -> bool:
         """Whether it is the consequence of other changes."""
         return any(word != PERHAPS for word in self.because)
-
-    @property
-    def backward(self) -> Change:
-        """The same change from the new robot to the old one; what caused it, and its place, are not known of it."""
-        there, back = (self.path, None) if self.new_path is None else (self.new_path, self.path)
-        return replace(
-            self, change=_BACKWARD.get(self.change, self.change), path=there, new_path=back, old=self.new, new=self.old, because=(),
-            reason="", words=None if self.words is None else (self.words[1], self.words[0]), span=None,
-        )
 
 
 NOT_COMPARED = frozenset({"name", "origin", "origins", "sources", "span", "spans", "wrong"})

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import MappingNode, Node, ScalarNode, Span
 from thingc.base.units import UnitError, parse_quantity
 from thingc.documents.load.documents import Documents
@@ -15,13 +14,8 @@ from thingc.tools.diff.snapshot import Fact, Value
 _NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
 
 
-class Section(FrozenStruct):
-    """What a document says of one thing: in its own place, then where it says it of others, too (defaults, the mode that one extends)."""
-
-    nodes: tuple[Node | None, ...]
-
-
-NOWHERE = Section(nodes=())
+Section = tuple[Node | None, ...]
+"""What a document says of one thing: in its own place, then where it says it of others, too (defaults, the mode that one extends)."""
 
 
 class DocumentTrees:
@@ -38,17 +32,17 @@ class DocumentTrees:
         tree = self._trees.get(document)
         components = tree.entries.get("components") if tree is not None else None
         if not isinstance(components, MappingNode):
-            return NOWHERE
+            return ()
         if document not in self._by_key:
             self._by_key[document] = {span: key for key, span in components.keys.items()}
         key = next((self._by_key[document][span] for span in component.origin if span in self._by_key[document]), component.name)
-        section = Section(nodes=(components.entries.get(key), _at(tree, ("defaults", "component"))))
+        section = (components.entries.get(key), _at(tree, ("defaults", "component")))
         self._components[path] = section
         return section
 
     def component(self, prefix: str) -> Section:
         """What the document above says of the assembly at a prefix (`hand/`)."""
-        return self._components.get(prefix.rstrip("/"), NOWHERE)
+        return self._components.get(prefix.rstrip("/"), ())
 
     def section(self, document: str, *keys: str) -> Section:
         """What a document says under some keys, and in what that `extends`."""
@@ -60,7 +54,7 @@ class DocumentTrees:
             if not isinstance(further, ScalarNode):
                 break
             name = str(further.value)
-        return Section(nodes=tuple(nodes.values()))
+        return tuple(nodes.values())
 
     def words_at(self, span: Span | None) -> str | None:
         """What stands at a place of a document; None where that is more than a line."""
@@ -81,7 +75,7 @@ class DocumentTrees:
     ) -> Fact:
         """A value that stands under some keys of a section, where it stands in none its place is `otherwise`. An orientation is `rpy`
         also where the document says it by `quat`; those are its words then."""
-        for node in section.nodes:
+        for node in section:
             place = _at(node, keys)
             if place is not None:
                 text, span = _node_text(place)

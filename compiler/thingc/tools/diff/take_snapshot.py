@@ -15,20 +15,7 @@ from thingc.geometry.record import PartDefinition
 from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge
 from thingc.model.resolve.coordinates import Dynamics, Limit
 from thingc.model.resolve.nested_assemblies import assemblies_of
-from thingc.model.resolve.types import (
-    AssemblyDefinition,
-    At,
-    Attach,
-    BomEntry,
-    Component,
-    Joint,
-    JointRange,
-    Mode,
-    Overrides,
-    Process,
-    Reference,
-    StatedValue,
-)
+from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, JointRange, Mode, Overrides, Process, Reference
 from thingc.tools.diff.assembly_facts import edges_of, links_of, occurrences_of, rows_of, sensor_values, tendon_facts
 from thingc.tools.diff.snapshot import ComponentNode, Fact, Named, Snapshot, SnapshotElement, TestOutcome, Value, What, field_values
 from thingc.tools.diff.source_locations import DocumentTrees
@@ -143,7 +130,7 @@ class _Reader:
         material = occurrence.material if occurrence is not None else None
         facts["material"] = fact(Named(what="material", path=material.name) if material is not None else None, "material")
         facts |= {key: fact(value, *key.split(".")) for key, value in _overrides(component.overrides)}
-        facts |= {key: fact(value, *key.split(".")) for key, value in field_values("bom", BomEntry, component.bom).items()}
+        facts |= {key: fact(value, *key.split(".")) for key, value in field_values("bom", type(component.bom), component.bom).items()}
         if isinstance(made, PartDefinition):
             inner = ("params",) if made.kind == "code" else ()
             facts |= {".".join((*inner, name)): fact(value, *inner, name) for name, value in made.parameters}
@@ -360,14 +347,9 @@ def _occurrence(definition: AssemblyDefinition, prefix: str, reference: Referenc
 
 
 def _overrides(overrides: Overrides) -> Iterator[tuple[str, Value]]:
-    def stated(key: str, value: StatedValue | None) -> Iterator[tuple[str, Value]]:
-        number = None if value is None else value.value[0] if len(value.value) == 1 else tuple(value.value)
-        yield f"{key}.value", number
-        yield f"{key}.source", None if value is None else value.source
-
-    yield from stated("mass", overrides.mass)
-    yield from stated("com", overrides.com)
-    yield from stated("inertia", overrides.inertia)
+    for key, stated in (("mass", overrides.mass), ("com", overrides.com), ("inertia", overrides.inertia)):
+        yield f"{key}.value", None if stated is None else stated.value[0] if len(stated.value) == 1 else tuple(stated.value)
+        yield f"{key}.source", None if stated is None else stated.source
     yield "collision", overrides.collision
     yield "visual", overrides.visual
     yield "print.up", overrides.up

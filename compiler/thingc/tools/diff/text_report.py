@@ -15,7 +15,7 @@ from thingc.base.numeric import dist, hypot
 from thingc.base.one_line_repr import counted
 from thingc.base.pose import placed, turn_of
 from thingc.base.safe_text import escape_control, some
-from thingc.base.units import ANGLE, LENGTH, MASS, Dimension, Quantity
+from thingc.base.units import ANGLE, LENGTH, MASS, Quantity
 from thingc.tools.diff.comparison import Comparison
 from thingc.tools.diff.results import DiffResult
 from thingc.tools.diff.snapshot import PERHAPS, Change, DisplayValue, How, What
@@ -44,7 +44,6 @@ _LENGTHS = ("xyz", "place", "centre", "box", "surface", "gap", "lead")
 _TESTED = ("reach", "point", "clearance", "ground_clearance", "overlap", "drift", "moved", "penetration")
 """Lengths of tests, as they are written and measured."""
 _ANGLES = ("rpy", "turn", "fovy", "cone")
-_VOLUME, _AREA = Dimension(length=3), Dimension(length=2)
 
 
 class ReportLine(FrozenStruct):
@@ -157,16 +156,6 @@ def following(comparison: Comparison) -> Iterator[ReportLine]:
     return _lines(consequences)
 
 
-def _is_measured(change: Change) -> bool:
-    """Whether it is a number that a test found; equal ones of several poses are told once."""
-    return change.what == "test" and (change.field or "").startswith("measured.")
-
-
-def _field(change: Change) -> str:
-    """The field, without the mode and the pose that are behind it."""
-    return (change.field or "").partition(" [")[0]
-
-
 def outcomes_and_more(comparison: Comparison) -> tuple[list[ReportLine], dict[What, list[ReportLine]]]:
     """What follows: the tests that pass or fail now, which are not folded away, and the rest by kind."""
     follows = list(following(comparison))
@@ -189,7 +178,8 @@ def _of_a_part(change: Change) -> bool:
 def _lines(changes: Iterable[Change]) -> Iterator[ReportLine]:
     grouped: dict[tuple[What, str, str], list[Change]] = {}
     for change in changes:
-        everywhere = replace(change, field=_field(change)) if _is_measured(change) else change
+        measured = change.what == "test" and (change.field or "").startswith("measured.")
+        everywhere = replace(change, field=(change.field or "").partition(" [")[0]) if measured else change  # whatever mode and pose
         grouped.setdefault((change.what, _SIGNS[change.change], _change_text(everywhere)), []).append(change)
     for (what, sign, words), ones in grouped.items():
         if len({one.field for one in ones}) == 1:
@@ -306,7 +296,8 @@ def _body(differences: DiffResult) -> Iterator[str]:
             yield f"<p>{NOTHING.capitalize()}.</p>"
             continue
         if comparison.pictures:
-            before, after, overlay = (_source(comparison.pictures[key]) for key in ("before", "after", "overlay"))
+            pngs = (base64.b64encode(comparison.pictures[key]).decode() for key in ("before", "after", "overlay"))
+            before, after, overlay = (f"data:image/png;base64,{png}" for png in pngs)
             yield '<div class="slider">'
             yield f'<img src="{before}" alt="before"><img class="after" src="{after}" alt="after">'
             yield (
@@ -339,7 +330,3 @@ def _list(sentences: Iterable[ReportLine]) -> Iterator[str]:
 
 def _escape_text(text: str) -> str:
     return escape(escape_control(text))
-
-
-def _source(png: bytes) -> str:
-    return "data:image/png;base64," + base64.b64encode(png).decode()
