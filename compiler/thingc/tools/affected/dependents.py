@@ -74,7 +74,8 @@ def _needs(path: str, store: Store | None) -> _Needs:
     documents = load(path, workspace, report, kinds=KINDS) if workspace is not None else None
     if workspace is None or documents is None:  # it cannot be read, so it names nothing
         return _Needs(frozenset(), (), False, False, frozenset(), frozenset())
-    parts = part_inputs(_references(documents), workspace, store)
+    references = sorted({text for document in documents.by_path.values() for text in _texts(document, "part")})
+    parts = part_inputs(references, workspace, store)
     return _Needs(
         files=frozenset(os.path.realpath(file) for file in (*workspace.inputs, *_files(documents), *parts.files)),
         folders=tuple(os.path.realpath(folder) for folder in parts.folders),
@@ -99,10 +100,6 @@ def _files(documents: Documents) -> Iterator[str]:
                 path = named(text, document.path)
                 if path is not None:
                     yield path
-
-
-def _references(documents: Documents) -> list[str]:
-    return sorted({text for document in documents.by_path.values() for text in _texts(document, "part")})
 
 
 def _texts(document: Document, key: str) -> Iterator[str]:

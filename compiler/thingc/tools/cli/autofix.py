@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from collections.abc import Callable, Mapping, Sequence
 
@@ -43,7 +44,8 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
     if not arguments.diff:
         replace_files({file: (disk.known[file], data) for file, data in sorted(texts.items())})
     elif arguments.format == "text":
-        _print_diff(texts, disk)
+        for file, data in sorted(texts.items()):
+            console.say_diff(shown_path(file), *(one.decode("utf-8-sig") for one in (disk.read(file) or b"", data)))
         places = counted(len(mended), "place")
         console.say(f"{places} would be mended, {counted(len(diagnostics), 'diagnostic')} would be left")
         return console.exit_code(diagnostics)
@@ -79,16 +81,10 @@ class _Disk:
     def read(self, file: str) -> bytes | None:
         """The bytes of a file, None where it cannot be read."""
         if file not in self.known:
-            self.known[file] = _bytes(file)
+            self.known[file] = None
+            with contextlib.suppress(OSError), open(file, "rb") as stream:
+                self.known[file] = stream.read()
         return self.known[file]
-
-
-def _bytes(file: str) -> bytes | None:
-    try:
-        with open(file, "rb") as stream:
-            return stream.read()
-    except OSError:
-        return None
 
 
 def _say(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], mended: Sequence[TextEdit]) -> int:
@@ -106,8 +102,3 @@ def _say(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], mende
     if arguments.format == "text" and not diagnostics:
         console.say(f"{counted(len(mended), 'place')} mended, nothing is left")
     return console.exit_code(diagnostics)
-
-
-def _print_diff(texts: Mapping[str, bytes], disk: _Disk) -> None:
-    for file, data in sorted(texts.items()):
-        console.say_diff(shown_path(file), *(one.decode("utf-8-sig") for one in (disk.read(file) or b"", data)))

@@ -7,7 +7,7 @@ import os
 import shlex
 import sys
 import textwrap
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -109,18 +109,14 @@ def _built(wish: BuildRequest, key: str, environment: Environment) -> tuple[list
     before = listed(build_folder(*built.place))
     folder = build_document.write(environment, built, wish, console.say_waiting)
     if wish.targets and (gone := before - built.files.keys()):
+        folders = {path.partition("/")[0] + ("/" if "/" in path else "") for path in gone}
         console.say(f"{shown_path(folder)}: {counted(len(gone), 'file')} of the build before {'is' if len(gone) == 1 else 'are'} gone, "
-                   f"{_some(gone)}: a build holds what its --emit asks for", stream=sys.stderr)
+                   f"{quoted(sorted(folders), 4)}: a build holds what its --emit asks for", stream=sys.stderr)
     answer = {
         **answer_of(built, folder), "place": built.place, "manifest": up_to_date.state_of(os.path.join(folder, "manifest.json")),
     }
     up_to_date.save(environment.store, key, dependencies.inputs(environment, built.compilation), diagnostics, answer)
     return diagnostics, {**answer, "twice": built.twice}
-
-
-def _some(paths: Collection[str]) -> str:
-    """`sdf/, step/, bom.csv and 2 more`: where files lie in a build folder."""
-    return quoted(sorted({path.partition("/")[0] + ("/" if "/" in path else "") for path in paths}), 4)
 
 
 def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:

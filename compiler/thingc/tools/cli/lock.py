@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import sys
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Report, shown_path
+from thingc.base.filesystem import write_new
 from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import json_text
 from thingc.base.source import Span, line_of
@@ -144,19 +146,15 @@ def _say(failure: PartFailure, called: str, report: Report) -> None:
 
 def _write(path: str, text: str) -> None:
     """Whole or not at all; what is there already is not touched."""
-    try:
-        with open(path, encoding="utf-8") as stream:
-            if stream.read() == text:
-                return
-    except (OSError, ValueError):
-        pass
+    with contextlib.suppress(OSError), open(path, "rb") as stream:
+        if stream.read() == text.encode():
+            return
     beside = f"{path}.{os.getpid()}.tmp"
     try:
-        with open(beside, "w", encoding="utf-8", newline="\n") as stream:
-            stream.write(text)
+        write_new(beside, text.encode())
         os.replace(beside, path)
     finally:
-        if os.path.lexists(beside):
+        with contextlib.suppress(FileNotFoundError):
             os.remove(beside)
 
 

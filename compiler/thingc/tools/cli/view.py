@@ -10,7 +10,6 @@ import threading
 import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
-from functools import partial
 from pathlib import Path
 from urllib.parse import quote
 
@@ -81,7 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
             before, diagnostics = attempted(arguments.against, plain, _page)
             if before is None:
                 return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-    live = RebuildLoop(arguments.document, options, partial(_wish, arguments), console.of_exception, writes=False, turn=turn)
+    wish = BuildRequest(targets=(), modes=arguments.mode, strict=arguments.strict)
+    live = RebuildLoop(arguments.document, options, lambda: wish, console.of_exception, writes=False, turn=turn)
     server = _server(arguments)
     if before is not None:
         server.tell_against(before)
@@ -99,10 +99,6 @@ def run(arguments: argparse.Namespace) -> int:
 
     with server, nullcontext() if beside is None else beside.followed(server):
         return until_interrupted(live, hear)
-
-
-def _wish(arguments: argparse.Namespace) -> BuildRequest:
-    return BuildRequest(targets=(), modes=arguments.mode, strict=arguments.strict)
 
 
 def _shown(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list[dict[str, object]]]:

@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import NO_POSE, Pose, rotation_of
 from thingc.base.source import Span
 from thingc.tools.importing.document_names import plain_name
@@ -68,12 +67,12 @@ class CompiledSource:
     def _leave_out_doubles(self) -> None:
         """Sites that are another one have its name from now on, and are none of a body's, as those that say nothing."""
         poses = {site: pose_of(self.model.site_pos[site], self.model.site_quat[site]) for site in self.sites}
-        found = doubles(self.model, self.sites, self.bodies, poses)
-        for site, other in found.second.items():
+        second, frames, closed = _doubles(self.model, self.sites, self.bodies, poses)
+        for site, other in second.items():
             self.second_names.setdefault(self.sites[other], []).append(self.sites[site])
             self.sites[site] = self.sites[other]
-        self.frames_of = [[site for site in sites if site in found.frames] for sites in self.sites_of]
-        left_out = {*found.second, *found.frames, *found.closed}
+        self.frames_of = [[site for site in sites if site in frames] for sites in self.sites_of]
+        left_out = {*second, *frames, *closed}
         self.sites_of = [[site for site in sites if site not in left_out] for sites in self.sites_of]
 
     def _names(self, kind: str, made_up: Any) -> dict[int, str]:
@@ -93,6 +92,10 @@ class CompiledSource:
     def where(self, kind: str, number: int, attribute: str | None = None) -> Span:
         """Where a thing is written."""
         return self.flat.place(self.written[kind][number].info, attribute)
+
+    def lose(self, kind: str, number: int, what: str, why: str) -> None:
+        """Note a loss where a thing is written."""
+        self.losses.note(what, why, self.where(kind, number))
 
     def element(self, kind: str, number: int) -> SourceElement:
         """What it is in the source; the root of what stands nowhere."""
@@ -163,21 +166,15 @@ def _alike(one: str, other: str) -> bool:
 # --- sites that say nothing of their own: models that thingc has written have them wherever something sits, at the ends of loops, ... ----
 
 
-class Doubles(FrozenStruct, kw_only=False):
-    """Sites by number: those that are another one under a `second` name, with the one that they are; those that are the `frames` of their
-    bodies; and those that are there for what is `closed`."""
-
-    second: dict[int, int]
-    frames: frozenset[int]
-    closed: frozenset[int]
-
-
-def doubles(model: Any, names: Mapping[int, str], bodies: Mapping[int, str], poses: Mapping[int, Pose]) -> Doubles:
-    """Those of a model: `names` are its sites', `bodies` its bodies', `poses` the sites' in these."""
+def _doubles(
+    model: Any, names: Mapping[int, str], bodies: Mapping[int, str], poses: Mapping[int, Pose],
+) -> tuple[dict[int, int], set[int], set[int]]:
+    """Sites of a model by number: those that are another one under a second name, with the one that they are; those that are the frame of
+    their body; and those that are there for what is closed. `names` are its sites', `bodies` its bodies', `poses` the sites' in these."""
     second: dict[int, int] = {}
     kept: dict[int, list[int]] = {}
     used, joined = {*_used(model)}, {*_joined(model)}
-    closed = frozenset(site for site in joined - used if OF_LOOP.search(names[site]))
+    closed = {site for site in joined - used if OF_LOOP.search(names[site])}
     frames: set[int] = set()
     for site in (site for site in range(model.nsite) if site not in closed):
         body = int(model.site_bodyid[site])
@@ -190,7 +187,7 @@ def doubles(model: Any, names: Mapping[int, str], bodies: Mapping[int, str], pos
             frames.add(site)
         else:
             others.append(site)
-    return Doubles(second, frozenset(frames), closed)
+    return second, frames, closed
 
 
 def _is_second(name: str, other: str, body: str) -> bool:

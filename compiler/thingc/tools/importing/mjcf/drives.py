@@ -48,8 +48,7 @@ class Actuators:
         adhesions = []
         for number in range(self.model.nu):
             transmission, target = int(self.model.actuator_trntype[number]), int(self.model.actuator_trnid[number][0])
-            what, where = f"actuator `{original.actuators[number]}`", original.where("actuator", number)
-            why = ""
+            what, why = f"actuator `{original.actuators[number]}`", ""
             if transmission == AT_BODY and target in on:
                 adhesions.append(self._adhesion(number, original.bodies[on[target][0]]))
             elif transmission == AT_TENDON:
@@ -69,7 +68,7 @@ class Actuators:
                 length = _Length(original.bounds("jnt_", target), original.bounds("jnt_actfrc", target))
                 why = self._driving(number, SourceTarget(kind="joint", name=original.joints[target]), target, self.of_joint, length)
             if why and not added.actuator(number):
-                original.losses.note(what, why, where)
+                original.lose("actuator", number, what, why)
             else:
                 self.kept.add(number)
                 self._unsaid(number, what)
@@ -90,7 +89,7 @@ class Actuators:
         for name in UNSAID:
             values = getattr(self.model, f"actuator_{name}", None)
             if values is not None and float(values[number]):
-                self.original.losses.note(f"`{name}` of {what}", "a document does not say it", self.original.where("actuator", number))
+                self.original.lose("actuator", number, f"`{name}` of {what}", "a document does not say it")
 
     def _drive(self, number: int, length: _Length) -> SourceDrive | None:
         """A drive as it is at what it drives; None of a kind that the language has not."""
@@ -141,10 +140,8 @@ class Actuators:
         original, ends = self.original, force
         if gain != 1.0:
             ends = None if force is None else (force[0] / gain, force[1] / gain)
-            original.losses.note(
-                f"the gain of motor `{original.actuators[number]}`, {gain:g}", "it is in its gear: the same torque for the same control",
-                original.where("actuator", number),
-            )
+            what = f"the gain of motor `{original.actuators[number]}`, {gain:g}"
+            original.lose("actuator", number, what, "it is in its gear: the same torque for the same control")
         bounds = [max(map(abs, one)) for one in (control, ends) if one is not None]
         effort = None if not bounds else min(bounds) * abs(gear * gain)
         effort = length.effort(None if effort is None else (-effort, effort))
@@ -159,7 +156,7 @@ class Actuators:
         gain, control = floats(self.model.actuator_gainprm[number])[0], self.original.bounds("actuator_ctrl", number) or (0.0, 1.0)
         force = gain * control[1]
         why = "contacts of what adheres are harder in a document, so that they hold"
-        self.original.losses.note(f"how soft contacts of `{link}` are", why, self.original.where("actuator", number))
+        self.original.lose("actuator", number, f"how soft contacts of `{link}` are", why)
         wanted = [("gain", numbers([gain])), ("ctrlrange", numbers(control))]
         return SourceAdhesion(
             name=self.original.actuators[number], link=link, force=force, where=self.original.where("actuator", number),

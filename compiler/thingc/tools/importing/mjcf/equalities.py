@@ -16,7 +16,7 @@ from thingc.tools.importing.mjcf.drives import Actuators
 from thingc.tools.importing.source_model import FAR, Kind, Raw, SourceJoint, SourceLimits, SourceLoop, SourceMimic
 
 CONNECT, WELD, JOINT = 0, 1, 2
-BODY, SITE = 1, 6
+SITE = 6
 STIFF = {"solref": SOLREF, "solimp": "0.9999 0.9999 0.001 0.5 2"}
 """How MJCF is written of a joint that follows (`emit.mjcf.model.STIFF`)."""
 
@@ -30,8 +30,6 @@ class Equalities:
         self.follows: dict[int, SourceMimic] = {}
         loops = []
         for number in range(self.model.neq):
-            what = f"equality `{original.equalities[number]}`"
-            where = original.where("equality", number)
             kind = int(self.model.eq_type[number])
             why = "" if self.model.eq_active0[number] else "it is not active, and what a document couples always is"
             if not why and kind == JOINT:
@@ -43,7 +41,7 @@ class Equalities:
             elif not why and not added.equality(number):
                 why = "a document couples joints and closes loops, nothing else"
             if why:
-                original.losses.note(what, why, where)
+                original.lose("equality", number, f"equality `{original.equalities[number]}`", why)
         self.loops = tuple(loops)
 
     def _raw(self, number: int, otherwise: dict[str, str]) -> Raw:

@@ -95,7 +95,7 @@ class _Reader:
         on = self._carriers(kept, root)
         for body in (body for body in sorted(kept) if self.model.body_mass[body] <= 0.0 and any(floats(self.model.body_inertia[body]))):
             what = f"the inertia of body `{self.original.bodies[body]}`"
-            self.original.losses.note(what, "the body has no mass", self.original.where("body", body))
+            self.original.lose("body", body, what, "the body has no mass")
         links = [body for body in sorted(kept) if on[body][0] == body or body in self._mounts]
         joints = {joint for body in kept for joint in self.joints[body]}
         sites = {site for site in range(self.model.nsite) if int(self.model.site_bodyid[site]) in kept}
@@ -200,7 +200,8 @@ class _Reader:
         chosen = max(groups, key=lambda one: (sum(len(self.joints[body]) for body in groups[one]), len(groups[one]), -one))
         for body in tops:
             if group[body] != chosen:
-                self._lose_body(body, "it is no part of the robot, and a document has one")
+                what = f"body `{self.original.bodies[body]}`, with all that is on it"
+                self.original.lose("body", body, what, "it is no part of the robot, and a document has one")
         on_world = self._on_world(planes=False)
         if chosen == WORLD:
             first = [body for body in tops if group[body] == WORLD]
@@ -211,7 +212,7 @@ class _Reader:
         for kind, number in [*self._on_world(planes=True), *([] if WORLD in kept else on_world)]:
             is_plane = (kind, number) not in on_world
             why = "a floor belongs to a scene" if is_plane else "it is fixed to the world, and no part of the robot"
-            self.original.losses.note(f"a {kind} of the world", why, self.original.where(kind, number))
+            self.original.lose(kind, number, f"a {kind} of the world", why)
         return kept
 
     def _on_world(self, *, planes: bool) -> list[tuple[str, int]]:
@@ -220,9 +221,6 @@ class _Reader:
         geoms = [("geom", k) for k in range(model.ngeom) if model.geom_bodyid[k] == WORLD and (model.geom_type[k] == PLANE) == planes]
         sites = [] if planes else [("site", k) for k in range(model.nsite) if model.site_bodyid[k] == WORLD]
         return geoms + sites
-
-    def _lose_body(self, body: int, why: str) -> None:
-        self.original.losses.note(f"body `{self.original.bodies[body]}`, with all that is on it", why, self.original.where("body", body))
 
     def _carriers(self, kept: set[int], root: int) -> dict[int, tuple[int, Pose]]:
         """For each body of the robot the link that it is, or lies on, with its pose in it. What weighs nothing, shows nothing, cannot move

@@ -65,8 +65,7 @@ class _Sensing:
                 if self.added.sensor(number):
                     continue
                 name, kind = self.original.sensors[number], self._kind(number)
-                where = self.original.where("sensor", number)
-                self.original.losses.note(f"sensor `{name}` of kind `{kind}`", "a document has no such sensor", where)
+                self.original.lose("sensor", number, f"sensor `{name}` of kind `{kind}`", "a document has no such sensor")
             else:
                 placed_before.add(placed)
                 read.append((number, *placed))
@@ -119,7 +118,7 @@ class _Sensing:
                 value = float(getattr(model, f"sensor_{key}")[number])
                 if value and reading in ("quat", "magnetometer", "momentum", "time"):
                     what = f"{key} of sensor `{original.sensors[number]}`"
-                    original.losses.note(what, f"a document says none of a `{reading}`", original.where("sensor", number))
+                    original.lose("sensor", number, what, f"a document says none of a `{reading}`")
                 elif value:
                     said[reading] = value
         volume: tuple[ShapeKind, Sizes] | None = None

@@ -96,12 +96,12 @@ def touching(
     for head, parent in sorted(parents.items()):
         if (parent == still or not filtered) and meet(head, parent):
             what = f"contacts of `{original.bodies[head]}` with `{original.bodies[parent]}`"
-            original.losses.note(what, "links of a document that a joint connects never touch", original.where("body", head))
+            original.lose("body", head, what, "links of a document that a joint connects never touch")
     for head, other in sorted(apart.keys() - near):
         if meet(head, other):
             what = f"contacts of `{original.bodies[other]}` with `{original.bodies[head]}`"
             why = "two bodies of theirs never touch, and bodies that are fixed to one another are one link"
-            original.losses.note(what, why, original.where("body", other))
+            original.lose("body", other, what, why)
     touch = {head for head, bodies in members.items() if head != still and any(any(masks[body]) for body in bodies)}
     _lose_parts(original, members, touch)
     named = ((original.bodies[on[body][0]] for body in bodies) for pair, bodies in apart.items() if pair not in near)
@@ -119,8 +119,8 @@ def _excluded(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> I
         if first in on and second in on:
             yield first, second
         else:
-            original.losses.note(f"that `{one.bodyname1}` and `{one.bodyname2}` never touch", "one of the two is no part of the robot",
-                          original.flat.place(one.info))
+            what = f"that `{one.bodyname1}` and `{one.bodyname2}` never touch"
+            original.losses.note(what, "one of the two is no part of the robot", original.flat.place(one.info))
 
 
 def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touch: Set[int]) -> None:
@@ -129,17 +129,16 @@ def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touc
     fluid = bool(model.opt.density or model.opt.viscosity)
     for body in sorted(body for bodies in members.values() for body in bodies) if fluid else ():
         for geom in (geom for geom in original.geoms_of[body] if model.geom_fluid[geom][0]):
-            what = f"drag of a geom of `{original.bodies[body]}` as an ellipsoid"
-            original.losses.note(what, "a document has the drag of links", original.where("geom", geom))
+            original.lose("geom", geom, f"drag of a geom of `{original.bodies[body]}` as an ellipsoid", "a document has the drag of links")
     for head, bodies in sorted(members.items()):
         if sum(model.body_mass[body] > 0.0 for body in bodies) < 2:
             continue
         if fluid:
             what = f"drag of `{original.bodies[head]}`, part by part"
-            original.losses.note(what, "bodies that are fixed to one another are one link", original.where("body", head))
+            original.lose("body", head, what, "bodies that are fixed to one another are one link")
         if head in touch:
             why = "MuJoCo takes it from a body's inverse mass, and bodies that are fixed to one another are one"
-            original.losses.note(f"how soft contacts of `{original.bodies[head]}` are", why, original.where("body", head))
+            original.lose("body", head, f"how soft contacts of `{original.bodies[head]}` are", why)
 
 
 def _pair(one: int, other: int) -> tuple[int, int]:
@@ -190,13 +189,10 @@ def poses(
         for loop, gap in _open_loops(original, number):
             what = f"of keyframe `{name}` the values: loop `{loop}` is open by {gap:.2g} m"
             original.losses.note(what, "a build takes the nearest values that close it", where)
-        lost = [
-            (any(floats(model.key_qvel[number])), "its speeds", "a pose of a document is at rest"),
-            (any(floats(model.key_act[number])), "its activations", "a pose of a document has none"),
-        ]
-        for is_lost, what, why in lost:
-            if is_lost:
-                original.losses.note(f"of keyframe `{name}` {what}", why, where)
+        if any(floats(model.key_qvel[number])):
+            original.losses.note(f"of keyframe `{name}` its speeds", "a pose of a document is at rest", where)
+        if any(floats(model.key_act[number])):
+            original.losses.note(f"of keyframe `{name}` its activations", "a pose of a document has none", where)
         controls = floats(model.key_ctrl[number])
         poses.append(SourcePose(name=name, q=q, controls={original.actuators[k]: controls[k] for k in range(len(controls))}, where=where,
                                 at=pose_of(here[:3], here[3:]) if moved else None))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from msgspec.structs import replace
 
@@ -36,7 +36,7 @@ class Tendons:
             wraps = range(first, first + count)
             why = next(filter(None, map(self._unsaid, wraps)), "")
             if why:
-                original.losses.note(f"tendon `{original.tendons[number]}`", why, original.where("tendon", number))
+                original.lose("tendon", number, f"tendon `{original.tendons[number]}`", why)
             else:
                 self.of[number] = self._tendon(number, wraps)
 
@@ -94,8 +94,8 @@ class Tendons:
         for what in ("stiffnesspoly", "dampingpoly"):
             polynomial = getattr(model, f"tendon_{what}", None)
             if polynomial is not None and any(floats(polynomial[number])):
-                why = "damping and stiffness of a document are numbers"
-                original.losses.note(f"what of tendon `{original.tendons[number]}` is not linear", why, original.where("tendon", number))
+                what = f"what of tendon `{original.tendons[number]}` is not linear"
+                original.lose("tendon", number, what, "damping and stiffness of a document are numbers")
         made = SourceTendon(
             name=original.tendons[number], where=original.where("tendon", number), moves=tuple(moves.items()), turns=bool(moves) and turns,
             steps=() if moves else tuple(map(self._step, wraps)), ends=ends, damping=damping, friction=friction, armature=armature,
@@ -146,10 +146,7 @@ class Tendons:
             if color == GREY and material >= 0:
                 color = floats(model.mat_rgba[material])
             wanted.append(("rgba", numbers([round(one, 6) for one in color])))
-        wanted += self._solvers(number)
-        return differing(wanted, otherwise)
-
-    def _solvers(self, number: int) -> Iterator[tuple[str, str]]:
         for word, short in (("limit", "lim"), ("friction", "fri")):
             for kind in ("solref", "solimp"):
-                yield f"{kind}{word}", numbers(getattr(self.model, f"tendon_{kind}_{short}")[number])
+                wanted.append((f"{kind}{word}", numbers(getattr(model, f"tendon_{kind}_{short}")[number])))
+        return differing(wanted, otherwise)
