@@ -24,12 +24,17 @@ FINDINGS = ("text", "json", "github", "sarif")
 """How `check` and `build` print what they find."""
 
 
+def error(message: str, help: str | None, code: Code, detail: str | None = None) -> Diagnostic:
+    """An error without a place."""
+    return Diagnostic(code=code, severity=Severity.ERROR, message=message, help=help, detail=detail)
+
+
 class WrongCommandLine(Exception):
     """Something on the command line is wrong: exit code 2. `diagnostic` says it."""
 
     def __init__(self, message: str, hint: str | None = None, code: Code = Code.COMMAND_LINE) -> None:
         super().__init__(message)
-        self.diagnostic = Diagnostic(code=code, severity=Severity.ERROR, message=message, help=hint)
+        self.diagnostic = error(message, hint, code)
 
 
 def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly document (YAML or TOML)", metavar: str = "DOC") -> None:
@@ -424,33 +429,23 @@ def of_exception(fault: Exception) -> Diagnostic:
     from thingc.geometry.store.local import StoreUnusable
 
     if isinstance(fault, UnknownChoice | OutputError):
-        code = fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE
-        return Diagnostic(code=code, severity=Severity.ERROR, message=fault.message, help=fault.hint)
+        return error(fault.message, fault.hint, fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE)
     if isinstance(fault, FileNotFoundError) and working_folder() is None:
-        return Diagnostic(
-            code=Code.WORKING_FOLDER, severity=Severity.ERROR, message="the working folder is not there any more",
-            help="somebody has deleted it, or made it anew: `cd` to a folder that is there",
-        )
+        help = "somebody has deleted it, or made it anew: `cd` to a folder that is there"
+        return error("the working folder is not there any more", help, Code.WORKING_FOLDER)
     if isinstance(fault, StoreUnusable):
-        return Diagnostic(
-            code=Code.OUTPUT, severity=Severity.ERROR, message=f"the store `{fault.root}` cannot be used: {fault.reason}",
-            help="choose a folder that can be written with --store or THINGC_STORE",
-        )
+        help = "choose a folder that can be written with --store or THINGC_STORE"
+        return error(f"the store `{fault.root}` cannot be used: {fault.reason}", help, Code.OUTPUT)
     if isinstance(fault, OSError) and (fault.filename is not None or fault.errno in NO_ROOM):
         kind = PermissionError if fault.errno == errno.EROFS else type(fault)
         where = "what is written has no room" if fault.filename is None else f"`{shown_path(str(fault.filename))}`"
-        return Diagnostic(
-            code=Code.OUTPUT, severity=Severity.ERROR, message=f"{where}: {fault.strerror or fault}",
-            help="choose a shorter name" if fault.errno == errno.ENAMETOOLONG else _CURES.get(kind, "make room, or choose another place"),
-        )
+        help = "choose a shorter name" if fault.errno == errno.ENAMETOOLONG else _CURES.get(kind, "make room, or choose another place")
+        return error(f"{where}: {fault.strerror or fault}", help, Code.OUTPUT)
     import traceback
 
-    words = " ".join(str(fault).split())
-    return Diagnostic(
-        code=Code.INTERNAL, severity=Severity.ERROR, message=f"thingc itself failed: {type(fault).__name__}: {words}",
-        help="this is a defect of thingc, not of your document; please report it with what --debug shows",
-        detail="".join(traceback.format_exception(fault)),
-    )
+    message = f"thingc itself failed: {type(fault).__name__}: {' '.join(str(fault).split())}"
+    help = "this is a defect of thingc, not of your document; please report it with what --debug shows"
+    return error(message, help, Code.INTERNAL, "".join(traceback.format_exception(fault)))
 
 
 _CURES: Mapping[type[OSError], str] = {

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.base.diagnostics import Code, Diagnostic, shown_path
 from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, attempted
@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         diagnostics = attempted(arguments.document, options, partial(_render, arguments))
     except NoGraphics as fault:
-        diagnostics = [Diagnostic(code=Code.NO_GRAPHICS, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
+        diagnostics = [console.error(fault.message, fault.hint, Code.NO_GRAPHICS)]
     return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
 
 

@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-from thingc.base.diagnostics import Code, Diagnostic, Severity
+from thingc.base.diagnostics import Code, Diagnostic
 from thingc.driver.up_to_date import packed, unpacked
 from thingc.tools.cli import console
 
@@ -105,7 +105,7 @@ def _costly(in_time: bool, status: int, seconds: float, memory: int) -> Diagnost
         how = f"by {signal.Signals(ended_by).name}" if ended_by is not None else f"with status {os.WEXITSTATUS(status)}"
         message = f"the check ended {how} before it was done"
         help = "take the documents for hostile until they are understood; please report how they do this"
-    return Diagnostic(code=Code.TOO_COSTLY, severity=Severity.ERROR, message=message, help=help)
+    return console.error(message, help, Code.TOO_COSTLY)
 
 
 _OUT_OF_MEMORY = 91

@@ -11,7 +11,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Span
 from thingc.tools.diff.document_changes import DocumentChanges, StatedChanges, above_of
-from thingc.tools.diff.name_mapping import NameMapping, equal, shared_order
+from thingc.tools.diff.name_mapping import NameMapping, equal
 from thingc.tools.diff.snapshot import Change, DisplayValue, How, OccurrenceSnapshot, Row, Snapshot, What
 
 Farthest = Callable[[str, str], float | None]
@@ -238,7 +238,7 @@ class _Following:
             there = self.pairing.path("mode", mode) or (mode if mode in self.new.coordinates else None)
             if there is None or there not in self.new.coordinates:
                 continue
-            before = shared_order(names, known)
+            before = [known[name] for name in names if name in known]
             after = [name for name in self.new.coordinates[there] if name in set(before)]
             if [name for name in before if name in set(after)] != after:
                 because = self.changes.causes("mode", [mode, there], ("root", "cut", "base")) or self.changes.structure()
@@ -299,9 +299,6 @@ class _Following:
             if one != other:
                 how: How = "added" if one is None else "removed" if other is None else "changed"
                 self.changes.add(Change(what="file", change=how, path=path, because=tuple(causes) if how != "changed" else ()))
-        self._print_files()
-
-    def _print_files(self) -> None:
         olds, news = ({row.stem: row for row in side.rows if row.stem is not None} for side in (self.old, self.new))
         for stem in {**olds, **news}:
             before, after = olds.get(stem), news.get(stem)

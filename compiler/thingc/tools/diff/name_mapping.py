@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from typing import TypeGuard
 
 from thingc.base.frozen_struct import FrozenStruct
@@ -194,8 +194,3 @@ def _largest(value: Value) -> float:
 
 def _is_number(value: object) -> TypeGuard[int | float]:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
-def shared_order(names: Sequence[str], known: Mapping[str, str]) -> list[str]:
-    """The names that are known, as they are known, in the order in which they stand."""
-    return [known[name] for name in names if name in known]

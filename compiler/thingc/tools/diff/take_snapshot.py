@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from thingc.model.resolve.coordinates import Dynamics, Limit
 from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, JointRange, Mode, Overrides, Process, Reference
 from thingc.tools.diff.assembly_facts import edges_of, links_of, occurrences_of, rows_of, sensor_values, tendon_facts
-from thingc.tools.diff.snapshot import ComponentNode, Fact, Named, Snapshot, SnapshotElement, TestOutcome, Value, What, field_values
+from thingc.tools.diff.snapshot import ComponentNode, Fact, Named, Snapshot, SnapshotElement, Value, What, field_values
 from thingc.tools.diff.source_locations import DocumentTrees
 
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ KEYS = {"minimum": "min", "maximum": "max", "base": "from"}
 """Keys of tests, where what is read of them is called otherwise."""
 
 
-def take_snapshot(compilation: Compilation, outcomes: Sequence[TestOutcome] | None = None) -> Snapshot:
-    """The snapshot of a compilation without errors, with the outcomes of its tests where they were run."""
+def take_snapshot(compilation: Compilation) -> Snapshot:
+    """The snapshot of a compilation without errors, without outcomes of its tests."""
     assembly, documents = compilation.assembly, compilation.documents
     assert assembly is not None and documents is not None, "the compilation failed"
     reader = _Reader(assembly, DocumentTrees(documents))
@@ -47,7 +47,6 @@ def take_snapshot(compilation: Compilation, outcomes: Sequence[TestOutcome] | No
         coordinates={
             robot.mode.name: tuple(joint.path for body in robot.bodies for joint in body.joints) for robot in compilation.robots
         },
-        outcomes=tuple(outcomes) if outcomes is not None else None,
         lacks=frozenset() if whole else frozenset({"masses and geometry"}),
     )
 
