@@ -34,10 +34,13 @@ def test_a_room_is_as_large_as_it_may_be(lines: dict[str, int], room: str) -> No
     assert lines[room] >= allowed - SLACK, f"`{room}` has {lines[room]} code lines: write this number into size.toml in place of {allowed}"
 
 
-def test_the_compiler_proper_is_small(lines: dict[str, int]) -> None:
-    proper = sum(count for room, count in lines.items() if room not in OUTSIDE)
-    assert SIZES["proper"] - SLACK <= proper <= SIZES["proper"], proper
+def test_every_room_has_a_number(lines: dict[str, int]) -> None:
     assert set(SIZES["rooms"]) == {room for room in lines if not room.endswith(".py")}
+
+
+def test_the_compiler_proper_is_small() -> None:
+    proper = sum(count for room, count in SIZES["rooms"].items() if room not in OUTSIDE)
+    assert proper <= SIZES["proper"], f"the numbers of rooms without `batch` and `tools` add up to {proper}, {SIZES['proper']} are allowed"
 
 
 def test_a_raise_has_a_reason() -> None:

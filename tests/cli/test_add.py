@@ -302,8 +302,7 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
     ("part numpy:Old --to D", "`numpy` is neither in a part folder nor in a package that the workspace allows"),
     ("part old:Old --to D", "error[TC405]"),
     ("mood x --to D", "expected `part`, `assembly`, `mode`, `joint` or `test`, found `mood` (did you mean `mode`?)"),
-    ("test x --to D", "a test needs a --kind (`mass`, `centre`, `reach`, `point`, `no_collision`, `torque_margin`, `settles`, "
-     "`ground_clearance`); none is here\n  help: write for example `--kind mass`"),
+    ("test x --to D", f"a test needs a --kind ({', '.join(f'`{kind}`' for kind in kinds())}); none is here\n  help: write for example `--kind mass`"),
     ("test x --to D --kind mas", "found `mas`\n  help: did you mean `mass`?"),
     ("joint x --to D", "a joint needs --parent and --child, two mounts\n  help: write for example `--parent base.top"),
     ("joint Wrist --to D --parent base.top --child arm.seat", "has a joint `wrist` already\n  help: choose another name"),

@@ -180,11 +180,12 @@ def test_what_tests_measure_has_units_and_is_told_once() -> None:
         change("measured.mass [stand, up]", 2.0, 2.5), change("measured.mass [stand, out]", 2.0, 2.5), change("reach.min", 0.3, 0.4),
         change("measured.rest [stand, up]", 0.5, 0.25), change("measured.moved [stand, up]", 0.002, None),
         change("passed [stand, up]", True, False), change("measured.margin", 2.0, 3.0),
+        change("measured.distance", 0.002, 0.001), change("measured.gap", 0.002, 0.001),
     )
     assert [line.words for line in following(Comparison(name="crane", changes=found))] == [
         " [stand, up]: FAILS now", ": measured.mass 2 kg -> 2.5 kg (+25 %)", ": reach.min 300 mm -> 400 mm (+33.3 %)",
         ": measured.rest [stand, up] 0.5 s -> 0.25 s (-50 %)", ": measured.moved [stand, up] 2 mm -> nothing",
-        ": measured.margin 2 -> 3 (+50 %)",
+        ": measured.margin 2 -> 3 (+50 %)", ": measured.distance 2 mm -> 1 mm (-50 %)", ": measured.gap 2 mm -> 1 mm (-50 %)",
     ]
 
 

@@ -8,7 +8,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+from thingc.documents.checks import kinds
 from thingc.tools.cli.main import main
+
+LENGTHS = {name for kind in kinds().values() for name in kind.lengths}
+OTHERS = {"angle", "diverged", "effort", "margin", "margin_without_friction", "mass", "rest"}
+"""Measured numbers that are no lengths."""
 
 PARTS = '''
 from build123d import Align, Box, Location, Pos
@@ -138,5 +143,8 @@ class Workspace:
         assert code != 1 or answer.get("tests") or not tests, out
         answer["code"] = code
         answer["diagnostics"] = [found for found in answer["diagnostics"] if found["code"] != "TC610"]  # bars lie in the floor
+        for result in answer.get("tests", []):
+            numbers = {name for name, value in result["measured"].items() if isinstance(value, float)}
+            assert numbers <= LENGTHS | OTHERS, f"add {numbers - LENGTHS - OTHERS} to `lengths` of the kind, or to OTHERS here"
         answer["by_name"] = {result["name"]: result for result in answer.get("tests", [])}
         return answer

@@ -71,6 +71,6 @@ the floor is named by `except`.
 KIND = CheckKind(
     name="ground_clearance", position=8, summary="The robot keeps a distance from a level plane.",
     examples=[{"at_least": "5 mm", "except": ["foot"]}],
-    stub={"at_least": "0"},
+    stub={"at_least": "0"}, lengths=("ground_clearance", "clearance"),
     page=PAGE, model=GroundClearanceTest, read=read_ground_clearance,
 )

@@ -38,8 +38,8 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
 
     `position` is the place among the kinds in the documentation; `summary` one sentence for a schema and a table; `examples` values
     of the key; `stub` what a new test of this kind says, which is right in any robot, `$mount` and `$base` standing for mounts of it;
-    `page` what the documentation says, with a table of keys for each model of the file. `of_limits`: what is read depends
-    on the limits of joints.
+    `page` what the documentation says, with a table of keys for each model of the file. `lengths`: names of measured and expected values
+    that are lengths [m], which `thingc diff` prints with a unit. `of_limits`: what is read depends on the limits of joints.
     """
 
     name: str
@@ -51,6 +51,7 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     model: type[Written]
     read: Callable[[Written, Any], Stated | None]
     link: Callable[[Any, Stated, Mapping[str, Any], Any], None] | None = None
+    lengths: Sequence[str] = ()
     of_limits: bool = False
 
     def takes(self, key: str) -> bool:

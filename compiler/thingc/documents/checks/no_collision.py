@@ -161,7 +161,7 @@ An allowance that no mode, pose or position has needed is a warning.
 KIND = CheckKind(
     name="no_collision", position=5, summary="Nothing overlaps, in poses or over ranges of joints.",
     examples=[{"pose": "all"}, {"joints": {"elbow": "all"}, "clearance": "1 mm"}],
-    stub={"pose": "all"},
+    stub={"pose": "all"}, lengths=("clearance", "gap", "overlap"),
     page=PAGE, model=NoCollisionTest, read=read_no_collision,
     of_limits=True,
 )

@@ -107,6 +107,6 @@ taken in every run.
 KIND = CheckKind(
     name="point", position=4, summary="A mount can be brought to a point.",
     examples=[{"mount": "hand.tip", "at": "200 0 50 mm", "within": "1 mm"}],
-    stub={"mount": "$mount", "at": ["0", "0", "0"], "within": "1 m"},
+    stub={"mount": "$mount", "at": ["0", "0", "0"], "within": "1 m"}, lengths=("point", "distance"),
     page=PAGE, model=PointTest, read=read_point,
 )

@@ -73,6 +73,6 @@ depends on no mode. Collisions do not count.
 KIND = CheckKind(
     name="reach", position=3, summary="The greatest distance of two mounts, over the ranges of all joints.",
     examples=[{"of": "hand.tip", "from": "plate.bottom", "min": "300 mm"}],
-    stub={"of": "$mount", "from": "$base", "min": "1 mm"},
+    stub={"of": "$mount", "from": "$base", "min": "1 mm"}, lengths=("reach",),
     page=PAGE, model=ReachTest, read=read_reach,
 )

@@ -92,7 +92,7 @@ all parts.
 
 KIND = CheckKind(
     name="settles", position=7, summary="The simulated robot comes to rest.", examples=[{"within": "2 s", "drift": "1 mm"}],
-    stub={"within": "2 s", "drift": "1 mm"},
+    stub={"within": "2 s", "drift": "1 mm"}, lengths=("drift", "moved", "penetration"),
     page=PAGE,
     model=SettlesTest, read=read_settles,
 )

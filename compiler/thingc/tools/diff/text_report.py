@@ -16,6 +16,7 @@ from thingc.base.one_line_repr import counted
 from thingc.base.pose import placed, turn_of
 from thingc.base.safe_text import escape_control, some
 from thingc.base.units import ANGLE, LENGTH, MASS, Quantity
+from thingc.documents.checks import kinds
 from thingc.tools.diff.comparison import Comparison
 from thingc.tools.diff.results import DiffResult
 from thingc.tools.diff.snapshot import PERHAPS, Change, DisplayValue, How, What
@@ -41,8 +42,6 @@ TITLES: dict[What, str] = {
     "material": "materials", "sensor": "sensors",
 }
 _LENGTHS = ("xyz", "place", "centre", "box", "surface", "gap", "lead")
-_TESTED = ("reach", "point", "clearance", "ground_clearance", "overlap", "drift", "moved", "penetration")
-"""Lengths of tests, as they are written and measured."""
 _ANGLES = ("rpy", "turn", "fovy", "cone")
 
 
@@ -250,7 +249,7 @@ def _value(field: str, value: DisplayValue) -> str:
         last = first
     if last in ("mass", "value") and "mass" in field:
         return str(Quantity(value, MASS))
-    if last == "value" and "com" in field or last in _LENGTHS or last in _TESTED and first != "params":
+    if last == "value" and "com" in field or last in _LENGTHS or first != "params" and any(last in kind.lengths for kind in kinds().values()):
         return str(Quantity(value if abs(value) >= 1e-12 else 0.0, LENGTH))
     if last in _ANGLES:
         return str(Quantity(value, ANGLE))
