@@ -26,8 +26,9 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from thingc.base.diagnostics import Code
+from thingc.base.joints.kinds import KINDS
 from thingc.documents.checks import kinds
-from thingc.targets.capabilities import Capabilities, Cell, Companion, Supported
+from thingc.targets.capabilities import Capabilities, Cell, Companion, Supported, joint_cell
 from thingc.targets.registry import TARGETS
 
 DOCS = Path(__file__).resolve().parent
@@ -55,7 +56,11 @@ FEATURES = {
     "links.weightless_base": "without a mass, others", "links.point": "a mass at a point", "links.line": "masses at points in a line",
     "shapes.hull": "convex mesh", "shapes.mesh": "any mesh",
 }
-"""What a feature is called on the page, where not by its key."""
+for kind in KINDS.values():
+    if kind.moves:
+        key = f"joints.{joint_cell(kind)}"
+        FEATURES[key] = f"{FEATURES[key]}, {kind.name}" if key in FEATURES else kind.name
+"""What a feature is called on the page, where not by its key; joints by the kinds of their form."""
 
 HEAD = """\
 # Diagnostics

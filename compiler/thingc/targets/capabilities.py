@@ -15,6 +15,7 @@ from typing import Any, Generic, Literal, TypedDict, TypeVar, assert_never
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO, physical_fault
 from thingc.base.joints.kind import JointKind
+from thingc.base.joints.kinds import KINDS
 from thingc.base.pose import NO_POSE, Vector
 from thingc.base.primitives import Primitive, PrimitiveShape
 from thingc.base.source import Origin
@@ -81,15 +82,12 @@ def written(cell: Cell[By]) -> By | None:
 
 
 class Joints(TypedDict, Generic[By]):
-    """By the kind of the joint: no tree can do without one. A base that moves in part, and a joint at which a loop is cut, are written as
-    joints of their kinds."""
+    """By the form of the motion (`joint_cell`). A base that moves in part, and a joint at which a loop is cut, are written as joints of
+    their kinds."""
 
-    revolute: Written[By]
-    continuous: Written[By]
-    prismatic: Written[By]
-    cylindrical: Written[By]
+    single: Written[By]
+    several: Written[By]
     universal: Written[By]
-    planar: Written[By]
     screw: Written[By]
     ball: Written[By]
 
@@ -414,11 +412,15 @@ def drive_cell(joint: TreeJoint | JointEdge, drive: ActuatorModel) -> Literal["p
     return joint.kind.name if joint.kind.name in ("ball", "universal") else drive.kind
 
 
-def joint_cell(kind: JointKind) -> Literal["revolute", "continuous", "prismatic", "cylindrical", "universal", "planar", "screw", "ball"]:
-    """Which cell is that of a joint that moves."""
-    if kind.name == "fixed":
-        raise ValueError("a fixed joint moves nothing")
-    return kind.name
+def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "screw", "ball"]:
+    """The cell of a kind of joint that moves: how many coordinates it has, and whether formats know its motion."""
+    if kind.at_once:
+        return "ball"
+    if kind.leads:
+        return "screw"
+    if kind.twists == KINDS["universal"].twists:
+        return "universal"
+    return "several" if len(kind.twists) > 1 else "single"
 
 
 def shape_cell(kind: Literal["mesh"] | PrimitiveShape) -> Literal["hull"] | PrimitiveShape:

@@ -45,8 +45,8 @@ _CHAIN: Supported[JointForm] = Supported("nodes", "a node for each coordinate")
 
 CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     "joints": {
-        "revolute": _NODE, "continuous": _NODE, "prismatic": _NODE, "cylindrical": _CHAIN, "universal": _CHAIN, "planar": _CHAIN,
-        "ball": Supported("node"), "screw": Lossy("nodes", "omitted", ": its node slides only if it is shifted, too, when it is turned"),
+        "single": _NODE, "several": _CHAIN, "universal": _CHAIN, "ball": Supported("node"),
+        "screw": Lossy("nodes", "omitted", ": its node slides only if it is shifted, too, when it is turned"),
     },
     "of_joints": {
         "cone": BESIDE, "velocity": BESIDE, "damping": BESIDE, "friction": BESIDE, "armature": BESIDE, "stiffness": BESIDE,

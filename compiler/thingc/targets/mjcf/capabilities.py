@@ -25,8 +25,7 @@ _DRIVES: Supported[DriveForm] = Supported("joint")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "joints": {
-        "revolute": _EACH, "continuous": _EACH, "prismatic": _EACH, "cylindrical": _EACH_OF_SEVERAL, "universal": _EACH_OF_SEVERAL,
-        "planar": _EACH_OF_SEVERAL, "ball": Supported("ball"),
+        "single": _EACH, "several": _EACH_OF_SEVERAL, "universal": _EACH_OF_SEVERAL, "ball": Supported("ball"),
         "screw": Lossy(
             "threaded", "approximated", ": MuJoCo turns and slides it, and ties the two by an equality, which gives way by a little",
         ),

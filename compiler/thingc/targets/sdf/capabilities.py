@@ -26,8 +26,7 @@ _SMALL = Lossy(None, "approximated", ": its moments of inertia are 1e-12 kg m^2 
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "joints": {
-        "revolute": _EACH, "continuous": _EACH, "prismatic": _EACH, "cylindrical": _CHAIN, "universal": Supported("universal"),
-        "planar": _CHAIN, "screw": _EACH, "ball": Supported("ball"),
+        "single": _EACH, "several": _CHAIN, "universal": Supported("universal"), "screw": _EACH, "ball": Supported("ball"),
     },
     "of_joints": {
         "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": SAYS,

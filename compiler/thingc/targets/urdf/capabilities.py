@@ -26,7 +26,7 @@ BALL_DRIVE = Omitted(": its axis is none of a joint's here")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     "joints": {
-        "revolute": _EACH, "continuous": _EACH, "prismatic": _EACH, "cylindrical": _CHAIN, "universal": _CHAIN, "planar": _CHAIN,
+        "single": _EACH, "several": _CHAIN, "universal": _CHAIN,
         "screw": Lossy("threaded", "approximated", ": a slide mimics the turn, and readers without mimics leave it loose"), "ball": _BALL,
     },
     "of_joints": {

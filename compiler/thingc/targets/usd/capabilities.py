@@ -27,8 +27,7 @@ _NONE = Omitted(": UsdPhysics has none")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
     "joints": {
-        "revolute": _SINGLE, "continuous": _SINGLE, "prismatic": _SINGLE, "cylindrical": _GENERIC, "planar": _GENERIC,
-        "ball": Supported("spherical"),
+        "single": _SINGLE, "several": _GENERIC, "ball": Supported("spherical"),
         "universal": Lossy("generic", "approximated", ": X turns first and then Y, which is Newton's order, and UsdPhysics has none"),
         "screw": Lossy("generic", "approximated", ": it turns and slides, each by itself"),
     },

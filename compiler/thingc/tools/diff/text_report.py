@@ -249,7 +249,8 @@ def _value(field: str, value: DisplayValue) -> str:
         last = first
     if last in ("mass", "value") and "mass" in field:
         return str(Quantity(value, MASS))
-    if last == "value" and "com" in field or last in _LENGTHS or first != "params" and any(last in kind.lengths for kind in kinds().values()):
+    measured = first != "params" and any(last in kind.lengths for kind in kinds().values())
+    if last == "value" and "com" in field or last in _LENGTHS or measured:
         return str(Quantity(value if abs(value) >= 1e-12 else 0.0, LENGTH))
     if last in _ANGLES:
         return str(Quantity(value, ANGLE))
