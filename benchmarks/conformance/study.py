@@ -73,86 +73,87 @@ class Reader:
 READERS = (
     Reader(
         "mujoco", ("URDF",),
-        note="reads no mimics, so that followers are put where they belong, and welds a base that is free to the world",
+        note="Reads no mimics, so followers are set to their values. Welds a floating base to the world.",
     ),
     Reader(
         "pinocchio", ("URDF",), ("pin==4.1.0",),
-        "is asked with mimics off, and followers put where they belong; masses of all its links are summed, because its own total leaves "
-        "out what is fixed to the world",
+        "Loaded without mimics; followers are set to their values. Masses of all links are summed, because its own total leaves out "
+        "links fixed to the world.",
     ),
     Reader(
         "yourdfpy", ("URDF",), ("yourdfpy==0.0.60", "trimesh==5.2.0", "lxml==6.1.3", "six==1.17.0", "numpy==2.4.6"),
-        "kinematics alone; it is given the leaders, and puts followers itself", alone=True,
+        "Kinematics only. Gets the leaders and computes the followers.", alone=True,
     ),
     Reader(
         "pybullet", ("URDF",), ("pybullet==3.2.7", "numpy==2.4.6"),
-        "is asked with a base that does not move, and followers put where they belong; its link poses are floats", floats=True,
+        "Loaded with a fixed base; followers are set to their values. Its link poses are floats.", floats=True,
     ),
     Reader(
         "urdf_parser_py", ("URDF", "ROS"), ("urdf-parser-py==0.0.4", "lxml==6.1.3", "PyYAML==6.0.4"),
-        "parses only; every message of it is a fault, except that it does not know `<mujoco>` (in URDF) and `<ros2_control>` (in packages)",
+        "Parser only. Every message is an error, except that it does not know `<mujoco>` (in URDF) and `<ros2_control>` (in packages).",
     ),
     Reader(
         "ikpy", ("URDF",), ("ikpy==4.2.1",),
-        "kinematics only, of the chains from the root to every leaf, with followers put where they belong; the chain that it chooses by "
-        "itself, of first children, must move",
+        "Kinematics only, of the chain from the root to each leaf; followers are set to their values. The chain that it selects by "
+        "itself must move.",
     ),
     Reader(
         "drake", ("MJCF", FOR_DRAKE, "URDF", "SDF"), ("drake==1.51.1",),
-        "takes no loops, so that joints that close them and hold mounts are taken out before; is asked with followers put where they "
-        "belong; tells nobody what mimics, so that leaders are pushed and followers watched for 0.4 s; has efforts of what turns about or "
-        "slides along one axis, and but for SDF has a drive, which is called like it there; a base that floats is put at the origin; of "
-        "MJCF it knows neither sites nor mimics, and unless the file is written for it takes a range of commands for an effort, which is "
-        "not asked there, and several joints of one body in the axes of its parent, which is another robot where the body is turned",
+        "Supports no loops, so joints that close loops or hold mounts are removed first. Followers are set to their values. Reports no"
+        " mimics, so leaders are pushed and followers observed for 0.4 s. Reports efforts of joints with one axis; except in SDF, each"
+        " has a drive of the same name. A floating base is put at the origin. In MJCF it reads neither sites nor mimics. Without "
+        "`--compat drake` it reads a command range as an effort, which is not compared, and puts several joints of one body in the "
+        "axes of the parent, which is another robot if the body is rotated.",
         refuses="several joints of one body",
     ),
     Reader(
-        "libsdformat", ("SDF",), note="reads and checks models and worlds for Gazebo, warnings counted as errors; is no kinematics",
+        "libsdformat", ("SDF",), note="Reads and checks models and worlds for Gazebo; warnings count as errors. Computes no kinematics.",
         needs=("g++ --version", "pkg-config --exists sdformat12"), refuses="is newer than",
     ),
     Reader(
-        "check_urdf", ("URDF",), note="is ROS's own parser: takes the file, and finds every link", needs=("sh -c 'command -v check_urdf'",),
+        "check_urdf", ("URDF",), note="The parser of ROS. Must accept the file and find every link.",
+        needs=("sh -c 'command -v check_urdf'",),
     ),
-    Reader("catkin_pkg", ("ROS",), ("catkin_pkg==1.1.1",), "is what colcon reads manifests with: takes them without a warning"),
+    Reader("catkin_pkg", ("ROS",), ("catkin_pkg==1.1.1",), "Used by colcon to read manifests. Must accept them without warnings."),
     Reader(
         "pinocchio_srdf", ("ROS",), ("pin==4.1.0",),
-        "pinocchio again, on URDF and SRDF: is asked for the frames in every pose, mimics and endless turns put where they belong, and "
-        "whether links that never meet do at 200 configurations",
+        "pinocchio with URDF and SRDF. Compared: frames in every pose, with mimics and continuous joints set to their values, and, at "
+        "200 configurations, whether links collide whose collisions are disabled.",
     ),
     Reader(
         "pymjcf", (COMPAT,), ("dm_control==1.0.50", "mujoco==3.17.0"),
-        "takes models and scenes that are written for it, and has MuJoCo compile what it made of them",
+        "Loads models and scenes that are emitted for it; MuJoCo compiles its output.",
     ),
     Reader(
         "mjx", (COMPAT,), ("mujoco-mjx==3.17.0", "mujoco==3.17.0"),
-        "takes models and scenes that are written for it; counts in doubles here; models are stepped without contacts, for which it would "
-        "compile a function for every pair of meshes, and with pyramidal cones, for it steps elliptic ones beside contacts only",
+        "Loads models and scenes that are emitted for it; computes in doubles here. Steps without contacts, because it compiles a "
+        "function for every pair of meshes, and with pyramidal cones, because it supports elliptic cones only with contacts.",
         refuses="mjTRN_BODY",
     ),
     Reader(
         "warp", ("MJCF",), ("mujoco-warp==3.17.0", "mujoco==3.17.0"),
-        "MuJoCo Warp, for which nothing is written otherwise; counts in floats, on a CPU; models are stepped without contacts",
+        "MuJoCo Warp with the default models. Computes in floats on a CPU. Steps without contacts.",
         floats=True,
     ),
     Reader(
         "newton", ("URDF", "USD"), (
             "newton==1.8.0", "warp-lang==1.19.0", "usd-core==26.11", "newton-usd-schemas==0.6.0", "scipy==1.17.1", "trimesh==5.2.0",
         ),
-        "counts in floats; is asked on a CPU, with followers put where they belong; a base that floats is put at the origin; what closes "
-        "loops and holds is not in its tree; frames of USD are where the file has them on its links; efforts and meshes are asked of USD "
-        "alone",
+        "Computes in floats on a CPU; followers are set to their values. A floating base is put at the origin. Joints that close loops"
+        " and holds are not in its tree. Frames of USD are read from the file, on its links. Efforts and meshes are compared for USD "
+        "only.",
         floats=True,
     ),
     Reader(
         "mujoco-usd", ("USD",), ("mujoco-usd==4.0.0", "mujoco==4.0.0"),
-        "is MuJoCo's own reader of USD, a format of floats; knows turns and slides, makes welds of all other joints, and leaves out drives "
-        "and mimics; frames are where the file has them on its links",
+        "MuJoCo's own USD reader; the format stores floats. Supports revolute and prismatic joints, welds all others, and drops drives"
+        " and mimics. Frames are read from the file, on its links.",
         refuses="are welds to it", floats=True,
     ),
     Reader(
         "usdchecker", ("USD",), ("usd-core==26.11", "numpy==2.4.6"),
-        "is all of usd-core's validators, those of UsdPhysics among them, which say nothing; finds one articulation, and every link, "
-        "frame and joint",
+        "All validators of usd-core, including UsdPhysics; they must report nothing. Must find one articulation and every link, frame "
+        "and joint.",
         floats=True,
     ),
 )
@@ -340,7 +341,7 @@ def table(rows: Mapping[tuple[str, str], tuple[str, dict[str, Judged]]]) -> Iter
     yield ""
     for reader in READERS:
         if any(name == reader.name for name, _ in rows):
-            yield f"- {reader.name}: {reader.note}."
+            yield f"- {reader.name}: {reader.note}"
     yield f"- Not run: {NOT_RUN}."
 
 
