@@ -83,9 +83,7 @@ def toml_layout(text: str, shape: FieldType | None) -> str:
     for section in sorted(sections, key=lambda section: names.rank(section.words)):
         lines.extend(_section(section, text, names, not any(lines)))
     lines.extend(line or "" for line in tidy(foot))
-    while lines and not lines[-1]:
-        lines.pop()
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines).rstrip("\n") + "\n"
 
 
 def _opening(sections: list[_Statement]) -> list[str | None]:

@@ -288,9 +288,7 @@ def yaml_layout(text: str, shape: FieldType | None) -> str:
         lines.extend(_own_lines(root.trailing, 0))
     else:
         lines.extend(printer.mapping(root, shape, 0, top=True))
-    while lines and not lines[-1]:
-        lines.pop()
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines).rstrip("\n") + "\n"
 
 
 class _Printer:

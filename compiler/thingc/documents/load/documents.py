@@ -247,34 +247,29 @@ class _Reader:
         self.done.add(document.relative)
         if document.kind != "assembly":
             return
-        for text, where in _materials(document.tree):
+        for key, text, where in _named_files(document.tree):
             if self.enough(where):
                 return
-            self.named(document, text, where, "materials")
-        for text, where in _components(document.tree, "file"):
-            if self.enough(where):
-                return
-            self.find(text, document, where, PART_SUFFIXES, "a file of a part")
-        for text, where in _meshes(document.tree):
-            if self.enough(where):
-                return
-            path = self.find(text, document, where, MESH_SUFFIXES, "a mesh file")
-            if path is not None:
-                self.files.update(os.path.join(os.path.dirname(path), name) for name in libraries(path))
-        for text, where in _components(document.tree, "assembly"):
-            if self.enough(where):
-                return
-            nested = self.named(document, text, where, "assembly")
-            if nested is None:
-                continue
-            hops = [*chain, (document, where)]
-            position = next((k for k, (above, _) in enumerate(hops) if above.relative == nested.relative), None)
-            if position is not None:
-                self.cycle(hops[position:])
-            elif len(hops) >= MAX_CHAIN:
-                self.report.add(Code.TOO_LARGE, f"more than {MAX_CHAIN} assemblies nest in one another", where)
-            else:
-                self.follow(nested, hops)
+            if key == "materials":
+                self.named(document, text, where, "materials")
+            elif key == "file":
+                self.find(text, document, where, PART_SUFFIXES, "a file of a part")
+            elif key == "mesh":
+                path = self.find(text, document, where, MESH_SUFFIXES, "a mesh file")
+                if path is not None:
+                    self.files.update(os.path.join(os.path.dirname(path), name) for name in libraries(path))
+            elif (nested := self.named(document, text, where, "assembly")) is not None:
+                self.nest(nested, [*chain, (document, where)])
+
+    def nest(self, nested: Document, hops: list[tuple[Document, Span]]) -> None:
+        """Follow a nested assembly; `hops` are those above it."""
+        position = next((k for k, (above, _) in enumerate(hops) if above.relative == nested.relative), None)
+        if position is not None:
+            self.cycle(hops[position:])
+        elif len(hops) >= MAX_CHAIN:
+            self.report.add(Code.TOO_LARGE, f"more than {MAX_CHAIN} assemblies nest in one another", hops[-1][1])
+        else:
+            self.follow(nested, hops)
 
     def cycle(self, hops: list[tuple[Document, Span]]) -> None:
         names = [document.relative for document, _ in hops]
@@ -361,26 +356,18 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
     return kind
 
 
-def _texts(node: Node | None) -> Iterator[tuple[str, Span]]:
-    if isinstance(node, ScalarNode) and isinstance(node.value, str):
-        yield node.value, node.span
+def _named_files(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
+    """The files that an assembly names, by kind: materials, files of parts, meshes of links, nested assemblies."""
+    components = [entries_of(one) for one in entries_of(tree.entries.get("components")).values()]
+    shapes = [entries_of(shape) for one in components for shape in _items(one.get("shapes"))]
+    named = [
+        *(("materials", one) for one in _items(tree.entries.get("materials"))), *(("file", one.get("file")) for one in components),
+        *(("mesh", one.get("mesh")) for one in shapes), *(("assembly", one.get("assembly")) for one in components),
+    ]
+    for key, node in named:
+        if isinstance(node, ScalarNode) and isinstance(node.value, str):
+            yield key, node.value, node.span
 
 
-def _components(tree: MappingNode, key: str) -> Iterator[tuple[str, Span]]:
-    for component in entries_of(tree.entries.get("components")).values():
-        yield from _texts(entries_of(component).get(key))
-
-
-def _meshes(tree: MappingNode) -> Iterator[tuple[str, Span]]:
-    """The mesh files among the shapes of links."""
-    for component in entries_of(tree.entries.get("components")).values():
-        shapes = entries_of(component).get("shapes")
-        for shape in shapes.items if isinstance(shapes, SequenceNode) else ():
-            yield from _texts(entries_of(shape).get("mesh"))
-
-
-def _materials(tree: MappingNode) -> Iterator[tuple[str, Span]]:
-    materials = tree.entries.get("materials")
-    if isinstance(materials, SequenceNode):
-        for item in materials.items:
-            yield from _texts(item)
+def _items(node: Node | None) -> tuple[Node, ...]:
+    return node.items if isinstance(node, SequenceNode) else ()

@@ -5,6 +5,7 @@ PyYAML's own values are YAML 1.1 (`on` is true, `1e-3` is text), so only its eve
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 from msgspec.structs import replace
@@ -56,15 +57,13 @@ class _Stop(Exception):
     """Reading cannot go on; it has been reported why."""
 
 
+@dataclass(slots=True)
 class _Anchored:
     """An anchor: its node once complete, how many nodes it stands for and how many levels."""
 
-    __slots__ = ("height", "node", "nodes")
-
-    def __init__(self) -> None:
-        self.node: Node | None = None
-        self.nodes = 1
-        self.height = 0
+    node: Node | None = None
+    nodes: int = 1
+    height: int = 0
 
 
 class _Builder:

@@ -261,9 +261,8 @@ class PartNames:
             stem = os.path.join(folder, *dotted.split("."))
             for file in (f"{stem}.py", os.path.join(stem, "__init__.py")):
                 text = self._read(file)
-                if text is None:
-                    continue
-                return _module_of(file, dotted, text)
+                if text is not None:
+                    return _module_of(file, dotted, text)
         return None
 
 

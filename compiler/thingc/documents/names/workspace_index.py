@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.source import Document, ScalarNode
+from thingc.base.source import Document, text_of
 from thingc.documents.load.discovery import documents_in
 from thingc.documents.load.documents import read_tree
 from thingc.documents.names.document_names import DocumentNames
@@ -99,11 +99,9 @@ def read_document(path: str, relative: str, text: str) -> DocumentNames | None:
     tree = read_tree(path, data, report) if len(data) <= MAX_TEXT else None
     if tree is None or report.failed:
         return None
-    kind = tree.entries.get("thingc")
-    said = kind.value if isinstance(kind, ScalarNode) and isinstance(kind.value, str) else ""
     return DocumentNames(Document(
-        path=path, relative=relative, kind=said.partition("/")[0], tree=tree, sha256=hashlib.sha256(data).hexdigest(),
-        text=text.removeprefix("\ufeff"),
+        path=path, relative=relative, kind=text_of(tree.entries.get("thingc")).partition("/")[0], tree=tree,
+        sha256=hashlib.sha256(data).hexdigest(), text=text.removeprefix("\ufeff"),
     ))
 
 

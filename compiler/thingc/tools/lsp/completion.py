@@ -62,7 +62,6 @@ class CompletionItem(FrozenStruct):
     rank: int = 0
     detail: str = ""
     description: str = ""
-    filter: str = ''
 
 
 def completion(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> dict[str, Any]:
@@ -72,7 +71,7 @@ def completion(analysis: Analysis, text: str, place: TextPlace, params: Mapping[
     answer = []
     for number, one in enumerate(offered[:MAX_ITEMS]):
         item: dict[str, Any] = {
-            "label": one.shown, "kind": one.kind, "sortText": f"{number:04d}", "filterText": one.filter or one.shown, "insertTextMode": 1,
+            "label": one.shown, "kind": one.kind, "sortText": f"{number:04d}", "filterText": one.shown, "insertTextMode": 1,
             "textEdit": {"range": lines.range_of(one.start, one.end), "newText": one.text},
         }
         if one.detail:
@@ -221,7 +220,7 @@ class _Asked:
             yield replace(item, start=start)
         for one in self._counted():
             if one.shown.startswith(head):
-                yield replace(one, shown=one.shown[len(head) :], filter="", text=one.text[len(head) :], start=start)
+                yield replace(one, shown=one.shown[len(head) :], text=one.text[len(head) :], start=start)
 
     def _mounts_at(self, known: Mapping[str, str], head: str) -> Iterator[tuple[str, str]]:
         """The mounts of a component that the text has and the last sound document had not: those of its part as a rule."""
@@ -291,7 +290,7 @@ class _Asked:
             space = " " if close and unit != "°" else ""
             yield CompletionItem(
                 shown=unit, text=space + unit, start=start, end=max(end, self.cursor.end), kind=_UNIT,
-                rank=number, detail=_DIMENSIONS[unit].words, filter=unit,
+                rank=number, detail=_DIMENSIONS[unit].words,
             )
 
     def _in_expression(self) -> Iterator[CompletionItem]:
@@ -324,7 +323,7 @@ class _Asked:
             yield CompletionItem(shown=index, text=index, start=start, end=end, kind=_VARIABLE, rank=10, detail=detail)
         for name, (least, most) in FUNCTIONS.items():
             several = f"{least} to {most} values" if most > least else f"{least} value" + ("s" if least > 1 else "")
-            yield CompletionItem(shown=name, text=f"{name}(", start=start, end=end, kind=_FUNCTION, rank=200, detail=several, filter=name)
+            yield CompletionItem(shown=name, text=f"{name}(", start=start, end=end, kind=_FUNCTION, rank=200, detail=several)
         for name, quantity in CONSTANTS.items():
             yield CompletionItem(shown=name, text=name, start=start, end=end, kind=_CONSTANT, rank=201, detail=quantity.shown(6))
 

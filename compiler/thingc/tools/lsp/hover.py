@@ -11,7 +11,7 @@ from thingc.base.diagnostics import Code
 from thingc.base.numeric import sum_of
 from thingc.base.source import Path, entries_of, node_at
 from thingc.base.units import ANGLE, FORCE, MASS, TORQUE, Quantity
-from thingc.model.assembly.types import Assembly, JointEdge, Mate
+from thingc.model.assembly.types import Assembly, JointEdge
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.cursor import Cursor, cursor_at
 from thingc.tools.lsp.positions import TextPlace
@@ -159,7 +159,8 @@ def _of_mount(analysis: Analysis, reference: str) -> str:
 def _of_joint(analysis: Analysis, name: str) -> str:
     """Its kind, its mounts, its limits and what drives it."""
     facts = analysis.facts.joints.get(name)
-    coordinate = None if analysis.assembly is None else _edge(analysis.assembly, name)
+    mates = () if analysis.assembly is None else analysis.assembly.mates
+    coordinate = next(((mate, edge) for mate in mates for edge in mate.joints if str(edge.name) == name), None)
     if facts is None and coordinate is None:
         return ""
     lines = [f"**{name}**: {facts.what}" if facts is not None else f"**{name}**"]
@@ -181,10 +182,6 @@ def _motion(edge: JointEdge) -> str:
     speed = edge.limit.velocity
     limit = "" if speed is None else f"; up to {speed * 30.0 / math.pi:.4g} rpm" if turns else f"; up to {speed:.4g} m/s"
     return f"{'Turns about' if turns else 'Slides along'} {direction_words(axis).removeprefix('+')} of the parent mount{limit}."
-
-
-def _edge(assembly: Assembly, name: str) -> tuple[Mate, JointEdge] | None:
-    return next(((mate, edge) for mate in assembly.mates for edge in mate.joints if str(edge.name) == name), None)
 
 
 def _of_pose(analysis: Analysis, name: str) -> str:
