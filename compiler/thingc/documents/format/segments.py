@@ -27,15 +27,13 @@ class EndComment:
     column: int
     gap: int
 
-    def after(self, line: str) -> str:
-        """The line with the comment: in its old column where that is free, and where it was not simply the usual gap."""
-        spaces = COMMENT_GAP if self.gap <= COMMENT_GAP else max(COMMENT_GAP, self.column - len(line))
-        return line + " " * spaces + self.text
-
 
 def commented(line: str, comment: EndComment | None) -> str:
-    """A line with its comment, if any."""
-    return line if comment is None else comment.after(line)
+    """A line with its comment, if any: in its old column where that is free, and where it was not simply the usual gap."""
+    if comment is None:
+        return line
+    spaces = COMMENT_GAP if comment.gap <= COMMENT_GAP else max(COMMENT_GAP, comment.column - len(line))
+    return line + " " * spaces + comment.text
 
 
 @dataclass(slots=True, kw_only=True)

@@ -56,11 +56,7 @@ class _Names:
 
     def rank(self, words: tuple[str, ...]) -> tuple[int, ...]:
         """Where a key stands in canonical order: its rank at every level."""
-        rank, table = [], self
-        for word in words:
-            rank.append(table.ranks[word])
-            table = table.below[word]
-        return tuple(rank)
+        return tuple(self.at(words[:depth]).ranks[word] for depth, word in enumerate(words))
 
     def at(self, words: tuple[str, ...]) -> _Names:
         """What is below a key."""

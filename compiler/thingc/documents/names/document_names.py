@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import cache
 
 from thingc.base.frozen_struct import FrozenStruct
@@ -154,17 +153,13 @@ def pattern_of(text: str, index: str) -> re.Pattern[str]:
     return re.compile(translate(text).replace("\\\0", r"\d+").replace("\0", r"\d+"))
 
 
-@dataclass(slots=True)
 class DocumentNames:
     """A document, its lines and what is mentioned in it."""
 
-    document: Document
-    lines: list[str] = field(default_factory=list)
-    mentions: tuple[NameOccurrence, ...] = ()
-
-    def __post_init__(self) -> None:
-        self.lines = re.split(r"\r\n|\r|\n", self.document.text)
-        self.mentions = tuple(mentions_of(self.document))
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.lines = re.split(r"\r\n|\r|\n", document.text)
+        self.mentions = tuple(mentions_of(document))
 
     @property
     def path(self) -> str:

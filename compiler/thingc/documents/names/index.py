@@ -120,24 +120,21 @@ class _Reader:
         """The places of all names in the document."""
         for mention in self.own.mentions:
             spans = [self.own.around(mention)]
-            if mention.key:
-                spans += self._again(mention.path)
+            parent = node_at(self.own.document.tree, mention.path[:-1])
+            if mention.key and isinstance(parent, MappingNode):  # TOML repeats a key in every header below it
+                spans += [span for key, span in parent.again if key == mention.path[-1]]
             for start, end, name, role in self.hits(mention):
                 for span in spans:
                     exact = self.own.place(span, mention.text, start, end)
                     yield NamePlace(name, exact or span, role if exact is not None else "fits")
-
-    def _again(self, path: Path) -> list[Span]:
-        """Where else a key is written: TOML repeats it in every header below it."""
-        parent = node_at(self.own.document.tree, path[:-1])
-        return [span for key, span in parent.again if key == path[-1]] if isinstance(parent, MappingNode) else []
 
     def hits(self, mention: NameOccurrence) -> Iterator[Hit]:
         """What a mention names."""
         written, path, text = self.own, mention.path, mention.text
         index = written.index_of(path)
         if index and "$" in text:
-            yield from self._index_uses(text, index, path)
+            for use in re.finditer(rf"\$\{{?({index})(?![A-Za-z0-9])", text):
+                yield use.start(1), use.end(1), self.own_name(written, "index", index, path), "used"
         if isinstance(mention.names, DeclaresName):
             yield 0, len(text), self.own_name(written, mention.names.what, text, path), "declared"
             if mention.names.what == "sensor" and written.text(*path, "type") == "joint" and written.text(*path, "joint") is None:
@@ -149,10 +146,6 @@ class _Reader:
         """The name that a key or text at a path declares."""
         owner = f"{path[0]}.{path[1]}" if what in ("index", "mount") else ""
         return Name(what, written.path, text, owner)
-
-    def _index_uses(self, text: str, index: str, path: Path) -> Iterator[Hit]:
-        for use in re.finditer(rf"\$\{{?({index})(?![A-Za-z0-9])", text):
-            yield use.start(1), use.end(1), self.own_name(self.own, "index", index, path), "used"
 
     def meant(self, base: DocumentNames | None, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
         """What a text means in an assembly; in `path` it stands."""

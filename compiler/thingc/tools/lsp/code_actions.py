@@ -23,7 +23,7 @@ MOST_LINES = 3000
 
 def edits(before: TextLines, after: str) -> list[dict[str, Any]]:
     """The protocol's edits that make one text of another; none where they are equal."""
-    old, new = _split(before), _split(TextLines(after))
+    old, new = before.text.splitlines(keepends=True), after.splitlines(keepends=True)
     top, end = equal_ends(old, new)
     old_middle, new_middle = old[top : len(old) - end], new[top : len(new) - end]
     if not (old_middle or new_middle):
@@ -36,11 +36,6 @@ def edits(before: TextLines, after: str) -> list[dict[str, Any]]:
         {"range": before.range_of(_start(before, top + i1), _start(before, top + i2)), "newText": "".join(new_middle[j1:j2])}
         for i1, i2, j1, j2 in spans
     ]
-
-
-def _split(lines: TextLines) -> list[str]:
-    ends = [*lines.starts[1:], len(lines.text)]
-    return [lines.text[start:end] for start, end in zip(lines.starts, ends)]
 
 
 def _start(lines: TextLines, number: int) -> int:

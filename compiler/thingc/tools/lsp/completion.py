@@ -211,8 +211,8 @@ class _Asked:
         for offer in self.walk.value_offers(self.cursor.path):
             if isinstance(offer.value, str) and offer.value.startswith(head) and not self._own(offer.value):
                 mounts.setdefault(offer.value, offer.description)
-        for word, description in self._mounts_at(mounts, head):
-            mounts.setdefault(word, description)
+        if not mounts and self.walk.takes_mounts(self.cursor.path):  # a component that the last sound document did not have
+            mounts = dict(self.walk.mounts_of(head.rstrip(".")))
         for number, (word, description) in enumerate(mounts.items()):
             rest = word[len(head) :]
             rank = number + (2000 if self._taken(word) else 0) + (1000 if "." in rest else 0) + (500 if rest == "origin" else 0)
@@ -221,12 +221,6 @@ class _Asked:
         for one in self._counted():
             if one.shown.startswith(head):
                 yield replace(one, shown=one.shown[len(head) :], text=one.text[len(head) :], start=start)
-
-    def _mounts_at(self, known: Mapping[str, str], head: str) -> Iterator[tuple[str, str]]:
-        """The mounts of a component that the text has and the last sound document had not: those of its part as a rule."""
-        if known or not self.walk.takes_mounts(self.cursor.path):
-            return
-        yield from self.walk.mounts_of(head.rstrip("."))
 
     def _counted(self) -> Iterator[CompletionItem]:
         """In a repeated component, references by its index: `plate.servo_screw_$i` for `plate.servo_screw_0`, `_1`, ..."""

@@ -59,12 +59,8 @@ def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
         word = re.match(r"[A-Za-z]\w*|", written[at.start() if at is not None else 0 :])
         own = _of_parameter(analysis, word.group()) if word is not None and written != f"={word.group()}" else ""
         return "\n\n".join((f"`{written}` = **{shown(values)}**", *([own] if own else [])))
-    value = " ".join(_si(one) for one in values if isinstance(one, Quantity))
+    value = " ".join(f"{one.value:.6g} {one.dimension.symbol}".strip() for one in values if isinstance(one, Quantity))
     return "" if value == written.strip() else f"`{written}` = {value}"
-
-
-def _si(quantity: Quantity) -> str:
-    return f"{quantity.value:.6g} {quantity.dimension.symbol}".strip()
 
 
 def _of_name(analysis: Analysis, path: Path) -> str:

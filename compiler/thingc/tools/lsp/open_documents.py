@@ -62,7 +62,8 @@ class OpenDocuments:
         self.options = options
         self._publish, self._refused, self._wake = publish, refused, wake
         self._lock = threading.RLock()
-        self._texts: Mapping[str, OpenText] = {}
+        self.texts: Mapping[str, OpenText] = {}
+        """All that is open now, by absolute path."""
         self._recent = ""
         self._changes = 0
         self._analyses: dict[str, Analysis] = {}
@@ -79,27 +80,22 @@ class OpenDocuments:
 
     # --- texts ---------------------------------------------------------------------------------------------------
 
-    @property
-    def texts(self) -> Mapping[str, OpenText]:
-        """All that is open now, by absolute path."""
-        return self._texts
-
     def put(self, path: str, text: OpenText) -> None:
         """A file was opened, or has another text now."""
         with self._lock:
-            self._texts, self._recent = {**self._texts, path: text}, path
+            self.texts, self._recent = {**self.texts, path: text}, path
             self._note(path)
 
     def take_away(self, path: str) -> None:
         """A file was closed: what is on the disk counts."""
         with self._lock:
-            self._texts = {one: text for one, text in self._texts.items() if one != path}
+            self.texts = {one: text for one, text in self.texts.items() if one != path}
             self._note(path)
 
     def saved(self, path: str) -> None:
         """A file on the disk is another than before. (Of one that is open the text counts.)"""
         with self._lock:
-            if path not in self._texts or not is_document_path(path):
+            if path not in self.texts or not is_document_path(path):
                 for root in [root for root, one in self._at_hand.items() if path in one.inputs]:
                     del self._at_hand[root]  # it has seen the file as it was
                     self._workers[root].renew()
@@ -120,14 +116,14 @@ class OpenDocuments:
         whether there was one."""
         with self._lock:
             path = self._recent if self._recent in self._outdated else next(iter(self._outdated), None)
-            if path is not None and path not in self._texts:
+            if path is not None and path not in self.texts:
                 del self._outdated[path]
                 self._forget(path)
         if path is None:
             self._ask_workers()
             return False
         try:
-            if path in self._texts:
+            if path in self.texts:
                 self.analysis(path)
             self._say(path)
         except Superseded:
@@ -140,7 +136,7 @@ class OpenDocuments:
             known = self._analyses.get(path)
             if known is not None and path not in self._outdated:
                 return known
-            texts, changes = self._texts, self._changes
+            texts, changes = self.texts, self._changes
             self._outdated.pop(path, None)
         memo = self._memos.setdefault(path, _SupersededMemo())
         patient = time.monotonic() + (IMPATIENT if path == self._recent else 0.0)
@@ -189,17 +185,17 @@ class OpenDocuments:
     def _say(self, path: str) -> None:
         """Publish what is said of a file, and of all others of which something else is said now."""
         with self._lock:
-            analyses = [one for one in self._analyses.values() if one.path in self._texts]
+            analyses = [one for one in self._analyses.values() if one.path in self.texts]
         said: dict[str, list[dict[str, Any]]] = {}
         for analysis in analyses:
             for file, diagnostics in by_file(analysis).items():
                 of_file = said.setdefault(file, [])
-                if analysis.open.get(file) is self._texts.get(file):  # else it has seen another text of that file
+                if analysis.open.get(file) is self.texts.get(file):  # else it has seen another text of that file
                     of_file.extend(one for one in diagnostics if one not in of_file)
         for file in dict.fromkeys((path, *said, *self._published)):
             diagnostics = said.get(file, [])
             if file == path or diagnostics != self._published.get(file, []):
-                text = self._analyses[file].open.get(file) if file in self._analyses else self._texts.get(file)
+                text = self._analyses[file].open.get(file) if file in self._analyses else self.texts.get(file)
                 uri = text.uri if text is not None else Analysis(path=file).uri(file)
                 self._publish(uri, None if text is None else text.version, diagnostics)
         self._published = {file: diagnostics for file, diagnostics in said.items() if diagnostics}

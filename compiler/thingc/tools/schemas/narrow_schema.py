@@ -167,11 +167,8 @@ class _Narrowing:
             choice["patternErrorMessage"] = f"no material of this name is in scope; there are {quoted(sorted(names), 12)}"
         for model in ("ComponentDefaults", "ComponentSpec"):
             self._put(model, "material", choice)
-        self._others(self.properties["materials"]["anyOf"], self.around.materials)
-
-    def _others(self, branches: list[Schema], documents: Mapping[str, DocumentSymbols]) -> None:
-        choices = [(name, one.description or one.name or "A document.") for name, one in documents.items()]
-        for branch in branches:
+        choices = [(name, one.description or one.name or "A document.") for name, one in self.around.materials.items()]
+        for branch in self.properties["materials"]["anyOf"]:
             if branch.get("type") == "array":
                 branch["items"] = one_of(choices)
 

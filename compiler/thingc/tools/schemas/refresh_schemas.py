@@ -201,7 +201,7 @@ class Schemas:
         read = {name: one for path, name in names.items() if (one := read_document(path, self.workspace)) is not None}
         schemas = self._parts.describe(dict.fromkeys(reference for one in read.values() for reference in one.references))
         models = {name: one.model(self.workspace, schemas) for name, one in read.items() if one.kind == "assembly"}
-        definitions = _definitions(models.values())
+        definitions = dict.fromkeys(definition for one in models.values() if one is not None for definition in part_definitions(one))
         self._parts.realize((*definitions, *self._parts.defaults().values()))
         usual = self._parts.usual(definitions)
         wanted = None if only is None else {self.workspace.relative(path) for path in only}
@@ -300,10 +300,6 @@ class Schemas:
         others = {near(name, other): one for other, one in self._symbols.items() if one.kind == kind and other != name}
         order = sorted(others, key=lambda text: (text.count("/"), text))[:MAX_OTHERS]
         return {text: others[text] for text in order}
-
-
-def _definitions(models: Iterable[AssemblyDefinition | None]) -> tuple[PartDefinition, ...]:
-    return tuple(dict.fromkeys(definition for one in models if one is not None for definition in part_definitions(one)))
 
 
 # --- the folder `.thingc/schema/` of a workspace, never in git ---
