@@ -55,13 +55,10 @@ class _Cutter:
         if kind == "ScalarEvent":
             if event.style in ("|", ">"):
                 end = self.block_end(start, end)
-            return Segment(kind="scalar", start=start, end=end, body=self.body(start, anchors), anchors=anchors)
+            return Segment(kind="scalar", start=start, end=end, body=body_of(self.text, start), anchors=anchors)
         if kind == "MappingStartEvent":
             return self.mapping(event, anchors)
         return self.sequence(event, anchors)
-
-    def body(self, start: int, anchors: frozenset[str]) -> int:
-        return body_of(self.text, start) if anchors else start
 
     def block_end(self, start: int, end: int) -> int:
         """The end of a block text: of its last line that is no mere empty line."""
@@ -115,7 +112,7 @@ class _Cutter:
     def collection(
         self, kind: str, start: int, last: Any, items: list[Item], anchors: frozenset[str], flow: bool,
     ) -> Segment:
-        body = self.body(start, anchors)
+        body = body_of(self.text, start)
         own = anchors
         for item in items:
             anchors |= item.value.anchors

@@ -7,6 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Report
+from thingc.base.filesystem import beginning
 from thingc.base.safe_text import escape_control, is_text, unseen
 from thingc.base.source import Span
 from thingc.base.suggestions import file_meant
@@ -92,8 +93,7 @@ def libraries(path: str) -> tuple[str, ...]:
     if not path.lower().endswith(".obj"):
         return ()
     try:
-        with open(path, "rb") as stream:
-            head = stream.read(_HEAD)
+        head = beginning(path, _HEAD)
     except OSError:
         return ()
     names = {name.decode("utf-8", "replace") for name in _LIBRARY.findall(head)}

@@ -73,11 +73,10 @@ class _Leaf:
 
 @dataclass(slots=True)
 class _Array:
-    """A list of values, or an array of tables (`tables`)."""
+    """A list of values, or an array of tables."""
 
     start: int
     end: int
-    tables: bool
     items: list[_Item] = field(default_factory=list)
 
 
@@ -130,7 +129,7 @@ class _Statements:
             if not isinstance(entry, _Array):
                 if self.twice(table, name, place):
                     return
-                entry = _Array(start, end, True)
+                entry = _Array(start, end)
                 table.entries[name], table.keys[name] = entry, place
             inner = _Table(start, end)
             entry.items.append(inner)
@@ -194,9 +193,7 @@ class _Statements:
     def value(self, syntax: Syntax) -> _Item:
         start, end = self.syntax.range(syntax)
         if syntax.type == "array":
-            array = _Array(start, end, False)
-            array.items.extend(self.value(child) for child in syntax.named_children if child.type != "comment")
-            return array
+            return _Array(start, end, [self.value(child) for child in syntax.named_children if child.type != "comment"])
         if syntax.type == "inline_table":
             table = _Table(start, end, declared=True)
             for child in syntax.named_children:
@@ -275,16 +272,13 @@ def _too_large(source: Source, syntax: TomlSyntax, report: Report) -> bool:
     while waiting:
         node, level = waiting.pop()
         values += 1
-        if values > 2 * MAX_NODES:  # a pair is a statement, a key, its words and a value; a table one, its header and its words
+        level += node.type in ("array", "inline_table", "dotted_key", "ERROR")
+        many = values > 2 * MAX_NODES  # a pair is a statement, a key, its words and a value; a table one, its header and its words
+        if many or level > MAX_LEVELS:
+            what = f"{MAX_NODES} values in one document" if many else f"{MAX_LEVELS} levels of nesting"
             start = syntax.range(node)[0]
-            report.add(Code.TOO_LARGE, f"more than {MAX_NODES} values in one document", source.span(start, start + 1))
+            report.add(Code.TOO_LARGE, f"more than {what}", source.span(start, start + 1))
             return True
-        if node.type in ("array", "inline_table", "dotted_key", "ERROR"):
-            level += 1
-            if level > MAX_LEVELS:
-                start = syntax.range(node)[0]
-                report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(start, start + 1))
-                return True
         waiting.extend((child, level) for child in reversed(node.named_children))
     return False
 

@@ -98,13 +98,10 @@ def actions(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any
     start, end = (analysis.lines().place(params["range"][side]) for side in ("start", "end"))
     fitting = [
         one for one in analysis.findings
-        if one.span is not None and one.span.file == analysis.path and _touches(one.span, start, end)
+        if (span := one.span) is not None and span.file == analysis.path
+        and (span.line, span.column) <= (end.line, end.column) and (start.line, start.column) <= (span.end_line, span.end_column)
     ]
     return [action for one in fitting for action in (*_fixes(one, analysis), *_missing_component(one, analysis))]
-
-
-def _touches(span: Span, start: TextPlace, end: TextPlace) -> bool:
-    return (span.line, span.column) <= (end.line, end.column) and (start.line, start.column) <= (span.end_line, span.end_column)
 
 
 def _fixes(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any]]:

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from thingc.base.diagnostics import Report
+from thingc.base.filesystem import beginning
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import quoted
 from thingc.base.source import MappingNode, Node, entries_of, text_of
@@ -227,8 +228,7 @@ _KIND = re.compile(rb"""^[^#\n]*thingc["']?[ \t]*[:=][ \t]*["']?(\w+)/""", re.MU
 def read_symbols(path: str) -> DocumentSymbols:
     """Of the file at a path; of one that cannot be parsed the kind alone."""
     try:
-        with open(path, "rb") as stream:
-            data = stream.read(10_000_001)
+        data = beginning(path, 10_000_001)
     except OSError:
         return DocumentSymbols(kind="", whole=False)
     tree = read_tree(path, data, Report())

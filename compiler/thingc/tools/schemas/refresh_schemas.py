@@ -251,9 +251,13 @@ class Schemas:
         return of_variants(general, others.get(str(assembly.value)) if isinstance(assembly, ScalarNode) else None, others)
 
     def _around(self, name: str, usual: Mapping[str, Any], lost: dict[str, Any]) -> SchemaContext:
+        packaged = {
+            name: DocumentSymbols(kind="materials", description=f"The materials of `{name.partition('.')[0]}`.")
+            for name in packaged_documents(self.workspace)
+        }
         return SchemaContext(
             parts=self._parts.things(), usual=dict(usual), assemblies=self._others(name, "assembly"),
-            materials={**self._others(name, "materials"), **self._packaged()}, lost=lost,
+            materials={**self._others(name, "materials"), **packaged}, lost=lost,
         )
 
     def _write(
@@ -287,13 +291,6 @@ class Schemas:
             return []
         definitions = load_schema(self.workspace.root, name).get("$defs", {})
         return [one.removeprefix("params of ") for one in definitions if one.startswith("params of ")]
-
-    def _packaged(self) -> dict[str, DocumentSymbols]:
-        """The documents of materials of packages in reach, by their names with dots."""
-        return {
-            name: DocumentSymbols(kind="materials", description=f"The materials of `{name.partition('.')[0]}`.")
-            for name in packaged_documents(self.workspace)
-        }
 
     def _others(self, name: str, kind: str) -> dict[str, DocumentSymbols]:
         """The other documents of a kind by what this one would call them, the nearest first."""
