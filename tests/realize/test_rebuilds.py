@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import textwrap
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +11,8 @@ from typing import Any
 
 import pytest
 
+import thingc
+from thingc.geometry.key import versions
 from thingc.geometry.record import PartFailure, PartRecord
 
 ARM = """
@@ -404,3 +407,12 @@ def test_schemas_are_kept_by_code(place: Any, tmp_path: Path) -> None:
         third = service.describe(["arm:Base", "arm:Derived"])
     assert third["arm:Base"].parameters[0].default == 0.031
     assert json.dumps(third["arm:Derived"].doc) == '""'
+
+
+def test_another_compiler_is_another_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(versions, "OWN_FOLDER", str(tmp_path))
+    shutil.copytree(Path(thingc.__file__).parent / "geometry", tmp_path / "geometry")
+    before = versions.compiler_version.__wrapped__()
+    kernel = tmp_path / "geometry/worker/kernel/integrals.py"
+    kernel.write_text(kernel.read_text() + "# another one\n")
+    assert versions.compiler_version.__wrapped__() != before
