@@ -16,7 +16,7 @@ FARTHEST = 1e6
 PrimitiveShape = Literal["box", "cylinder", "capsule", "sphere", "ellipsoid", "plane"]
 
 
-class Primitive(OneLineRepr, FrozenStruct):
+class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
     """A shape of few numbers. `size` as MuJoCo's: box half sizes; cylinder and capsule radius, half length (of the straight part)
     along z; sphere radius; ellipsoid half axes; plane half sizes along x and y, 0 of one without an end [m]. `pose` is in the part's
     frame. A plane, whose z points out of the matter, has neither volume nor area."""

@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from msgspec import convert
 from msgspec.structs import asdict
 
 from thingc.base.frozen_struct import FrozenStruct
@@ -47,11 +48,7 @@ class Job(FrozenStruct):
     @staticmethod
     def decode(text: str) -> Job:
         """The job of `encode`."""
-        values = json.loads(text)
-        for key in ("modes", "rules", "rule_names", "emit"):
-            values[key] = tuple(values[key])
-        values["reach"] = tuple(values["reach"]) if values["reach"] is not None else None
-        return Job(**values)
+        return convert(json.loads(text), Job)
 
 
 class Task(FrozenStruct):

@@ -88,7 +88,7 @@ class Moments(OneLineRepr, FrozenStruct):
         return MassProperties(mass=v, centre=c, inertia=((yy + zz, -xy, -xz), (-xy, xx + zz, -yz), (-xz, -yz, xx + yy)))
 
 
-class SliceResult(OneLineRepr, FrozenStruct):
+class SliceResult(OneLineRepr, FrozenStruct, tag=True):
     """What is laid into a part: `solid`, whatever the infill; `joins`, the pieces along the walls that join the lines of infill, as
     soon as there is any; `sparse`, the lines themselves, as if the infill were 100 %."""
 
@@ -103,7 +103,7 @@ class SliceResult(OneLineRepr, FrozenStruct):
         return self.solid.plus(self.joins).plus(self.sparse, infill).properties
 
 
-class SliceFailure(FrozenStruct):
+class SliceFailure(FrozenStruct, tag=True):
     """Why a part cannot be cut into layers, in words that follow its name."""
 
     reason: str

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from enum import Enum
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 
 from msgspec.structs import replace
 
@@ -201,10 +201,13 @@ class MountExpectation(OneLineRepr, FrozenStruct, array_like=True):
     child_mount: str
 
 
-class DeclaredValue(OneLineRepr, FrozenStruct):
+Declared = TypeVar("Declared", float, Vector, Matrix)
+
+
+class DeclaredValue(OneLineRepr, FrozenStruct, Generic[Declared]):
     """A number (or three, or a matrix) that a Thing states, and its source (`measured | vendor | estimated | stated`)."""
 
-    value: float | Vector | Matrix
+    value: Declared
     source: str = "stated"
 
 
@@ -230,7 +233,7 @@ class ActuatorRecord(OneLineRepr, FrozenStruct):
         return None if self.rotor_inertia is None else self.rotor_inertia * self.gear_ratio * self.gear_ratio
 
 
-class Mesh(OneLineRepr, FrozenStruct, array_like=True):
+class Mesh(OneLineRepr, FrozenStruct, array_like=True, tag=True):
     """A mesh file in the store by content. `closed` and `flat` say whether simulators can take it as a solid."""
 
     sha256: str
@@ -292,10 +295,10 @@ class PartRecord(OneLineRepr, FrozenStruct):
     references: tuple[str, ...]
     expectations: tuple[MountExpectation, ...]
     actuator: ActuatorRecord | None
-    mass: DeclaredValue | None
-    com: DeclaredValue | None
-    matrix: DeclaredValue | None
-    density: DeclaredValue | None
+    mass: DeclaredValue[float] | None
+    com: DeclaredValue[Vector] | None
+    matrix: DeclaredValue[Matrix] | None
+    density: DeclaredValue[float] | None
     bom: dict[str, str]
     warnings: tuple[PartWarning, ...]
     fits: dict[str, Primitive]

@@ -23,6 +23,9 @@ from thingc.geometry.store.slice_cache import Records, Run
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
+CONVEX = "convex-meshes"
+"""The kind of document in the store of convex pieces."""
+
 Ran = Mapping[str, Sequence[int] | None]
 """By module's label, the numbers of the functions that ran; None for all."""
 
@@ -120,11 +123,11 @@ class ConvexAnswers:
             if isinstance(record, PartRecord) and record.simulated is not None:
                 wanted.setdefault(record.simulated.sha256, []).append(text)
         version = "".join(self._versions().values()) if wanted else ""
-        pieces: dict[str, Any] = {}
+        pieces: dict[str, tuple[Mesh, ...]] = {}
         requests = []
         for mesh in wanted:
-            kept = self._store.get_json("convex", f"{version} {mesh}")
-            if kept is not None and all(self._store.has(piece[0], piece[1]) for piece in kept):
+            kept = convert(self._store.get_json(CONVEX, f"{version} {mesh}"), tuple[Mesh, ...] | None)
+            if kept is not None and all(self._store.has(piece.sha256, piece.size) for piece in kept):
                 pieces[mesh] = kept
             else:
                 requests.append({"op": "decompose", "mesh": mesh, "store": self._store.root, "timeout": timeout})
@@ -133,10 +136,11 @@ class ConvexAnswers:
                 for text in wanted[request["mesh"]]:
                     records[text] = broken(text, answer)
                 continue
-            pieces[request["mesh"]] = answer["answer"]["pieces"]
-            self._store.put_json("convex", f"{version} {request['mesh']}", pieces[request["mesh"]])
-        for mesh, made in pieces.items():
+            made = answer["answer"]["pieces"]
+            self._store.put_json(CONVEX, f"{version} {request['mesh']}", made)
+            pieces[request["mesh"]] = convert(made, tuple[Mesh, ...])
+        for mesh, convex_pieces in pieces.items():
             for text in wanted[mesh]:
                 record = records[text]
                 if isinstance(record, PartRecord):
-                    records[text] = replace(record, convex=tuple(convert(piece, Mesh) for piece in made))
+                    records[text] = replace(record, convex=convex_pieces)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
+from msgspec import convert, to_builtins
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
@@ -416,17 +417,11 @@ class GeometryService:
 
         Raises `AssemblyFailed` where the kernel cannot write it.
         """
-        listed = [
-            {
-                "path": one.path, "definition": one.definition, "brep": one.brep, "color": one.color,
-                "pose": [entry for row in one.pose.rotation for entry in row] + list(one.pose.translation),
-            }
-            for one in instances
-        ]
+        listed = to_builtins(instances)
         key = repr([name, sorted(self._parts.versions(None).items()), listed])
         kept = self.store.get_json("step", key)
         if kept is not None and self.store.has(kept["sha256"], kept["size"]):
-            return StoredFile(sha256=kept["sha256"], size=kept["size"])
+            return convert(kept, StoredFile)
         request = {"op": "assemble", "name": name, "instances": listed, "store": self.store.root, "timeout": self.timeout}
         if self._workers is not None and self._workers.running:
             (_, answer), *_ = list(self._run([request]))
@@ -439,7 +434,7 @@ class GeometryService:
             raise AssemblyFailed(name, answer.get("words") or answer["failed"], answer.get("detail", ""))
         made = answer["answer"]
         self.store.put_json("step", key, made)
-        return StoredFile(sha256=made["sha256"], size=made["size"])
+        return convert(made, StoredFile)
 
     # --- workers -----------------------------------------------------------------------------------
 

@@ -135,7 +135,7 @@ def _actuator_values(actuator: ActuatorRecord) -> dict[str, Any]:
     }
 
 
-def _stated_values(stated: DeclaredValue | None) -> Any:
+def _stated_values(stated: DeclaredValue[Any] | None) -> Any:
     if stated is None:
         return None
     value: Any = stated.value
@@ -300,7 +300,7 @@ def _actuator(value: Any, path: str) -> ActuatorRecord:
     )
 
 
-def _stated(table: Mapping[str, Any], key: str, count: int, path: str) -> DeclaredValue | None:
+def _stated(table: Mapping[str, Any], key: str, count: int, path: str) -> DeclaredValue[Any] | None:
     if table.get(key) is None:
         return None
     path = f"{path}.{key}"

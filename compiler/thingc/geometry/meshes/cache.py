@@ -19,7 +19,7 @@ from thingc.geometry.store.local import Store
 KIND = "mesh-files"
 """Documents in the store."""
 
-VERSION = 2
+VERSION = 3
 """Of what is read of a file: another one is read anew."""
 
 

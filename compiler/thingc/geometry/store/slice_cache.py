@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
+from msgspec import convert
 from msgspec.structs import asdict, replace
 
-from thingc.geometry.print_slices import Moments, SliceFailure, SliceResult, Slicing
+from thingc.geometry.print_slices import SliceFailure, SliceResult, Slicing
 from thingc.geometry.record import PartFailure, PartRecord
 from thingc.geometry.store.local import Store
 
@@ -69,7 +70,7 @@ class SliceCache:
     def keep(self, record: PartRecord | PartFailure, slices: Iterable[tuple[Mapping[str, Any], Any]]) -> None:
         """What came of slicings (as JSON has them) when a part was modelled."""
         for slicing, value in slices:
-            self._keep((_mesh(record), Slicing(**{**slicing, "up": tuple(slicing["up"])})), value)
+            self._keep((_mesh(record), convert(slicing, Slicing)), value)
 
     def _keep(self, key: tuple[str, Slicing], value: Any) -> None:
         self._store.put_json("slices", self._place(*key), value)
@@ -91,9 +92,7 @@ class SliceCache:
     def _note(self, key: tuple[str, Slicing], value: Any) -> None:
         while len(self._known) >= KEPT:
             del self._known[next(iter(self._known))]
-        self._known[key] = SliceFailure(reason=value["unsliced"]) if "unsliced" in value else SliceResult(
-            solid=Moments.of(value["solid"]), joins=Moments.of(value["joins"]), sparse=Moments.of(value["sparse"]),
-        )
+        self._known[key] = convert(value, SliceResult | SliceFailure)
 
     def _with(self, text: str, record: PartRecord, slicings: frozenset[Slicing]) -> PartRecord:
         """The record with these slices; the same object as last time for the same."""

@@ -20,6 +20,8 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from msgspec import convert
+
 if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
     from thingc.geometry.worker.children import Child
@@ -197,7 +199,7 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
         from thingc.geometry.print_slices import Slicing
         from thingc.geometry.worker.kernel.slicing import slice_stored
 
-        return slice_stored(request["mesh"], Slicing(**request["slicing"]), store)
+        return slice_stored(request["mesh"], convert(request["slicing"], Slicing), store)
     around = RequestContext(
         root=request["root"], parts=tuple(request["parts"]), packages=tuple(request["packages"]), hashes=dict(request["hashes"]),
         plain=tuple(request["plain"]), store=request["store"], scratch=request["scratch"],
@@ -206,12 +208,10 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
         from thingc.geometry.worker.part_schemas import describe
 
         return describe(request["references"], request["placed"], around)
-    from thingc.documents.workspace import Tessellation
     from thingc.geometry.worker.kernel.build_part import Tessellations, build_part
 
-    asked = {name: Tessellation(**values) for name, values in request["tessellations"].items()}
     until = time.monotonic() + request["timeout"] / 2
-    answer = build_part(request["definition"], Tessellations(**asked), around, store)
+    answer = build_part(request["definition"], convert(request["tessellations"], Tessellations), around, store)
     return {**answer, "slices": _sliced(answer, request["slicings"], store) if time.monotonic() < until else []}
 
 
@@ -219,6 +219,7 @@ def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any],
     """Of a part that was modelled just now, each of the slicings that will likely be asked for (`LikelySlicing`), with what comes of it.
     What goes wrong is left for who asks for it."""
     from thingc.geometry.print_slices import Slicing
+    from thingc.geometry.record import Mesh
     from thingc.geometry.worker.kernel.slicing import slice_stored
 
     record = answer.get("record", {})
@@ -227,7 +228,7 @@ def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any],
     for one, own_up in likely if mesh is not None else ():
         slicing = {**one, "up": own_up and record["up"] or one["up"]}
         with contextlib.suppress(Exception):
-            answers.append([slicing, slice_stored(mesh[0], Slicing(**slicing), store)])
+            answers.append([slicing, slice_stored(convert(mesh, Mesh).sha256, convert(slicing, Slicing), store)])
     return answers
 
 

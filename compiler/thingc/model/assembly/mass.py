@@ -6,8 +6,6 @@ or, with an infill, what is printed of it.
 
 from __future__ import annotations
 
-from typing import cast
-
 from msgspec.structs import replace
 
 from thingc.base import numeric
@@ -105,12 +103,12 @@ def component_mass(record: PartRecord | None, density: Density | None, process: 
 
     if record is not None:
         if record.mass is not None:
-            mass, source, estimate = cast("float", record.mass.value), record.mass.source, None
+            mass, source, estimate = record.mass.value, record.mass.source, None
             inertia = matter.with_mass(mass).inertia
         if record.com is not None:
-            centre = cast("Vector", record.com.value)
+            centre = record.com.value
         if record.matrix is not None:
-            inertia = cast("Matrix", record.matrix.value)
+            inertia = record.matrix.value
 
     if overrides.mass is not None:
         new = overrides.mass.value[0]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import cast
 
 from msgspec.structs import replace
 
@@ -348,9 +347,9 @@ class PartInstances:
         key = (record.text, Code.DENSITY.code)
         method, unit, doubt = "mass", "kg", None
         if record.mass is not None:
-            doubt = mass_doubt(cast("float", record.mass.value), record.volume)
+            doubt = mass_doubt(record.mass.value, record.volume)
         elif record.density is not None:
-            method, unit, doubt = "density", "kg/m^3", density_doubt(cast("float", record.density.value))
+            method, unit, doubt = "density", "kg/m^3", density_doubt(record.density.value)
         if doubt is not None and key not in self._warned and self._findings.warn(
             Code.DENSITY, f"`{component.label}` {doubt.words}", origin, path=path, notes=written_at(f"`{component.label}`", record.code),
             help=doubted(f"`{method}()` returns {unit}" + ("" if doubt.meant is None else f": return {doubt.meant:.6g} if that is meant")),
@@ -409,7 +408,7 @@ class PartInstances:
         if component.overrides.inertia is not None:
             return True
         if record is not None and record.exact and record.matrix is not None:
-            fault = physical_fault(record.matrix.value)  # type: ignore[arg-type]
+            fault = physical_fault(record.matrix.value)
             if fault is not None:
                 self._findings.error(
                     Code.NOT_PHYSICAL, f"the inertia that `{component.label}` states is not physical: {fault}", origin, path=path,
@@ -457,7 +456,7 @@ def _bom(component: Component, record: PartRecord | None) -> BomEntry:
 def _density(record: PartRecord | None, material: Material | None) -> Density | None:
     """What the Thing says, else its material."""
     if record is not None and record.density is not None:
-        return Density(value=float(cast("float", record.density.value)), estimated=record.density.source == "estimated")
+        return Density(value=float(record.density.value), estimated=record.density.source == "estimated")
     return Density(value=material.density) if material is not None and material.density is not None else None
 
 

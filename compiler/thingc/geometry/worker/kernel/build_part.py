@@ -16,10 +16,12 @@ from msgspec.structs import replace
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.primitives import Primitive
 from thingc.base.units import parse_quantity
+from thingc.documents.workspace import Tessellation
 from thingc.geometry.record import (
     FILE_UNIT,
     LABEL_DIGITS,
     ActuatorRecord,
+    Declared,
     DeclaredValue,
     Mesh,
     MountExpectation,
@@ -47,8 +49,7 @@ from thingc.geometry.worker.part_session import NoPart, PartSession, RequestCont
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
-    from thingc.base.pose import Vector
-    from thingc.documents.workspace import Tessellation
+    from thingc.base.pose import Matrix, Vector
 
 NOTHING = 1e-9
 """A volume [mm^3] below which a result counts as empty."""
@@ -87,10 +88,10 @@ class BuiltPart(FrozenStruct):
     references: tuple[str, ...] = ()
     expectations: tuple[MountExpectation, ...] = ()
     actuator: ActuatorRecord | None = None
-    mass: DeclaredValue | None = None
-    com: DeclaredValue | None = None
-    matrix: DeclaredValue | None = None
-    density: DeclaredValue | None = None
+    mass: DeclaredValue[float] | None = None
+    com: DeclaredValue[Vector] | None = None
+    matrix: DeclaredValue[Matrix] | None = None
+    density: DeclaredValue[float] | None = None
     bom: dict[str, str] = {}
     up: Vector | None = None
     warnings: tuple[PartWarning, ...] = ()
@@ -200,8 +201,8 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart
             gear_ratio=actuator.gear_ratio, rotor_inertia=actuator.rotor_inertia, kp=actuator.kp, kv=actuator.kv,
             sources=dict(actuator.sources),
         ),
-        mass=_stated(statements.mass), com=_stated(statements.centre, convert.vector),
-        matrix=_stated(statements.matrix, convert.matrix), density=_stated(statements.density),
+        mass=_stated(statements.mass, float), com=_stated(statements.centre, convert.vector),
+        matrix=_stated(statements.matrix, convert.matrix), density=_stated(statements.density, float),
         bom=inspection.bom_of(thing), up=inspection.up_of(thing), warnings=extra, code=code,
         one=kind != "shape" and inspection.is_one_solid(geometry),  # a shape class of a library is not its user's
     )
@@ -265,7 +266,7 @@ def _rounded(shape: TopoDS_Shape) -> TopoDS_Shape:
     return shape
 
 
-def _stated(statement: Any, converted: Callable[[Any], Any] = float) -> DeclaredValue | None:
+def _stated(statement: Any, converted: Callable[[Any], Declared]) -> DeclaredValue[Declared] | None:
     return None if statement is None else DeclaredValue(value=converted(statement.value), source=statement.source)
 
 

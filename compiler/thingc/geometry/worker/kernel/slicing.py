@@ -24,9 +24,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from manifold3d import CrossSection, Error, JoinType, Manifold, Mesh64, OpType
+from msgspec import to_builtins
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.geometry.print_slices import Moments, SliceResult, Slicing
+from thingc.geometry.print_slices import Moments, SliceFailure, SliceResult, Slicing
 from thingc.geometry.store.local import Store
 from thingc.geometry.worker.kernel.meshing import Triangles, read_stl
 
@@ -72,12 +73,13 @@ class NotSliced(Exception):
 
 
 def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
-    """What is printed of a mesh in the store (STL, mm): `{"solid", "joins", "sparse": Moments.numbers}`, or `{"unsliced": reason}`."""
+    """What is printed of a mesh in the store (STL, mm): a `SliceResult` or `SliceFailure` as JSON."""
     try:
-        sliced = slice_part(read_stl(store.read(sha256)), how)
+        result: SliceResult | SliceFailure = slice_part(read_stl(store.read(sha256)), how)
     except NotSliced as fault:
-        return {"unsliced": str(fault)}
-    return {"solid": sliced.solid.numbers, "joins": sliced.joins.numbers, "sparse": sliced.sparse.numbers}
+        result = SliceFailure(reason=str(fault))
+    plain: dict[str, Any] = to_builtins(result)
+    return plain
 
 
 def slice_part(mesh: Triangles, how: Slicing) -> SliceResult:

@@ -12,7 +12,9 @@ import re
 import tempfile
 from typing import Any
 
-from thingc.geometry.record_json import pose_from_json
+from msgspec import convert
+
+from thingc.base.pose import Pose
 from thingc.geometry.store.local import Store
 from thingc.geometry.worker.kernel.step_order import settled, without_noise
 
@@ -21,7 +23,7 @@ STAMP = "2000-01-01T00:00:00"
 
 
 def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[str, Any]:
-    """The STEP file (AP242, mm) of `instances` `{"path", "definition", "brep", "pose", "color"}`, poses as 12 SI numbers.
+    """The STEP file (AP242, mm) of `instances` `{"path", "definition", "brep", "pose", "color"}`, poses in SI units.
 
     Returns `{"sha256", "size"}` of the file in the store. Raises `BlobMissing` for a B-rep that is not there.
     """
@@ -103,7 +105,7 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
                 colors.SetColor(shapes.AddSubShape(label, children.Value()), color, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
                 children.Next()
         outer, _, own = instance["path"].rpartition("/")
-        placed = TopLoc_Location(transformation(pose_from_json(instance["pose"])))
+        placed = TopLoc_Location(transformation(convert(instance["pose"], Pose)))
         component = shapes.AddComponent(group(outer), definitions[shared], placed)
         _name(component, own)
         if color is not None and not several:
