@@ -10,14 +10,16 @@ comparing their compiled models, every array of each.
 from __future__ import annotations
 
 import copy
+import functools
 import io
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, KeysView, Mapping
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import shown_path
 from thingc.base.one_line_repr import counted
+from thingc.batch.mujoco_arrays.equality import names, owner_of
 from thingc.batch.results import BatchResults, BuiltVariant, FamilyError, load
 from thingc.batch.run_options import is_whole
 
@@ -28,46 +30,17 @@ if TYPE_CHECKING:
     Fields = dict[str, np.ndarray[Any, np.dtype[Any]]]
 
 
-def _of(kind: str, names: str) -> frozenset[str]:
-    return frozenset(f"{kind}_{name}" for name in names.split())
-
-
-NUMBERS = (
-    _of("body", "pos quat ipos iquat mass inertia subtreemass invweight0 gravcomp margin user")
-    | _of("jnt", "pos axis stiffness stiffnesspoly range actfrcrange margin solref solimp user")
-    | _of("dof", "armature damping dampingpoly frictionloss invweight0 M0 length solref solimp")
-    | _of("geom", "pos quat size aabb rbound friction margin gap adhesion surfacevel solmix solref solimp fluid rgba user")
-    | _of("site", "pos quat size rgba user")
-    | _of("cam", "pos quat pos0 poscom0 mat0 fovy ipd intrinsic sensorsize user")
-    | _of("light", "pos dir pos0 poscom0 dir0 attenuation cutoff exponent ambient diffuse specular range bulbradius intensity")
-    | _of("pair", "friction margin gap adhesion solref solreffriction solimp")
-    | _of("eq", "data solref solimp")
-    | _of("tendon", "armature damping dampingpoly stiffness stiffnesspoly frictionloss invweight0 length0 lengthspring range")
-    | _of("tendon", "actfrcrange margin rgba solref_fri solref_lim solimp_fri solimp_lim width user")
-    | _of("wrap", "prm")
-    | _of("actuator", "acc0 actrange armature biasprm cranklength ctrlrange damping dampingpoly dynprm forcerange gainprm gear length0")
-    | _of("actuator", "lengthrange user")
-    | _of("sensor", "cutoff noise user")
-    | _of("key", "time qpos qvel act ctrl mpos mquat")
-    | _of("mat", "rgba emission metallic reflectance roughness shininess specular")
-    | {"qpos0", "qpos_spring", "numeric_data", "efm0_L"}
-)
-"""Arrays of numbers that a simulation reads afresh at every step, or that the compiler worked out of such numbers."""
-
 SHORTCUTS = frozenset(("body_sameframe", "geom_sameframe", "site_sameframe", "bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid"))
 """Arrays that follow from the frames and only make MuJoCo faster: they go with them."""
 
 LEADING = frozenset(("bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid"))
 """Arrays whose rows for the bodies come first; those for meshes, many more, never change and are left out."""
 
-OPTIONS = (
-    "opt.timestep", "opt.gravity", "opt.wind", "opt.density", "opt.viscosity", "opt.magnetic", "opt.tolerance", "opt.impratio",
-    "stat.center", "stat.extent", "stat.meaninertia", "stat.meanmass", "stat.meansize",
-)
-"""Numbers of the whole model."""
+SHAPES = ("flex", "hfield_", "mesh_", "oct_", "skin_", "tuple_")
+"""What the names of arrays begin with that hold shapes."""
 
-FIXED_OPTIONS = ("integrator", "cone", "solver", "jacobian", "iterations", "disableflags", "enableflags", "disableactuator")
-"""Options that say how MuJoCo works it out."""
+BUFFERS = frozenset(("actuator_delay", "sensor_delay", "sensor_interval"))
+"""Arrays that sizes of buffers follow from."""
 
 _FOLLOW = frozenset(("narena", "nbuffer", "nnames_map", "signature"))
 """Sizes that follow from others."""
@@ -80,6 +53,21 @@ _KINDS = {
     "sensor": ("sensor", "sensor", "nsensor"), "key": ("keyframe", "key", "nkey"),
 }
 """What the rows of arrays are, by what their names begin with: the word for one, `MjModel`'s accessor, the size that counts them."""
+
+
+@functools.cache
+def changeable_fields() -> KeysView[str]:
+    """The names of the fields that variants of one model may have of their own: arrays and options that hold floating-point numbers, which
+    a simulation reads afresh at every step or which the compiler worked out of such numbers, and `SHORTCUTS`."""
+    import mujoco
+    import numpy as np
+
+    model = mujoco.MjSpec().compile()
+    numbers = [name for name in names(model) if np.asarray(getattr(*owner_of(model, name))).dtype.kind == "f"]
+    return dict.fromkeys(
+        name for name in names(model)
+        if name in SHORTCUTS or name in numbers and name not in BUFFERS and not name.startswith((*SHAPES, "vis."))
+    ).keys()
 
 
 class StructuresDiffer(FamilyError):
@@ -125,13 +113,12 @@ def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
     if not is_whole(index, 0) or index >= count:
         raise FamilyError(f"there are fields for {counted(count, 'variant')}, and none for place {index}")
     for name, values in fields.items():
-        owner, field = _array_of(model, name)
-        here = getattr(owner, field, None)
+        here = getattr(*owner_of(model, name), None)
         rows = values.shape[1:2] if name in LEADING else ()
         if here is None or values.shape[1:] != (*rows, *getattr(here, "shape", ())[len(rows):]):
             raise FamilyError(f"the field `{name}` is not that of this model: they belong to different batches")
     for name, values in fields.items():
-        owner, field = _array_of(model, name)
+        owner, field = owner_of(model, name)
         here = getattr(owner, field)
         if getattr(here, "ndim", 0) == 0:
             setattr(owner, field, values[index].item())
@@ -182,17 +169,9 @@ def _family(source: str | os.PathLike[str] | BatchResults) -> BatchResults:
     return family
 
 
-def _array_of(model: mujoco.MjModel, name: str) -> tuple[Any, str]:
-    """The structure that a field stands in, and its name there."""
-    owner, _, field = name.rpartition(".")
-    return (getattr(model, owner) if owner else model), field
-
-
 def _numbers(model: mujoco.MjModel) -> dict[str, Any]:
-    """Everything that may differ, by name; views of the model. Arrays that this version of MuJoCo has not are left out."""
-    names = [*sorted(NUMBERS | SHORTCUTS), *OPTIONS]
-    numbers = {name: getattr(*_array_of(model, name), None) for name in names}
-    return {name: value for name, value in numbers.items() if value is not None}
+    """Everything that may differ, by name; views of the model."""
+    return {name: getattr(*owner_of(model, name)) for name in changeable_fields()}
 
 
 def _equal(a: Any, b: Any) -> bool:
@@ -208,11 +187,11 @@ def _leading(values: Any) -> Any:
 
 
 def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVariant) -> None:
-    """Raises `StructuresDiffer` where the two models differ in anything that is not in the tables above."""
+    """Raises `StructuresDiffer` where the two models differ in anything but `changeable_fields`."""
     import numpy as np
 
     both = f"in `{first.name}` and `{second.name}`"
-    here, there = _names(model), _names(other)
+    here, there = element_names(model), element_names(other)
     for kind, _, count in _KINDS.values():
         if here[kind] != there[kind]:
             only = [name for name in (*here[kind], *there[kind]) if (name in here[kind]) != (name in there[kind])]
@@ -228,13 +207,12 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
             shown = f": {a} and {b}" if isinstance(a, int) else ""
             raise StructuresDiffer(name, f"`{name}` differs {both}{shown}")
     for name in arrays:
-        if name in NUMBERS or name in SHORTCUTS:
-            continue
         a, b = getattr(model, name), getattr(other, name)
-        if not _equal(a, b):
+        if name not in changeable_fields() and not _equal(a, b):
             raise StructuresDiffer(name, f"`{name}` differs {both}{_where(model, name, a, b)}, and it cannot be changed in place")
-    for option in FIXED_OPTIONS:
-        if getattr(model.opt, option) != getattr(other.opt, option):
+    for option in dir(model.opt):
+        value = getattr(model.opt, option)
+        if isinstance(value, int) and value != getattr(other.opt, option):
             raise StructuresDiffer(f"opt.{option}", f"the option `{option}` differs {both}, and it cannot be changed in place")
 
 
@@ -250,7 +228,7 @@ def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> No
     raise StructuresDiffer("mesh_face", f"meshes differ {both}, and cannot be changed in place")
 
 
-def _names(model: Any) -> dict[str, list[str]]:
+def element_names(model: Any) -> dict[str, list[str]]:
     """The names of all elements by kind."""
     return {
         word: [getattr(model, accessor)(k).name for k in range(getattr(model, count))] for word, accessor, count in _KINDS.values()

@@ -11,8 +11,8 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.batch.families.merged_mesh_model import ModelSource, likeness, united
 from thingc.batch.families.results import NoModel
-from thingc.batch.mujoco_arrays.equality import content, names
-from thingc.batch.shared_model import LEADING, NUMBERS, OPTIONS, SHORTCUTS
+from thingc.batch.mujoco_arrays.equality import content, names, owner_of
+from thingc.batch.shared_model import LEADING, changeable_fields
 
 if TYPE_CHECKING:
     import mujoco
@@ -73,22 +73,21 @@ class _Group:
     def __init__(self, model: mujoco.MjModel) -> None:
         self.model = copy.copy(model)
         self.indices: list[int] = []
-        self.names = [name for name in (*sorted(NUMBERS | SHORTCUTS), *OPTIONS) if _field(model, name) is not None]
         self.bodies = int((model.body_bvhadr + model.body_bvhnum).max(initial=0))
-        self.first = {name: self.value(model, name).copy() for name in self.names}
-        self._bytes = [self.first[name].tobytes() for name in self.names]
+        self.first = {name: self.value(model, name).copy() for name in changeable_fields()}
+        self._bytes = {name: value.tobytes() for name, value in self.first.items()}
         self.rows: dict[str, dict[int, Array]] = {}
 
     def value(self, model: mujoco.MjModel, name: str) -> Array:
         """A field of a model; of boxes the rows of bodies."""
         import numpy as np
 
-        value = np.asarray(_field(model, name))
+        value = np.asarray(getattr(*owner_of(model, name)))
         return value[: self.bodies] if name in LEADING else value
 
     def add(self, index: int, model: mujoco.MjModel) -> None:
         """Another one, of the settings at a place."""
-        for name, first in zip(self.names, self._bytes):
+        for name, first in self._bytes.items():
             value = self.value(model, name)
             if value.tobytes() != first:
                 self.rows.setdefault(name, {})[len(self.indices)] = value.copy()
@@ -112,7 +111,7 @@ def _stacked(groups: Sequence[_Group], model: mujoco.MjModel, more: Mapping[str,
 
     first = groups[0]
     differing = [
-        name for name in first.names
+        name for name in first.first
         if any(name in one.rows or one.first[name].tobytes() != first.first[name].tobytes() for one in groups)
     ]
     indices = np.concatenate([group.indices for group in groups])
@@ -134,15 +133,10 @@ def _united(groups: Sequence[_Group], source: Callable[[int], ModelSource]) -> B
     return _stacked(groups, model, {"geom_dataid": meshes})
 
 
-def _field(model: Any, name: str) -> Any:
-    owner, _, field = name.rpartition(".")
-    return getattr(getattr(model, owner) if owner else model, field, None)
-
-
 def _kind(model: mujoco.MjModel) -> bytes:
     """A digest of all that makes models of different groups: sizes, names, and arrays that are no numbers."""
     digest = hashlib.sha256()
     for name in names(model):
-        if not (name in NUMBERS or name in SHORTCUTS or name in OPTIONS or name.startswith("stat.")):
+        if name not in changeable_fields():
             digest.update(name.encode() + content(model, name))
     return digest.digest()

@@ -9,17 +9,11 @@ from xml.etree import ElementTree
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch.mujoco_arrays.equality import content, names
-from thingc.batch.shared_model import NUMBERS, OPTIONS, SHORTCUTS
+from thingc.batch.shared_model import changeable_fields, element_names
 
 if TYPE_CHECKING:
     import mujoco
 
-KINDS = ("body", "jnt", "geom", "site", "cam", "light", "pair", "equality", "tendon", "actuator", "sensor", "key", "numeric")
-"""Of what a model has elements with names, but for meshes and what is drawn with them: accessors of `MjModel`."""
-_SIZES = {
-    "body": "nbody", "jnt": "njnt", "geom": "ngeom", "site": "nsite", "cam": "ncam", "light": "nlight", "pair": "npair", "equality": "neq",
-    "tendon": "ntendon", "actuator": "nu", "sensor": "nsensor", "key": "nkey", "numeric": "nnumeric",
-}
 _OF_MESHES = ("mesh_", "nmesh", "bvh_", "nbvh", "oct_", "names", "name_", "paths", "mat_", "tex_", "geom_matid", "stat.")
 """What the names of fields of meshes begin with, and of those that follow from them or from what is drawn."""
 _FOLLOWING = frozenset(("noct", "nnames", "nnames_map", "npaths", "nbuffer", "narena", "nmat", "geom_dataid"))
@@ -36,12 +30,10 @@ def likeness(model: mujoco.MjModel) -> bytes:
     """A digest of all in which models differ that cannot be one: everything but numbers and meshes."""
     digest = hashlib.sha256()
     for name in names(model):
-        if name in NUMBERS or name in SHORTCUTS or name in OPTIONS or name in _FOLLOWING or name.startswith(_OF_MESHES):
-            continue
-        digest.update(name.encode() + content(model, name))
-    for kind in KINDS:
-        accessor = getattr(model, kind)
-        digest.update(repr([accessor(k).name for k in range(getattr(model, _SIZES[kind]))]).encode())
+        if name not in changeable_fields() and name not in _FOLLOWING and not name.startswith(_OF_MESHES):
+            digest.update(name.encode() + content(model, name))
+    elements = {kind: found for kind, found in element_names(model).items() if kind not in ("mesh", "material")}
+    digest.update(repr([elements, [model.numeric(k).name for k in range(model.nnumeric)]]).encode())
     return digest.digest()
 
 

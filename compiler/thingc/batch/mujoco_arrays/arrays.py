@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from thingc.batch.mujoco_arrays.body_inertia import BOXES, Bodies
 from thingc.batch.mujoco_arrays.entries import INERT, TENSED, Entry, places
-from thingc.batch.mujoco_arrays.equality import restore
+from thingc.batch.mujoco_arrays.equality import owner_of, restore
 from thingc.batch.mujoco_arrays.statistics import Statistics
 
 if TYPE_CHECKING:
@@ -95,8 +95,7 @@ class Arrays:
         """Note where the numbers of a field are written, each by its column: into an array, or an option of the model."""
         import numpy as np
 
-        group, _, name = field.rpartition(".")
-        owner = getattr(self.model, group) if group else self.model
+        owner, name = owner_of(self.model, field)
         target = getattr(owner, name)
         if isinstance(target, np.ndarray):
             self._writes.append((

@@ -23,41 +23,36 @@ def restore(model: mujoco.MjModel, first: mujoco.MjModel) -> None:
     import numpy as np
 
     for name in different_fields(model, first):
-        group, _, field = name.rpartition(".")
-        value = getattr(_owner(first, group), field)
+        owner, field = owner_of(model, name)
+        value = getattr(*owner_of(first, name))
         if isinstance(value, np.ndarray):
-            getattr(_owner(model, group), field)[...] = value
+            getattr(owner, field)[...] = value
         else:
-            setattr(_owner(model, group), field, value)
+            setattr(owner, field, value)
 
 
 def names(model: mujoco.MjModel) -> Iterator[str]:
     """What a model is compared by: `body_mass`, `opt.gravity`, `vis.map.znear`."""
     import numpy as np
 
-    for group in ("", *GROUPS):
-        owner = _owner(model, group)
-        if owner is None:
-            continue
+    for prefix in ("", *(f"{group}." for group in GROUPS)):
+        owner, _ = owner_of(model, prefix)
         for name in dir(owner):
-            if name.startswith("_") or name == "signature":
-                continue
-            value = getattr(owner, name)
-            if isinstance(value, (int, float, bytes, np.ndarray)):
-                yield f"{group}.{name}" if group else name
+            if not name.startswith("_") and name != "signature" and isinstance(getattr(owner, name), (int, float, bytes, np.ndarray)):
+                yield prefix + name
 
 
-def _owner(model: Any, group: str) -> Any:
-    owner = model
-    for word in filter(None, group.split(".")):
-        owner = getattr(owner, word, None)
-    return owner
+def owner_of(model: Any, name: str) -> tuple[Any, str]:
+    """The structure that has a field (`model.vis.map` of `vis.map.znear`), and the name of the field there."""
+    *groups, field = name.split(".")
+    for group in groups:
+        model = getattr(model, group)
+    return model, field
 
 
 def content(model: Any, name: str) -> bytes:
     """The shape and the bytes of a field."""
     import numpy as np
 
-    group, _, field = name.rpartition(".")
-    value = np.asarray(getattr(_owner(model, group), field, None))
+    value = np.asarray(getattr(*owner_of(model, name), None))
     return str(value.shape).encode() + value.tobytes()
