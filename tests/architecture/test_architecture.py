@@ -326,7 +326,7 @@ INDICES_AND_CONSTANTS = {
     "model/robot/loop_cuts.py": {"max", "min"}, "model/robot/spanning_tree.py": {"max", "min"},
     "model/robot/start_pose_checks.py": {"math.ceil"}, "model/statics/load_sharing.py": {"max"},
     "targets/mjcf/accepted_models.py": {"max", "min"}, "targets/mjcf/body_tree.py": {"max"},
-    "targets/mjcf/compat/mjx.py": {"max", "math.cos", "math.sin"}, "targets/usd/mimics.py": {"max", "min"},
+    "targets/mjcf/compat/mjx.py": {"max", "math.cos", "math.sin"}, "targets/usd/chain.py": {"max", "min"},
     "targets/usd/stage.py": {"max", "min"}, "targets/xml_writer.py": {"min"},
 }
 """What other files need for indices, constants and messages."""

@@ -16,7 +16,7 @@ from thingc.targets.mjcf import body_tree as mjcf
 from thingc.targets.mjcf.capabilities import CAPABILITIES as MJCF
 from thingc.targets.sdf import model_element as sdf
 from thingc.targets.sdf.capabilities import CAPABILITIES as SDF
-from thingc.targets.sdf.zero_pose import zero_state
+from thingc.targets.sdf.chain import zero_state
 from thingc.targets.urdf import links as urdf
 from thingc.targets.urdf.capabilities import CAPABILITIES as URDF
 from thingc.targets.usd import stage as usd

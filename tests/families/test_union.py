@@ -12,8 +12,7 @@ import pytest
 
 import thingc
 from thingc.batch import apply
-from thingc.batch.families.mjspec_recompile import RecompiledSpec
-from thingc.batch.families.model_template import ModelTemplate
+from thingc.batch.families.mjspec_recompile import ModelTemplate, RecompiledSpec
 from thingc.batch.mujoco_arrays.equality import different_fields
 from thingc.driver.output import OutputError
 from thingc.geometry.store.local import StoreUnusable

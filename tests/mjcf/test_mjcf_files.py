@@ -129,10 +129,9 @@ def test_same_input_same_bytes(store: Store, tmp_path: Path) -> None:
     assert everything(arm(other).request(other, *MODES)) == first
     program = (
         "import sys, pickle, hashlib; sys.path[:0] = sys.argv[2:]\n"
-        "from thingc.targets.mjcf.emit import emit\n"
-        "from thingc.targets.mjcf import archive\n"
+        "from thingc.targets.mjcf.emit import emit, emit_archives\n"
         "request = pickle.load(open(sys.argv[1], 'rb'))\n"
-        "files = {**emit(request).files, **archive.emit(request).files}\n"
+        "files = {**emit(request).files, **emit_archives(request).files}\n"
         "print(hashlib.sha256(repr(list(files.items())).encode()).hexdigest())\n"
     )
     third = Store(str(tmp_path / "third"))

@@ -35,8 +35,8 @@ from thingc.base.primitives import Primitive
 from thingc.geometry.store.local import Store
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
 from thingc.model.resolve.types import Overrides
+from thingc.targets.mjcf.elements import inertial
 from thingc.targets.mjcf.emit import emit
-from thingc.targets.mjcf.inertial import inertial
 from thingc.targets.request import EmitRequest
 from thingc.targets.xml_writer import XmlValue, format_value
 

@@ -9,8 +9,8 @@ from typing import Any
 import pyarrow
 import pytest
 
-from thingc.batch import arrow_columns
-from thingc.batch.arrow_columns import column
+from thingc.batch import packed_layout
+from thingc.batch.packed_layout import column
 
 VALUES: dict[Any, Callable[[random.Random], Any]] = {
     pyarrow.int64(): lambda chance: chance.randrange(-2**63, 2**63),
@@ -33,7 +33,7 @@ def test_a_column_is_the_array_of_pyarrow(type: Any) -> None:
 
 
 def test_very_long_texts_are_left_to_pyarrow(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(arrow_columns, "LARGEST", 3)
+    monkeypatch.setattr(packed_layout, "LARGEST", 3)
     assert column(["ab", "cd", None], pyarrow.string()).to_pylist() == ["ab", "cd", None]
     with pytest.raises(TypeError):
         column([1.5], pyarrow.int64())

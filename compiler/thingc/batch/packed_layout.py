@@ -19,6 +19,7 @@ import json
 import os
 import re
 import threading
+from array import array
 from bisect import bisect_right
 from collections import Counter, OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,12 +29,15 @@ from typing import TYPE_CHECKING, Any
 from thingc.base.diagnostics import shown_path
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch import folder_layout
-from thingc.batch.arrow_columns import column
 from thingc.batch.journal import Journal, Line, lines
 from thingc.batch.rules import LENGTHS
 
 if TYPE_CHECKING:
     from pyarrow.parquet import ParquetFile
+
+LARGEST = 2**31 - 1
+"""How many bytes the texts of one Arrow array may have together."""
+
 
 CHUNK = 1024
 """Variants of a chunk."""
@@ -423,3 +427,31 @@ def in_order(folder: str) -> Iterator[Line]:
         with contextlib.closing(Chunk(folder, number)) as chunk:
             for index in chunk.indices:
                 yield chunk.line(index)
+
+
+def column(values: Sequence[Any], type: Any) -> Any:
+    """`pyarrow.array(values, type)` for `int64`, `float64`, `bool_`, `string` and `binary`; None where there is no value. Raises what
+    `array` raises for a value that is none of its type.
+
+    `pyarrow.array` imports pandas if that is installed, to ask whether its values are of pandas, which takes as long as a dozen variants.
+    """
+    import pyarrow
+
+    data: list[Any]
+    if type in (pyarrow.int64(), pyarrow.float64()):
+        data = [array("q" if type == pyarrow.int64() else "d", [0 if value is None else value for value in values])]
+    elif type == pyarrow.bool_():
+        data = [_bits(values)]
+    else:
+        told = [b"" if value is None else value.encode() if isinstance(value, str) else value for value in values]
+        ends = list(accumulate(map(len, told), initial=0))
+        if ends[-1] > LARGEST:
+            return pyarrow.array(values, type)
+        data = [array("i", ends), b"".join(told)]
+    there = _bits([value is not None for value in values])
+    return pyarrow.Array.from_buffers(type, len(values), [pyarrow.py_buffer(one) for one in (there, *data)])
+
+
+def _bits(flags: Sequence[Any]) -> bytes:
+    """One bit each, the first the lowest of the first byte."""
+    return int("0" + "".join("1" if flag else "0" for flag in reversed(flags)), 2).to_bytes(len(flags) // 8 + 1, "little")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import math
 import os
 import posixpath
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any, assert_never
 
@@ -276,19 +277,10 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
             for point in points(self.method, len(self.axes), self.drawn, self.seed):
                 yield self._setting(axis.drawn(u) for axis, u in zip(self.axes, point, strict=True))
         elif self.axes or not self.listed:
-            yield from self._grid()
+            for values in itertools.product(*(axis.values for axis in self.axes)):
+                yield self._setting(values)
 
-    def _grid(self) -> Iterator[Setting]:
-        """The last axis changes fastest."""
-        sizes = [len(axis.values) for axis in self.axes]
-        for number in range(math.prod(sizes)):
-            at: list[int] = []
-            for size in reversed(sizes):
-                number, position = divmod(number, size)
-                at.append(position)
-            yield self._setting(axis.values[k] for axis, k in zip(self.axes, reversed(at), strict=True))
-
-    def _setting(self, values: Iterator[ExpressionValue]) -> Setting:
+    def _setting(self, values: Iterable[ExpressionValue]) -> Setting:
         parameters, choices = dict(self.fixed.parameters), dict(self.fixed.choices)
         for axis, value in zip(self.axes, values, strict=True):
             if axis.choice:

@@ -16,9 +16,9 @@ from msgspec.structs import replace
 from thingc.base.csv_text import format_cell
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch import folder_layout
-from thingc.batch.arrow_columns import column
 from thingc.batch.build_records import in_order, lengths_in
 from thingc.batch.journal import Line
+from thingc.batch.packed_layout import column
 from thingc.batch.rules import PARAMETERS, RESULTS, dimension_of
 from thingc.batch.values import unit_of
 

@@ -485,6 +485,6 @@ class GeometryService:
 
     def _broken(self, subject: str, answer: dict[str, Any]) -> PartFailure:
         """A part that ended its worker. Such failures are not kept: the next run tries again."""
-        from thingc.geometry.worker.crash_report import failure_of
+        from thingc.geometry.client import failure_of
 
         return failure_of(subject, answer, self.timeout, self.workspace)

@@ -50,7 +50,8 @@ TARGETS: dict[str, Target] = {
         writes=("mjcf/*.xml", "mjcf/assets/*.obj", "modes.json"), capabilities="thingc.targets.mjcf.capabilities", by_name=True,
     ),
     "mjz": Target(
-        says="each model in one file with its meshes", emitters=("thingc.targets.mjcf.archive:emit",), writes=("mjcf/*.mjz",), by_name=True,
+        says="each model in one file with its meshes", emitters=("thingc.targets.mjcf.emit:emit_archives",), writes=("mjcf/*.mjz",),
+        by_name=True,
     ),
     "stl": Target(says="print files", emitters=("thingc.targets.stl:emit",), writes=("stl/*.stl",)),
     "step": Target(says="the whole robot", emitters=("thingc.targets.step:emit",), writes=("step/*.step",)),

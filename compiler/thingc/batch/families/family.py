@@ -13,7 +13,7 @@ from thingc.base.suggestions import did_you_mean
 from thingc.base.units import Quantity
 from thingc.batch.families.batching import Batches, batched
 from thingc.batch.families.evaluation import Evaluation
-from thingc.batch.families.model_template import ModelTemplate
+from thingc.batch.families.mjspec_recompile import ModelTemplate
 from thingc.batch.families.models import ModelsOfMode
 from thingc.batch.families.results import Evaluated, Explanation, NoModel
 from thingc.batch.families.search_space import SearchSpace, of_axes, of_parameters

@@ -11,8 +11,7 @@ from weakref import WeakKeyDictionary
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.batch.families.merged_mesh_model import ModelSource
-from thingc.batch.families.mjspec_recompile import NotInMjSpec, RecompiledSpec
-from thingc.batch.families.model_template import ModelTemplate
+from thingc.batch.families.mjspec_recompile import ModelTemplate, NotInMjSpec, RecompiledSpec
 from thingc.batch.families.results import NoModel
 from thingc.batch.mujoco_arrays.arrays import TOGETHER, Arrays
 from thingc.batch.mujoco_arrays.entries import NotAnArrayEntry

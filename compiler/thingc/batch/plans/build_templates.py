@@ -20,8 +20,7 @@ from thingc.base.zip_files import MODEL, entries, inflate, zipped
 from thingc.batch.plans import numeric_plan
 from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, TracedResults
 from thingc.batch.plans.part_exchange import Exchange
-from thingc.batch.plans.tape import Tape, Traced, slot
-from thingc.batch.plans.text_template import NumberSlots, TextTemplate
+from thingc.batch.plans.tape import NumberSlots, Tape, TextTemplate, Traced, slot
 from thingc.batch.plans.trace_compilation import TraceResult, trace_compilation
 from thingc.driver import pipeline
 from thingc.driver.pipeline import Compilation

@@ -20,7 +20,7 @@ from typing import Any
 
 from thingc.documents.workspace import DEFAULT_MEMORY
 from thingc.geometry.worker import process_tree
-from thingc.geometry.worker.libc import prctl
+from thingc.geometry.worker.process_tree import prctl
 from thingc.geometry.worker.sandbox import PROCESSES, confine
 from thingc.geometry.worker.scratch import settle
 

@@ -8,13 +8,13 @@ is found here.
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import signal
 import sys
 import time
 from collections.abc import Collection, Iterable
-
-from thingc.geometry.worker.libc import prctl
+from typing import Any
 
 PAUSE = 0.005
 """How long [s] to wait before looking again for processes that are about to end."""
@@ -136,3 +136,22 @@ def _runs(process: int) -> bool:
             return stream.read().rpartition(b")")[2].split()[0] not in (b"Z", b"X")
     except (OSError, IndexError):
         return False
+
+
+def prctl(option: int, argument: int) -> bool:
+    """Have the system treat this process in another way (`man 2 prctl`); whether it does."""
+    return bool(_libc().prctl(option, argument, 0, 0, 0) == 0)
+
+
+def syscall(number: int, *arguments: Any) -> int:
+    """Ask the system by the number of a call; what it returns, -1 where it refuses."""
+    return int(_libc().syscall(number, *arguments))
+
+
+@functools.cache
+def _libc() -> Any:
+    import ctypes  # late: the driver asks for nothing here
+
+    libc = ctypes.CDLL(None)
+    libc.syscall.restype = ctypes.c_long
+    return libc

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from thingc.geometry.worker import audit
-from thingc.geometry.worker.libc import prctl, syscall
+from thingc.geometry.worker.process_tree import prctl, syscall
 
 PROCESSES = 256
 """How many processes of one part may be alive at once."""

@@ -18,8 +18,8 @@ from thingc.targets.geometry import Geometry
 from thingc.targets.mjcf import adhesion_contacts, closures, elements, merged_joints, sensors, tendons
 from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.mjcf.drives import NOTHING
+from thingc.targets.mjcf.elements import pose_attributes
 from thingc.targets.mjcf.lowering import base_positions, in_body, is_ball, lowered, positions
-from thingc.targets.mjcf.poses import pose_attributes
 from thingc.targets.xml_writer import Element, XmlValue
 
 FREE_JOINT = BASE

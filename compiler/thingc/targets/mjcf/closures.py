@@ -20,7 +20,7 @@ from thingc.model.robot.types import Closure, Robot, residual_words
 from thingc.targets.artifact import Loss
 from thingc.targets.capabilities import written
 from thingc.targets.mjcf.capabilities import CAPABILITIES
-from thingc.targets.mjcf.poses import pose_attributes
+from thingc.targets.mjcf.elements import pose_attributes
 from thingc.targets.xml_writer import Element, XmlValue
 
 STIFFNESS = "0.999 0.9999 0.001"

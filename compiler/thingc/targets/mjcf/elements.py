@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
-from thingc.base.inertia import MassProperties
+from thingc.base.inertia import LEAST_MOMENT, ZERO, MassProperties, physical_fault, principal_moments, within_triangle
 from thingc.base.joints.twist import Twist
-from thingc.base.pose import Pose, Vector
+from thingc.base.pose import IDENTITY, Pose, Vector
 from thingc.base.source import Origin
 from thingc.model.assembly.types import ActuatorModel
 from thingc.model.resolve.coordinates import Dynamics
@@ -16,10 +17,8 @@ from thingc.model.robot.types import TreeJoint
 from thingc.targets import geometry
 from thingc.targets.geometry import MeshAsset, Shape, Shapes, channels, material_name, numbered
 from thingc.targets.mjcf.drives import both_ways, drive_attributes, joint_range
-from thingc.targets.mjcf.inertial import inertial
 from thingc.targets.mjcf.limits import is_shell
 from thingc.targets.mjcf.lowering import MujocoJoint, lowered
-from thingc.targets.mjcf.poses import pose_attributes
 from thingc.targets.xml_writer import Element, XmlValue
 
 GRID = 0.1
@@ -167,3 +166,32 @@ def _friction(material: Material | None) -> dict[str, XmlValue]:
     elif material.torsion is not None:
         attributes["condim"] = "4"
     return attributes
+
+
+def inertial(properties: MassProperties) -> dict[str, XmlValue]:
+    """Mass [kg], centre [m] and inertia [kg m^2] about the centre, in the link's frame, as attributes of `<inertial>`.
+
+    A link that never moves may have an inertia that no solid has (a mass at a point), or one of almost nothing: MuJoCo refuses to
+    find its principal axes, and nothing depends on it, so it gets none.
+    """
+    inertia = properties.inertia
+    attributes: dict[str, XmlValue] = {"pos": properties.centre, "mass": properties.mass}
+    if inertia == ZERO or physical_fault(inertia) is not None or principal_moments(inertia)[0] < LEAST_MOMENT * (1.0 + 1e-9):
+        return {**attributes, "diaginertia": "0 0 0"}
+    i = within_triangle(inertia)
+    return {**attributes, "fullinertia": (i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2])}
+
+
+def pose_attributes(pose: Pose) -> dict[str, XmlValue]:
+    """`pos` [m] and `quat` (w, x, y, z) of a pose, each only where it says something."""
+    return dict(_pose_texts(pose))
+
+
+@lru_cache(maxsize=4096)
+def _pose_texts(pose: Pose) -> tuple[tuple[str, XmlValue], ...]:
+    attributes: list[tuple[str, XmlValue]] = []
+    if any(component != 0.0 for component in pose.translation):
+        attributes.append(("pos", pose.translation))
+    if pose.rotation != IDENTITY:
+        attributes.append(("quat", pose.quaternion()))
+    return tuple(attributes)

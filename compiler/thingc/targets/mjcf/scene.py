@@ -8,7 +8,7 @@ from thingc.base.memo import Memo
 from thingc.base.numeric import dist, maximum, rounded
 from thingc.base.source import Origin
 from thingc.model.robot.types import Robot
-from thingc.targets.extent import Box, bounds, placements
+from thingc.targets.geometry import Box, bounds, placements
 from thingc.targets.xml_writer import Element, XmlText, write
 
 FLOOR = "floor"

@@ -17,7 +17,7 @@ from thingc.targets.artifact import How, Loss
 from thingc.targets.capabilities import written
 from thingc.targets.mjcf import merged_joints, tendons
 from thingc.targets.mjcf.capabilities import CAPABILITIES
-from thingc.targets.mjcf.poses import pose_attributes
+from thingc.targets.mjcf.elements import pose_attributes
 from thingc.targets.sensors import body_of, elsewhere, on_free_root
 from thingc.targets.xml_writer import Element, XmlValue
 

@@ -15,8 +15,7 @@ from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf import merged_joints
 from thingc.targets.mjcf.drives import drive_attributes, joint_range
-from thingc.targets.mjcf.elements import dynamics_attributes
-from thingc.targets.mjcf.poses import pose_attributes
+from thingc.targets.mjcf.elements import dynamics_attributes, pose_attributes
 from thingc.targets.xml_writer import Element, XmlValue
 
 

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from thingc.base.generated_header import heading
+from thingc.base.source import Origin
+from thingc.model.robot.types import Robot
 from thingc.targets import raw
-from thingc.targets.artifact import Artifacts, Content
+from thingc.targets.artifact import Artifacts, Content, How, Loss
 from thingc.targets.capabilities import losses
+from thingc.targets.connections import Connection, connections
 from thingc.targets.geometry import solid_geometry
 from thingc.targets.request import EmitRequest
-from thingc.targets.sdf import losses as special
 from thingc.targets.sdf.capabilities import CAPABILITIES
+from thingc.targets.sdf.chain import ZeroState, chain, zero_state
 from thingc.targets.sdf.model_element import MESHES, model
 from thingc.targets.sdf.world import config, world
-from thingc.targets.sdf.zero_pose import zero_state
+from thingc.targets.sensors import elsewhere, on_free_root
 from thingc.targets.xml_writer import write
 
 
@@ -36,5 +41,54 @@ def emit(request: EmitRequest) -> Artifacts:
         files[f"sdf/{name}/model.config"] = write(config(name, written.get("version"), said), said).text.encode()
         files[f"sdf/world_{robot.mode.name}.sdf"] = write(world(robot, name), said).text.encode()
         files |= {f"sdf/{name}/{path}": content for path, content in meshes.items()}
-        lost |= dict.fromkeys(special.losses(robot, zero))
+        lost |= dict.fromkeys(_losses_of_mode(robot, zero))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(lost))
+
+
+def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
+    """Of one mode, whose file has the robot at `zero`; what is lost of every mode alike is of none."""
+    mode = robot.mode
+    for connection in connections(robot, CAPABILITIES["loops"], closed=zero.closed):
+        yield from _of_joint(connection, len(chain(connection, zero.q)))
+    yield from _of_sensors(robot)
+    if zero.pose is not None:
+        what = f"what q its joints are at: here it counts from the pose `{zero.pose}`, in which loops and holds are closed"
+        yield _loss(mode.name, mode.name, what, "approximated", mode.origin)
+    for closure in robot.closures if not zero.closed else ():
+        what = "that it is held where it is" if closure.hold else "the loop through it"
+        yield _loss(mode.name, closure.path, f"{what}: no pose of the mode closes it", "omitted", closure.origin)
+
+
+def _of_joint(connection: Connection, number: int) -> Iterator[Loss]:
+    """What a joint of the document loses that is so many here, of which there is none in the base or a hold."""
+    if number > 1 and connection.joints:
+        yield _loss(None, connection.path, "that what it connects never touches", "omitted", connection.origin)
+    for joint in (joint for joint in connection.joints[:1] if joint.kind.at_once):
+        of = joint.dynamics
+        for name, value, unit in (
+            ("damping", of.damping, "N m s/rad"), ("friction", of.friction, "N m"), ("stiffness", of.stiffness, "N m/rad"),
+        ):
+            if value:
+                what = f"its {name} of {value:.6g} {unit}: a ball of SDF has none"
+                yield _loss(None, connection.path, what, "omitted", joint.origin)
+
+
+def _of_sensors(robot: Robot) -> Iterator[Loss]:
+    mode = robot.mode.name
+    for sensor in robot.assembly.sensors:
+        if sensor.kind == "force" and on_free_root(robot, sensor):
+            yield _loss(mode, sensor.path, "it: nothing carries the root of a free base", "omitted", sensor.origin)
+        elif sensor.kind == "force" and (place := elsewhere(robot, sensor)) is not None:
+            what = f"the force at its mount: it reads what passes {place}"
+            yield _loss(mode, sensor.path, what, "approximated", sensor.origin)
+        elif sensor.kind == "contact":
+            links = [robot.assembly.links[link] for link in sensor.touching]
+            if not any(robot.assembly.occurrences[member].touching for member in links[0].members):
+                yield _loss(None, sensor.path, "this sensor: its link has nothing that touches", "omitted", sensor.origin)
+            elif len(links) > 1:
+                what = f"that only what touches `{links[1].name}` counts"
+                yield _loss(None, sensor.path, what, "omitted", sensor.origin)
+
+
+def _loss(mode: str | None, path: str, what: str, how: How, origin: Origin) -> Loss:
+    return Loss.of(origin, "sdf", mode, path, what, how)

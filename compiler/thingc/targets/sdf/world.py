@@ -5,7 +5,7 @@ from __future__ import annotations
 from thingc.base import numeric
 from thingc.model.robot.types import Robot
 from thingc.targets.capabilities import written
-from thingc.targets.extent import bounds, placements
+from thingc.targets.geometry import bounds, placements
 from thingc.targets.sdf.capabilities import CAPABILITIES, SensorForm
 from thingc.targets.sdf.model_element import PLAIN
 from thingc.targets.xml_writer import Element

@@ -4,7 +4,8 @@
 
 Turns and slides about and along z of the frame are joints of their own, a ball is one, too; what else has several coordinates is a generic
 joint (D6), which slides first and then turns about x, y as that has turned it, and z. UsdPhysics leaves the order of the turns to
-readers; this is Newton's. What such a joint cannot do is a chain of two, with an almost massless link between.
+readers; this is Newton's. What such a joint cannot do is a chain of two, with an almost massless link between. Newton's schema can express
+that a turn follows another turn, and a slide another slide.
 """
 
 from __future__ import annotations
@@ -15,10 +16,13 @@ from typing import Literal, assert_never
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, along, cross, dot, shifted, transpose
+from thingc.base.source import Origin
+from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import JointEdge
-from thingc.model.robot.types import TreeJoint
+from thingc.model.resolve.coordinates import Limit
+from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.capabilities import joint_cell
-from thingc.targets.connections import Connection
+from thingc.targets.connections import Connection, connections
 from thingc.targets.usd.capabilities import CAPABILITIES
 
 UsdType = Literal["Fixed", "Revolute", "Prismatic", "Spherical", "D6"]
@@ -137,3 +141,40 @@ def _frame(directions: Sequence[Vector], anchor: Vector) -> Pose:
 
 def _parallel(a: Vector, b: Vector) -> bool:
     return dot(a, b) > 1.0 - PARALLEL
+
+
+class MimicJoint(FrozenStruct):
+    """A joint at `path` that follows the `leader`, which moves by itself: q = offset + multiplier q(leader) [rad or m]. `said`: both are
+    joints of one coordinate and of one kind, as Newton's schema has them. `reach`: between which values the leader's limits take it, None
+    where that has no two."""
+
+    path: str
+    leader: str
+    multiplier: float
+    offset: float
+    turns: bool
+    said: bool
+    reach: tuple[float, float] | None
+    origin: Origin
+
+
+def followers(robot: Robot) -> dict[str, MimicJoint]:
+    """Of every joint that follows another one, by path."""
+    steps = [step for connection in connections(robot, CAPABILITIES["loops"]) for step in chain(connection)]
+    single = {step.single.path: step.type for step in steps if step.single is not None}
+    joints = {joint.path: joint for joint in joints_of(robot.assembly)}
+    return {
+        path: MimicJoint(
+            path=path, leader=leader, multiplier=multiplier, offset=offset, turns=joints[path].twist.turns,
+            said=path in single and single.get(leader) == single[path],
+            reach=_reach(joints[leader].limit, multiplier, offset), origin=mimic.origin,
+        )
+        for path, (leader, multiplier, offset) in leaders(joints.values()).items() if (mimic := joints[path].mimic) is not None
+    }
+
+
+def _reach(limit: Limit, multiplier: float, offset: float) -> tuple[float, float] | None:
+    if limit.lower is None or limit.upper is None:
+        return None
+    one, other = (offset + multiplier * end for end in (limit.lower, limit.upper))
+    return min(one, other), max(one, other)

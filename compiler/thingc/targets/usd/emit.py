@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+from thingc.base import numeric
 from thingc.base.generated_header import heading
-from thingc.targets.artifact import Artifacts, Content
+from thingc.base.source import Origin
+from thingc.model.assembly.kinematics import joints_of
+from thingc.model.assembly.types import JointEdge
+from thingc.model.robot.loop_solver import Loops, SolverState
+from thingc.model.robot.types import Robot, TreeJoint
+from thingc.targets.artifact import Artifacts, Content, How, Loss
 from thingc.targets.capabilities import losses
+from thingc.targets.connections import connections
 from thingc.targets.geometry import solid_geometry
 from thingc.targets.request import EmitRequest
-from thingc.targets.usd import losses as special
 from thingc.targets.usd import raw
 from thingc.targets.usd.capabilities import CAPABILITIES
-from thingc.targets.usd.meshes import identifiers, prototypes
-from thingc.targets.usd.stage import model
-from thingc.targets.usd.usda import rendered, write
+from thingc.targets.usd.chain import chain, followers
+from thingc.targets.usd.stage import identifiers, model, prototypes
+from thingc.targets.usd.usda import FLOAT_MAX, rendered, write
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -30,5 +38,70 @@ def emit(request: EmitRequest) -> Artifacts:
     for robot, made in zip(request.robots, models, strict=True):
         said = heading(assembly.definition.document, robot.mode.name)
         files[f"usd/{assembly.name}_{robot.mode.name}.usda"] = write([rendered(made), meshes], assembly.name, said).encode()
-        lost |= dict.fromkeys(special.losses(robot))
+        lost |= dict.fromkeys(_losses_of_mode(robot))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(lost))
+
+
+def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
+    """Of one mode, besides what no file of the format says; what is lost of every mode alike is of none."""
+    mode = robot.mode
+    for connection in connections(robot, CAPABILITIES["loops"]):
+        if (number := len(chain(connection))) > 1:
+            what = f"its motion as one joint's: it is {number} joints here, with a link of 1e-9 kg between"
+            yield _loss(mode.name, connection.path, what, "approximated", connection.origin)
+        for joint in connection.joints:
+            if joint.limit.effort is not None and joint.actuator is None:
+                what = f"its effort limit of {joint.limit.effort:.6g} {'N m' if joint.twist.turns else 'N'}: there is that of a drive alone"
+                yield _loss(None, joint.path, what, "omitted", joint.origin)
+            yield from _of_floats(joint)
+    for body in robot.bodies:
+        link = robot.assembly.links[body.link]
+        for what, value, unit in (
+            ("mass", link.properties.mass, "kg"), ("inertia", numeric.maximum(map(numeric.maximum, link.properties.inertia)), "kg m^2"),
+            ("centre of mass", numeric.maximum(map(abs, link.properties.centre)), "m"),
+        ):
+            yield from _infinite(link.name, what, value, unit, link.origin)
+    for follower in followers(robot).values():
+        if not follower.said:
+            what = f"that it follows `{follower.leader}`: only a turn can follow a turn, and a slide a slide"
+            yield _loss(None, follower.path, what, "omitted", follower.origin)
+    if not _closed(robot):
+        what = "where it begins: it stands at q = 0 here, where loops and holds are open"
+        yield _loss(mode.name, mode.name, what, "approximated", mode.origin)
+    for one in robot.assembly.occurrences:
+        if one.material is not None and one.material.torsion is not None:
+            what = "its torsional friction, which Newton alone reads"
+            yield _loss(None, one.material.name, what, "carried as custom data", one.material.origin)
+
+
+def _of_floats(joint: TreeJoint | JointEdge) -> Iterator[Loss]:
+    """What numbers of a joint are too large for USD's floats."""
+    turns, drive, dynamics = joint.twist.turns, joint.actuator, joint.dynamics
+    q, push = ("rad", "N m") if turns else ("m", "N")
+    for what, value, unit in (
+        ("velocity limit", joint.limit.velocity, f"{q}/s"), ("effort limit", joint.limit.effort, push),
+        ("damping", dynamics.damping, f"{push} s/{q}"), ("dry friction", dynamics.friction, push),
+        ("armature", dynamics.armature, "kg m^2" if turns else "kg"),
+        ("kp", drive and drive.kp, f"{push}/{q}"), ("kv", drive and drive.kv, f"{push} s/{q}"),
+    ):
+        yield from _infinite(joint.path, what, value or 0.0, unit, joint.origin, degrees=turns and what == "velocity limit")
+
+
+def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, degrees: bool = False) -> Iterator[Loss]:
+    """A number that no float holds, where it is one; of angles in degrees."""
+    if value > (numeric.radians(FLOAT_MAX) if degrees else FLOAT_MAX):
+        words = f"its {what} of {value:.6g} {unit}: it is infinite here, where numbers go up to {FLOAT_MAX:.2g}"
+        yield _loss(None, path, words, "approximated", origin)
+
+
+def _closed(robot: Robot) -> bool:
+    """Whether loops and holds are closed at q = 0, with the base where the mode puts it."""
+    if not robot.closures:
+        return True
+    joints, base = joints_of(robot.assembly), robot.bodies[0].X_PL
+    state = SolverState(q={joint.path: 0.0 for joint in joints}, base=base)
+    return Loops(robot.bodies, robot.closures, joints, base).closed(state)
+
+
+def _loss(mode: str | None, path: str, what: str, how: How, origin: Origin) -> Loss:
+    return Loss.of(origin, "usd", mode, path, what, how)

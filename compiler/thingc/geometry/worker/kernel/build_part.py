@@ -36,11 +36,10 @@ from thingc.geometry.record_json import failure_to_json, record_to_json
 from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.geometry.worker.kernel import convert, meshing
 from thingc.geometry.worker.kernel.bounding_primitives import fit_all
-from thingc.geometry.worker.kernel.colors import hexadecimal, named
 from thingc.geometry.worker.kernel.integrals import Measures, bodies_of, explored, measure, solids_of
 from thingc.geometry.worker.kernel.mesh_files import SUFFIXES, BadPartFile
 from thingc.geometry.worker.kernel.mirroring import SolidMirror
-from thingc.geometry.worker.kernel.part_files import kernel_shape, read_part, unusable
+from thingc.geometry.worker.kernel.part_files import hexadecimal, kernel_shape, named, read_part, unusable
 from thingc.geometry.worker.kernel.primitives import primitive_of
 from thingc.geometry.worker.kernel.simplifying import deviation, simplified
 from thingc.geometry.worker.kernel.tessellation import tessellate

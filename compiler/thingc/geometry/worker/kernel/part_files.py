@@ -48,7 +48,6 @@ def kernel_shape(shape: Any) -> TopoDS_Shape | None:
 def _from_step(path: str) -> tuple[list[TopoDS_Shape], set[str]]:
     from build123d import import_step
 
-    from thingc.geometry.worker.kernel.colors import hexadecimal
 
     try:
         whole = import_step(path)
@@ -167,3 +166,16 @@ def _shell(mesh: Triangles) -> TopoDS_Shape:
         builder.Add(shell, face)
     shell.Closed(True)
     return shell
+
+
+def hexadecimal(color: Any) -> str:
+    """A build123d `Color` as `#rrggbb` (sRGB; what it is transparent is left out)."""
+    red, green, blue, *_ = tuple(color)
+    return "#" + "".join(f"{min(255, max(0, round(255 * channel))):02x}" for channel in (red, green, blue))
+
+
+def named(text: str) -> str:
+    """A CSS name or `#rrggbb` as `#rrggbb`. Raises `ValueError` for what is no colour."""
+    from build123d import Color
+
+    return hexadecimal(Color(text))

@@ -12,9 +12,8 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf import adhesion_contacts
-from thingc.targets.mjcf.compat.consumer import Consumer, Refusal
+from thingc.targets.mjcf.compat.consumer import Consumer, Refusal, UnsupportedOptions
 from thingc.targets.mjcf.compat.contact_pairs import ContactPairs, pairs
-from thingc.targets.mjcf.compat.options import UnsupportedOptions
 from thingc.targets.xml_writer import Element
 
 LACKING = frozenset(map(frozenset, (("cylinder", "box"), ("cylinder", "mesh"), ("ellipsoid", "box"), ("ellipsoid", "mesh"))))

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from thingc.model.robot.types import Robot
-from thingc.targets.mjcf.compat.consumer import Consumer, Refusal, nothing_lost
-from thingc.targets.mjcf.compat.options import UnsupportedOptions
+from thingc.targets.mjcf.compat.consumer import Consumer, Refusal, UnsupportedOptions, nothing_lost
 from thingc.targets.xml_writer import Element
 
 LACKS = UnsupportedOptions(solvers=("PGS",), enabled=("override", "fwdinv", "diagexact", "ipc"), disabled=("midphase", "autoreset"))
