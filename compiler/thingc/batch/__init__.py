@@ -22,25 +22,8 @@ if TYPE_CHECKING:
     from thingc.batch.variants_document import plan, read_plan
 
 __all__ = [
-    "BatchFault",
-    "BatchResults",
-    "BuiltVariant",
-    "FamilyError",
-    "Interrupted",
-    "Plan",
-    "PlanError",
-    "Progress",
-    "StructuresDiffer",
-    "Summary",
-    "UnknownVariant",
-    "Variant",
-    "apply",
-    "fields",
-    "load",
-    "plan",
-    "read_plan",
-    "run",
-    "write",
+    "BatchFault", "BatchResults", "BuiltVariant", "FamilyError", "Interrupted", "Plan", "PlanError", "Progress", "StructuresDiffer",
+    "Summary", "UnknownVariant", "Variant", "apply", "fields", "load", "plan", "read_plan", "run", "write",
 ]
 
 __getattr__ = exported(__name__, {

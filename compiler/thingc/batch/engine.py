@@ -13,6 +13,8 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
+from msgspec.structs import asdict
+
 from thingc.base.diagnostics import Code
 from thingc.base.json_lines_process import JsonLinesProcess, ProcessLost
 from thingc.batch.job import STOPPED, Job, Row, Task, row
@@ -155,7 +157,7 @@ def evaluate(
     while left:
         runner = pool.take(job)
         try:
-            runner.ask([task.plain() for task in left])
+            runner.ask([asdict(task) for task in left])
             while left:
                 answer = runner.answer(timeout)
                 answer["pid"] = runner.pid

@@ -60,13 +60,6 @@ class Task(FrozenStruct):
     choices: Mapping[str, str]
     values: Mapping[str, Value]
 
-    def plain(self) -> dict[str, Any]:
-        """As JSON has it."""
-        return {
-            "index": self.index, "id": self.id, "parameters": dict(self.parameters), "choices": dict(self.choices),
-            "values": dict(self.values),
-        }
-
 
 Row = dict[str, Any]
 """What came of one variant: `index`, `id`, `status` (`built | kept_out | refused | failed`), `rule`, `code`, `message`, `detail`,

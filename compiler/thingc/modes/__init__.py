@@ -24,21 +24,6 @@ from thingc.modes.state import RobotState
 from thingc.modes.tree import Cut, Hold, Inertias, Joint, Link, Mimic, Mode
 
 __all__ = [
-    "BaseElsewhere",
-    "BaseMoves",
-    "Cut",
-    "Hold",
-    "Impact",
-    "Inertias",
-    "Joint",
-    "Link",
-    "Mimic",
-    "Mode",
-    "Modes",
-    "ModesError",
-    "RobotState",
-    "SwitchResult",
-    "UnknownMode",
-    "WrongData",
-    "caught",
+    "BaseElsewhere", "BaseMoves", "Cut", "Hold", "Impact", "Inertias", "Joint", "Link", "Mimic", "Mode", "Modes", "ModesError",
+    "RobotState", "SwitchResult", "UnknownMode", "WrongData", "caught",
 ]

@@ -6,6 +6,8 @@ import csv
 import io
 from itertools import count
 
+from msgspec.structs import asdict, astuple
+
 from thingc.base.csv_text import format_cell
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.model.assembly.hag import Definition
@@ -14,9 +16,6 @@ from thingc.targets import json_writer
 from thingc.targets.artifact import Artifacts
 from thingc.targets.request import EmitRequest
 
-COLUMNS = ("number", "name", "definition", "quantity", "make", "material", "mass", "mass_source", "supplier", "cost")
-"""The columns of `bom.csv` and the keys of every entry of `bom.json`, in order."""
-
 MACHINED = frozenset({"cnc", "machine", "machined", "mill", "milled", "milling", "lathe", "turning", "laser", "waterjet"})
 """Kinds of process that take material away; a part of any other kind is printed."""
 
@@ -24,7 +23,8 @@ _ORDER = {"print": 0, "machine": 1, "buy": 2}
 
 
 class BomRow(FrozenStruct):
-    """One row: `quantity` equal pieces of `mass` [kg] each; `cost` as the document wrote it."""
+    """One row, whose fields are the columns of `bom.csv` and the keys of `bom.json`, in order: `quantity` equal pieces of `mass` [kg] each;
+    `cost` as the document wrote it."""
 
     number: str
     name: str
@@ -118,15 +118,15 @@ def csv_text(rows: tuple[BomRow, ...]) -> str:
     spreadsheet would compute begins with `'` (see `format_cell`). No line of totals, so that a column can be summed."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    writer.writerow(BomRow.__struct_fields__)
     for row in rows:
-        writer.writerow(format_cell(getattr(row, column)) for column in COLUMNS)
+        writer.writerow(map(format_cell, astuple(row)))
     return stream.getvalue()
 
 
 def json_text(rows: tuple[BomRow, ...]) -> bytes:
-    """A list of objects with the keys `COLUMNS`; null where nothing is known."""
-    return json_writer.encode([{column: getattr(row, column) for column in COLUMNS} for row in rows])
+    """A list of objects; null where nothing is known."""
+    return json_writer.encode([asdict(row) for row in rows])
 
 
 def emit(request: EmitRequest) -> Artifacts:

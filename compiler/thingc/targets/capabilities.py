@@ -10,7 +10,7 @@ all targets.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Generic, Literal, TypedDict, TypeVar, assert_never
+from typing import Any, Generic, Literal, TypedDict, TypeVar, assert_never, cast
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO, physical_fault
@@ -202,11 +202,7 @@ class Sensors(TypedDict, Generic[By]):
 
 def all_sensors(cell: Cell[By]) -> Sensors[By]:
     """The same of every kind."""
-    return {
-        "imu": cell, "force": cell, "joint": cell, "camera": cell, "accelerometer": cell, "gyro": cell, "magnetometer": cell,
-        "velocimeter": cell, "rangefinder": cell, "touch": cell, "contact": cell, "pose": cell, "twist": cell, "centre": cell,
-        "tendon": cell, "drive": cell, "clock": cell, "energy": cell,
-    }
+    return cast("Sensors[By]", dict.fromkeys(Sensors.__annotations__, cell))
 
 
 class OfSensors(TypedDict):

@@ -16,7 +16,7 @@ from typing import Any
 
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable, cache_root
 
-SHARED = frozenset(("record", "schema", "convex", "slices", "step"))
+SHARED = frozenset(("record", "schema", "convex-meshes", "slices", "step"))
 """The kinds of JSON documents that mean the same on every machine, and are worth a journey."""
 
 WHOLE = frozenset(("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "oss", "memory"))
