@@ -10,7 +10,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import some
 from thingc.documents.workspace import Workspace
 from thingc.geometry.key.module_key import CodeIngredients
-from thingc.geometry.record import PartDefinition, Value
+from thingc.geometry.record import PartDefinition
 
 
 class BuildKey(FrozenStruct):
@@ -35,7 +35,7 @@ def record_key(
 ) -> BuildKey:
     """Of a part record; of the workspace it depends on the tessellations."""
     mesh, simulation = workspace.mesh, workspace.simulation
-    parameters = {f"parameter {name}": _format_value(value) for name, value in definition.parameters}
+    parameters = {f"parameter {name}": f"{type(value).__name__} {value!r}" for name, value in definition.parameters}
     return BuildKey(
         ingredients={
             "part": definition.reference, "definition": definition.text, **versions,
@@ -44,10 +44,6 @@ def record_key(
             "mesh simulation linear": repr(simulation.linear), "mesh simulation angular": repr(simulation.angular),
         }
     )
-
-
-def _format_value(value: Value) -> str:
-    return f"{type(value).__name__} {value!r}"
 
 
 def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:

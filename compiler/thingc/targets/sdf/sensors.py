@@ -55,7 +55,7 @@ def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames)
 def _sensor(parent: Element, sensor: LinkedSensor, form: SensorForm, pose: Pose | None, names: MangledNames) -> Element:
     element = parent.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": form}, sensor.origin)
     if pose is not None:
-        _set_pose(element, pose)
+        element.say("pose", (*pose.translation, *rpy_of(pose.rotation)))
     element.say("always_on", "true")
     return element
 
@@ -102,7 +102,3 @@ def _on(robot: Robot, body: int) -> Iterator[tuple[LinkedSensor, Site]]:
     for sensor in robot.assembly.sensors:
         if sensor.site is not None and body_of(robot, sensor) == body:
             yield sensor, sites[sensor.site]
-
-
-def _set_pose(element: Element, pose: Pose) -> None:
-    element.say("pose", (*pose.translation, *rpy_of(pose.rotation)))

@@ -85,7 +85,7 @@ class _Builder:
         robot = self.robot
         for word, what in ((SCENE, "the physics scene"), (MATERIALS, "what holds the materials"), (JOINTS, "what holds the joints")):
             self.names.take(word, (), what)
-        links = [self._link_of(index) for index in range(len(robot.bodies))]
+        links = [robot.assembly.links[body.link] for body in robot.bodies]
         names = [self.names.take(link.name, link.origin) for link in links]
         self.root.metadata.append('kind = "component"')
         self._scene()
@@ -232,9 +232,6 @@ class _Builder:
             path = f"{self.path}/{MATERIALS}/{self.materials[_friction(material)]}"
             prim.properties.append(f"rel material:binding:physics = <{path}> (")
             prim.properties += ['    bindMaterialAs = "weakerThanDescendants"', ")"]
-
-    def _link_of(self, index: int) -> Link:
-        return self.assembly.links[self.robot.bodies[index].link]
 
 
 def moments_of(properties: MassProperties) -> tuple[Vector, Matrix]:
