@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from json.encoder import encode_basestring
 from typing import TYPE_CHECKING, Any, cast
@@ -15,13 +15,14 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
+from thingc.base.numeric import FORMATTERS
 from thingc.base.safe_text import json_text
 from thingc.base.zip_files import MODEL, entries, inflate, zipped
 from thingc.batch.plans import numeric_plan
 from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, TracedResults
 from thingc.batch.plans.part_exchange import Exchange
-from thingc.batch.plans.tape import NumberSlots, Tape, TextTemplate, Traced, slot
-from thingc.batch.plans.trace_compilation import TraceResult, trace_compilation
+from thingc.batch.plans.tape import SLOT, Tape, Traced, slot
+from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, trace_compilation
 from thingc.driver import pipeline
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
@@ -255,3 +256,41 @@ def _same(planned: Build, whole: Build | None) -> bool:
     """Whether a plan gives what every pass does."""
     said = ("results", "problems", "losses", "parts")
     return whole is not None and all(getattr(planned, name) == getattr(whole, name) for name in said) and planned.files() == whole.files()
+
+
+class TextTemplate:
+    """A text with slots. `slots` are their names, each once."""
+
+    def __init__(self, text: str) -> None:
+        self._pieces = SLOT.split(text)
+        self.slots = list(dict.fromkeys(self._pieces[1::2]))
+
+    def fill(self, words: Mapping[str, str]) -> str:
+        """The text with a word in each slot."""
+        pieces = self._pieces.copy()
+        pieces[1::2] = [words[name] for name in pieces[1::2]]
+        return "".join(pieces)
+
+
+class NumberSlots:
+    """The slots of numbers of a tape. `outputs` are these numbers, in the order of `names`. Raises `NotTraceable` where a text has a slot
+    that is none."""
+
+    def __init__(self, tape: Tape, names: Iterable[str]) -> None:
+        self.names = list(dict.fromkeys(names))
+        self.outputs: list[Traced] = []
+        self._formatters = []
+        for name in self.names:
+            line, _, form = name.partition(":")
+            if not line.isdecimal() or int(line) >= len(tape.lines) or not (form in FORMATTERS or form.startswith(":")):
+                raise NotTraceable("a text looks like the slot of a number")
+            self.outputs.append(Traced(tape, int(line), tape.values[int(line)]))
+            self._formatters.append(FORMATTERS[form] if form in FORMATTERS else partial(_formatted, form[1:]))
+
+    def words(self, values: Sequence[float]) -> dict[str, str]:
+        """The words for these values of `outputs`."""
+        return {name: write(value) for name, write, value in zip(self.names, self._formatters, values, strict=True)}
+
+
+def _formatted(form: str, value: float) -> str:
+    return format(value, form)

@@ -10,12 +10,10 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from thingc.base.numeric import FORMATTERS, Recorded
-from thingc.batch.plans.trace_compilation import NotTraceable
+from thingc.base.numeric import Recorded
 
 Number = Any
 """A float, an int or a `Traced`."""
@@ -221,41 +219,3 @@ OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
 }
 """Operators of two numbers."""
-
-
-class TextTemplate:
-    """A text with slots. `slots` are their names, each once."""
-
-    def __init__(self, text: str) -> None:
-        self._pieces = SLOT.split(text)
-        self.slots = list(dict.fromkeys(self._pieces[1::2]))
-
-    def fill(self, words: Mapping[str, str]) -> str:
-        """The text with a word in each slot."""
-        pieces = self._pieces.copy()
-        pieces[1::2] = [words[name] for name in pieces[1::2]]
-        return "".join(pieces)
-
-
-class NumberSlots:
-    """The slots of numbers of a tape. `outputs` are these numbers, in the order of `names`. Raises `NotTraceable` where a text has a slot
-    that is none."""
-
-    def __init__(self, tape: Tape, names: Iterable[str]) -> None:
-        self.names = list(dict.fromkeys(names))
-        self.outputs: list[Traced] = []
-        self._formatters = []
-        for name in self.names:
-            line, _, form = name.partition(":")
-            if not line.isdecimal() or int(line) >= len(tape.lines) or not (form in FORMATTERS or form.startswith(":")):
-                raise NotTraceable("a text looks like the slot of a number")
-            self.outputs.append(Traced(tape, int(line), tape.values[int(line)]))
-            self._formatters.append(FORMATTERS[form] if form in FORMATTERS else partial(_formatted, form[1:]))
-
-    def words(self, values: Sequence[float]) -> dict[str, str]:
-        """The words for these values of `outputs`."""
-        return {name: write(value) for name, write, value in zip(self.names, self._formatters, values, strict=True)}
-
-
-def _formatted(form: str, value: float) -> str:
-    return format(value, form)
