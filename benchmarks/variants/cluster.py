@@ -16,7 +16,7 @@ from pathlib import Path
 from distributed import LocalCluster
 
 from thingc.batch import run
-from thingc.batch.cluster.protocol import connect
+from thingc.batch.cluster.connection import connect
 from thingc.driver.environment import Options
 
 BOUND = 10.0

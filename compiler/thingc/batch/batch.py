@@ -82,7 +82,7 @@ def run(
 ) -> Summary:
     """Build the variants of a `variants/1` document into `<output>/<name>/` (`output` None: the workspace's build folder).
 
-    `executor` is somebody else's engine (`thingc.batch.cluster.protocol.connect` makes some); it calls `thingc.batch.engine.evaluate`,
+    `executor` is somebody else's engine (`thingc.batch.cluster.connection.connect` makes some); it calls `thingc.batch.engine.evaluate`,
     and its workers see the documents and the folder under the same paths. With `ship` they see neither: it is a cluster that can carry
     files (one of dask), the workspace goes to each of its workers, and built variants come back. None: runners on this machine, `jobs`
     of them (0: one per core; of another's executor: how many chunks are under way at once). `emit` replaces the document's targets,

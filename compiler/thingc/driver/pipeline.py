@@ -258,7 +258,7 @@ def _passes(
 ) -> Compilation:
     """From what was read to the robots. `of_text` has answers that hold as long as the documents stand as they are, line by line; those of
     the environment hold for all."""
-    from thingc.geometry.meshes.files import mesh_records
+    from thingc.geometry.meshes.cache import mesh_records
     from thingc.model.assembly.linking import link
     from thingc.model.assembly.mesh_files import listed_meshes
     from thingc.model.assembly.print_settings import likely_slicings, slicings_of

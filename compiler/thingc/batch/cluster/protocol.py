@@ -1,16 +1,7 @@
-"""What an engine of a batch on other machines is: an executor, and perhaps one that carries files. `connect` makes one of the address that
-`--cluster` states.
-
-    tcp://host:8786                          a dask scheduler (`dask_executor.py`)
-    slurm  slurm:partition=cpu,cpus=8        jobs of SLURM (`slurm.py`)
-
-Workers build variants with the same runners as here, and write them into the batch's folder: they see it, and the documents, under
-the same paths. Those of dask need not: the workspace may be shipped to them.
-"""
+"""What an engine of a batch on other machines is: an executor, and perhaps one that carries files."""
 
 from __future__ import annotations
 
-import re
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
@@ -70,20 +61,3 @@ class FileTransferExecutor(Cluster):
 def missing(package: str) -> BatchFault:
     """What to say where the library of a cluster is not installed."""
     return BatchFault(Code.CLUSTER, f"the package `{package}` is not installed, and `--cluster` needs it", "pip install 'thingc[cluster]'")
-
-
-HELP = "write `tcp://HOST:8786` for the scheduler of dask there, or `slurm:partition=NAME,cpus=8`"
-
-
-def connect(address: str, *, jobs: int = 0, folder: str) -> Cluster:
-    """The executor at an address. `jobs` chunks at once (0: as suits the cluster); `folder` is one that all machines see, for
-    files of the executor's own. Raises `BatchFault` in words for an address that is none, or where nobody answers."""
-    if re.fullmatch(r"slurm(:.*)?", address):
-        from thingc.batch.cluster.slurm import SlurmCluster, settings_of
-
-        return SlurmCluster(settings_of(address.partition(":")[2]), jobs=jobs, folder=folder)
-    if re.fullmatch(r"((tcp|tls|ws|wss|ucx)://)?([^\s:/,=\[\]]+|\[[0-9a-fA-F:]+\]):[0-9]+/?", address):
-        from thingc.batch.cluster.dask_executor import DaskCluster
-
-        return DaskCluster(address if "://" in address else f"tcp://{address}", jobs=jobs)
-    raise BatchFault(Code.COMMAND_LINE, f"`{address}` is no address of a cluster", HELP)

@@ -145,7 +145,7 @@ def _build(
     import os
 
     from thingc.batch.batch import TIMEOUT, run
-    from thingc.batch.cluster.protocol import connect
+    from thingc.batch.cluster.connection import connect
 
     with contextlib.ExitStack() as leaving:
         cluster = None
