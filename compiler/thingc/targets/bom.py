@@ -23,8 +23,7 @@ _ORDER = {"print": 0, "machine": 1, "buy": 2}
 
 
 class BomRow(FrozenStruct):
-    """One row, whose fields are the columns of `bom.csv` and the keys of `bom.json`, in order: `quantity` equal pieces of `mass` [kg] each;
-    `cost` as the document wrote it."""
+    """One row: `quantity` equal pieces of `mass` [kg] each; `cost` as the document wrote it."""
 
     number: str
     name: str
@@ -36,6 +35,10 @@ class BomRow(FrozenStruct):
     mass_source: str
     supplier: str | None
     cost: str | None
+
+
+COLUMNS = BomRow.__struct_fields__
+"""The columns of `bom.csv` and the keys of every entry of `bom.json`, in order."""
 
 
 def make_of(occurrence: Occurrence) -> str:
@@ -118,7 +121,7 @@ def csv_text(rows: tuple[BomRow, ...]) -> str:
     spreadsheet would compute begins with `'` (see `format_cell`). No line of totals, so that a column can be summed."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(BomRow.__struct_fields__)
+    writer.writerow(COLUMNS)
     for row in rows:
         writer.writerow(map(format_cell, astuple(row)))
     return stream.getvalue()
