@@ -7,7 +7,7 @@ import ast
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 
 from thingc.base.frozen_struct import FrozenStruct
@@ -33,20 +33,16 @@ class PartPlace(FrozenStruct, kw_only=False):
     declared: bool
 
 
-@dataclass(slots=True)
 class _Module:
     """A module: its tree, its classes, what it imports by name, and what its text is."""
 
-    file: str
-    dotted: str
-    lines: list[str]
-    tree: ast.Module
-    classes: dict[str, ast.ClassDef] = field(default_factory=dict)
-    imports: dict[str, str] = field(default_factory=dict)
-    _inside: dict[str, _Inside] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
+    def __init__(self, file: str, dotted: str, text: str) -> None:
+        self.file, self.dotted = file, dotted
+        self.lines = re.split(r"\r\n|\r|\n", text)
+        self.tree = parse_python(text)
         self.classes = {one.name: one for one in self.tree.body if isinstance(one, ast.ClassDef)}
+        self.imports: dict[str, str] = {}
+        self._inside: dict[str, _Inside] = {}
         for statement in self.tree.body:
             if isinstance(statement, ast.ImportFrom):
                 inside = f"{self.dotted}.__init__" if self.file.endswith("__init__.py") else self.dotted
@@ -270,7 +266,7 @@ class PartNames:
 def _module_of(file: str, dotted: str, text: str) -> _Module | None:
     """A module out of its text; None where that is no Python."""
     try:
-        return _Module(file, dotted, re.split(r"\r\n|\r|\n", text), parse_python(text))
+        return _Module(file, dotted, text)
     except (SyntaxError, ValueError, RecursionError):
         return None
 

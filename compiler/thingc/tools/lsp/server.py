@@ -26,7 +26,7 @@ from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.names.rename import RenameRefused
-from thingc.tools.lsp.analysis import Analysis, OpenText
+from thingc.tools.lsp.analysis import OpenText
 from thingc.tools.lsp.open_documents import OpenDocuments, Publish, Superseded
 from thingc.tools.lsp.positions import TextPlace, path_of
 
@@ -53,7 +53,7 @@ class Feature(FrozenStruct):
 
 
 LEGEND = {"tokenTypes": ["parameter", "variable", "function", "number", "keyword"], "tokenModifiers": []}
-"""What the words of an expression are to an editor (`symbols.TOKENS`): a unit is a keyword."""
+"""What the words of an expression are to an editor (`navigation.TOKENS`): a unit is a keyword."""
 
 FEATURES: dict[str, Feature] = {
     "textDocument/codeAction": Feature(answer="code_actions:actions", options={"codeActionKinds": ["quickfix"]}),
@@ -62,15 +62,15 @@ FEATURES: dict[str, Feature] = {
     ),
     "textDocument/definition": Feature(answer="navigation:definition"),
     "textDocument/documentHighlight": Feature(answer="navigation:highlights"),
-    "textDocument/documentSymbol": Feature(answer="symbols:symbols"),
-    "textDocument/foldingRange": Feature(answer="symbols:folds"),
+    "textDocument/documentSymbol": Feature(answer="navigation:symbols"),
+    "textDocument/foldingRange": Feature(answer="navigation:folds"),
     "textDocument/formatting": Feature(answer="code_actions:formatted"),
     "textDocument/hover": Feature(answer="hover:hover"),
     "textDocument/inlayHint": Feature(answer="shown_values:hints"),
     "textDocument/prepareRename": Feature(answer="navigation:prepare_rename", everywhere=True),
     "textDocument/references": Feature(answer="navigation:references", everywhere=True),
     "textDocument/rename": Feature(answer="navigation:rename", options={"prepareProvider": True}, everywhere=True),
-    "textDocument/semanticTokens/full": Feature(answer="symbols:tokens", options=LEGEND),
+    "textDocument/semanticTokens/full": Feature(answer="navigation:tokens", options=LEGEND),
     "workspace/symbol": Feature(answer="navigation:workspace_symbols", document=False, everywhere=True),
 }
 """Requests of the protocol and who answers them."""
@@ -245,7 +245,10 @@ class _Answering:
             return None
         module, _, name = feature.answer.partition(":")
         answer: Callable[..., Any] = getattr(import_module(f"thingc.tools.lsp.{module}"), name)
-        analysis = _latest(self._opened, path)
+        while True:
+            with contextlib.suppress(Superseded):
+                analysis = self._opened.analysis(path)
+                break
         if feature.everywhere:
             analysis = replace(analysis, open=self._opened.texts)
         place = analysis.lines().place(params["position"]) if "position" in params else TextPlace(line=1, column=1)
@@ -263,9 +266,3 @@ class _Answering:
     def _work(self) -> None:
         if self._opened is not None and self._opened.next():
             self._wake()  # behind the requests that wait
-
-
-def _latest(opened: OpenDocuments, path: str) -> Analysis:
-    while True:
-        with contextlib.suppress(Superseded):
-            return opened.analysis(path)

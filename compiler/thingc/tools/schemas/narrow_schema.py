@@ -286,10 +286,8 @@ class _Narrowing:
         mount = _ref("mount")
         if shown:
             mount = {"anyOf": [one_of(shown.items(), pattern=rf"^({'|'.join(shown)})$"), _ref("mount")]}
-        for key in ("at", "in"):
-            self._put("SensorSpec", key, mount)
-        for key in ("around", "side"):
-            self._put("AroundSpec", key, mount)
+        for model, key in (("SensorSpec", "at"), ("SensorSpec", "in"), ("AroundSpec", "around"), ("AroundSpec", "side")):
+            self._put(model, key, mount)
         for key in ("of", "with"):
             self._put("SensorSpec", key, _ref("component"))
         self._offer("SensorSpec", "joint", [(name, joint.what) for name, joint in self.facts.joints.items()])
