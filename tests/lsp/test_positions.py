@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thingc.documents.load.text import Source
 from thingc.tools.lsp.code_actions import edits
-from thingc.tools.lsp.positions import TextLines, path_of, uri_of
+from thingc.tools.lsp.positions import TextLines, path_of
 
 TEXTS = st.text(st.sampled_from("ab\n\r\t \u00e9\u2028\U0001f916\U0001d11e"), max_size=40)
 
@@ -47,6 +49,6 @@ def test_edits_make_one_text_of_another(before: str, after: str) -> None:
 
 def test_uris_are_files() -> None:
     for path in ("/a/b c.yaml", "/\u00e9/\U0001f916#?%.yaml"):
-        assert path_of(uri_of(path)) == path
+        assert path_of(Path(path).as_uri()) == path
     assert path_of("file:///a/%62.yaml") == "/a/b.yaml"
     assert [path_of(one) for one in ("untitled:x", "file://host/x", "http://x/y", "file:///a%00", "file://[x", "")] == [None] * 6

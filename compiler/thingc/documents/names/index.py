@@ -134,18 +134,18 @@ class _Reader:
         index = written.index_of(path)
         if index and "$" in text:
             for use in re.finditer(rf"\$\{{?({index})(?![A-Za-z0-9])", text):
-                yield use.start(1), use.end(1), self.own_name(written, "index", index, path), "used"
+                yield use.start(1), use.end(1), self.own_name("index", index, path), "used"
         if isinstance(mention.names, DeclaresName):
-            yield 0, len(text), self.own_name(written, mention.names.what, text, path), "declared"
+            yield 0, len(text), self.own_name(mention.names.what, text, path), "declared"
             if mention.names.what == "sensor" and written.text(*path, "type") == "joint" and written.text(*path, "joint") is None:
                 yield from self.joints(written, text, "")
             return
         yield from self.meant(self.base, mention.names.what, text, path, index)
 
-    def own_name(self, written: DocumentNames, what: str, text: str, path: Path) -> Name:
+    def own_name(self, what: str, text: str, path: Path) -> Name:
         """The name that a key or text at a path declares."""
         owner = f"{path[0]}.{path[1]}" if what in ("index", "mount") else ""
-        return Name(what, written.path, text, owner)
+        return Name(what, self.own.path, text, owner)
 
     def meant(self, base: DocumentNames | None, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
         """What a text means in an assembly; in `path` it stands."""
@@ -390,7 +390,7 @@ class _Reader:
             return
         for use in uses:
             if index and use.name == index:
-                yield use.offset, use.end, self.own_name(self.own, "index", index, path), "used"
+                yield use.offset, use.end, self.own_name("index", index, path), "used"
             elif use.name in written.section("parameters"):
                 yield use.offset, use.end, Name("parameter", written.path, use.name), "used"
 
@@ -433,7 +433,7 @@ class _Reader:
             for one in self.own.fitting(section, text) or ([text] if text in self.own.section(section) else []):
                 yield self._hit(self.own, section, section[:-1], one, 0, text)
         elif node_at(self.own.document.tree, path) is not None:
-            yield 0, len(text), self.own_name(self.own, names.what, text, path), "used"
+            yield 0, len(text), self.own_name(names.what, text, path), "used"
 
     def _through(self, written: DocumentNames, components: Iterable[str]) -> DocumentNames | None:
         one: DocumentNames | None = written

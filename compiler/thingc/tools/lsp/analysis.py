@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from msgspec.structs import replace
@@ -18,7 +19,7 @@ from thingc.documents.load.paths import DOCUMENT_SUFFIXES
 from thingc.documents.workspace import OWN_FILE
 from thingc.driver import dependencies, pipeline
 from thingc.driver.environment import Environment, Lend, Options
-from thingc.tools.lsp.positions import TextLines, uri_of
+from thingc.tools.lsp.positions import TextLines
 from thingc.tools.schemas.document_facts import DocumentFacts, facts_of
 
 if TYPE_CHECKING:
@@ -114,7 +115,7 @@ class Analysis(FrozenStruct, eq=False):
 
     def uri(self, path: str) -> str:
         """A file as the editor calls it."""
-        return self.open[path].uri if path in self.open else uri_of(path)
+        return self.open[path].uri if path in self.open else Path(path).as_uri()
 
     def once(self, name: str, make: Callable[[], T]) -> T:
         """What is made of this analysis when it is asked for first."""

@@ -23,7 +23,7 @@ MOST_LINES = 3000
 
 def edits(before: TextLines, after: str) -> list[dict[str, Any]]:
     """The protocol's edits that make one text of another; none where they are equal."""
-    old, new = before.text.splitlines(keepends=True), after.splitlines(keepends=True)
+    old, new = before.with_breaks(), TextLines(after).with_breaks()
     top, end = equal_ends(old, new)
     old_middle, new_middle = old[top : len(old) - end], new[top : len(new) - end]
     if not (old_middle or new_middle):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Any
 
 from msgspec.structs import replace
@@ -297,29 +298,28 @@ class _Asked:
         start = self.offset - len(word)
         rest = re.match(r"\w*", self.text[self.offset : self.cursor.end])
         end = self.offset + (rest.end() if rest is not None else 0)
+        offer = partial(CompletionItem, start=start, end=end)
         if match["number"] is not None:
             space = " " if not match["number"].endswith((" ", "\t")) else ""
             for number, unit in enumerate(_by_use(tuple(dict.fromkeys(_DIMENSIONS.values())))):
-                detail = _DIMENSIONS[unit].words
-                yield CompletionItem(shown=unit, text=space + unit, start=start, end=end, kind=_UNIT, rank=number, detail=detail)
+                yield offer(shown=unit, text=space + unit, kind=_UNIT, rank=number, detail=_DIMENSIONS[unit].words)
             return
         wanted = self._dimensions()
         low, high = bounds_of(self.analysis, self.cursor)
         for name, value in self._parameters():
             fitting = (not wanted or any(fits(value.dimension, one) for one in wanted)) and low <= value.value <= high
-            yield CompletionItem(
-                shown=name, text=name, start=start, end=end, kind=_VARIABLE, rank=0 if fitting else 100, detail=value.shown(6),
+            yield offer(
+                shown=name, text=name, kind=_VARIABLE, rank=0 if fitting else 100, detail=value.shown(6),
                 description=self.cursor.scalars.get(("parameters", name, "doc"), ""),
             )
         if "repeat" in self.cursor.keys.get(self.cursor.path[:2], ()):
             index = self.cursor.scalars.get((*self.cursor.path[:2], "repeat", "as"), "i")
-            detail = "the index of this `repeat`"
-            yield CompletionItem(shown=index, text=index, start=start, end=end, kind=_VARIABLE, rank=10, detail=detail)
+            yield offer(shown=index, text=index, kind=_VARIABLE, rank=10, detail="the index of this `repeat`")
         for name, (least, most) in FUNCTIONS.items():
             several = f"{least} to {most} values" if most > least else f"{least} value" + ("s" if least > 1 else "")
-            yield CompletionItem(shown=name, text=f"{name}(", start=start, end=end, kind=_FUNCTION, rank=200, detail=several)
+            yield offer(shown=name, text=f"{name}(", kind=_FUNCTION, rank=200, detail=several)
         for name, quantity in CONSTANTS.items():
-            yield CompletionItem(shown=name, text=name, start=start, end=end, kind=_CONSTANT, rank=201, detail=quantity.shown(6))
+            yield offer(shown=name, text=name, kind=_CONSTANT, rank=201, detail=quantity.shown(6))
 
     def _parameters(self) -> Iterator[tuple[str, Quantity]]:
         """The document's parameters that an expression may use here."""

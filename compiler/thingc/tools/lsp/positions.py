@@ -7,7 +7,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Callable
 from functools import lru_cache
-from pathlib import Path
+from itertools import pairwise
 from typing import Any
 from urllib.parse import unquote, urlsplit
 from urllib.request import url2pathname
@@ -35,6 +35,10 @@ class TextLines:
     def __init__(self, text: str) -> None:
         self.text = text
         self.starts = [0, *(match.end() for match in _BREAK.finditer(text))]
+
+    def with_breaks(self) -> list[str]:
+        """The lines with their breaks."""
+        return [self.text[start:end] for start, end in pairwise((*self.starts, len(self.text)))]
 
     def line(self, number: int) -> str:
         """A line (from 1) without its break; empty outside of the text."""
@@ -82,11 +86,6 @@ class TextLines:
         return self.position(line, index - self.starts[line - 1] + 1)
 
 
-def uri_of(path: str) -> str:
-    """The URI of a file at an absolute path."""
-    return Path(path).as_uri()
-
-
 def path_of(uri: str) -> str | None:
     """The absolute path that a URI names; None where it names no file of this machine."""
     try:
@@ -105,11 +104,8 @@ def equal_ends(old: list[str], new: list[str]) -> tuple[int, int]:
     return top, len(os.path.commonprefix([old[top:][::-1], new[top:][::-1]]))
 
 
-SpanMap = Callable[[Span], Span | None]
-
-
 @lru_cache(maxsize=4)
-def steady(before: str, after: str) -> SpanMap:
+def steady(before: str, after: str) -> Callable[[Span], Span | None]:
     """Gives the place in `after` of a place in `before`; None where a line of it has changed."""
     if before == after:
         return lambda span: span

@@ -146,7 +146,7 @@ def length_words(vector: Vector) -> str:
     return f"({', '.join(_short(1000.0 * value) for value in vector)}) mm"
 
 
-def _found(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], above: tuple[str, ...]) -> tuple[Pose, Steps] | None:
+def _found(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], above: Steps) -> tuple[Pose, Steps] | None:
     """The frame of a mount, and the component whose frame that is in."""
     component = next((one for one in model.components if one.name == steps[0]), None)
     rest = steps[1:]

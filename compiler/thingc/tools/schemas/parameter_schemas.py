@@ -106,7 +106,7 @@ def part_schema(part: PartSchema, own: Mapping[str, Quantity]) -> Schema:
     schema: Schema = {
         "type": "object",
         "title": f"Parameters of {part.reference}",
-        "description": first_line(part.doc) or f"What `{part.reference}` takes.",
+        "description": part.doc.strip().partition("\n")[0].strip() or f"What `{part.reference}` takes.",
         "properties": {one.name: _parameter_schema(one, own) for one in part.parameters},
         "additionalProperties": False,
     }
@@ -127,11 +127,6 @@ def documentation(part: PartSchema) -> str:
     if part.actuator:
         facts.append("Has an actuator: a joint's `drive` may name it.")
     return "\n\n".join([*lines, *([" ".join(facts)] if facts else [])])
-
-
-def first_line(text: str) -> str:
-    """The first sentence or line of a docstring."""
-    return text.strip().partition("\n")[0].strip()
 
 
 def _parameter_schema(one: ParameterSchema, own: Mapping[str, Quantity]) -> Schema:

@@ -16,7 +16,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import json_text
 from thingc.base.source import MappingNode, ScalarNode
 from thingc.documents.load.discovery import documents_in, packaged_documents
-from thingc.documents.load.documents import Documents, load
+from thingc.documents.load.documents import KINDS, Documents, load
 from thingc.documents.spec.invalid_entries import Specs
 from thingc.documents.spec.schema import json_schema
 from thingc.documents.spec.validation import part_references, validate
@@ -104,9 +104,6 @@ class Parts:
         if isinstance(answer, PartFailure):
             return unreadable or answer.kind not in ("missing", "refused")
         return answer is None and unreadable
-
-
-KINDS = ("assembly", "materials", "variants", "workspace")
 
 
 class ParsedDocument(FrozenStruct):
