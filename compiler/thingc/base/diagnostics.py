@@ -349,16 +349,8 @@ class Report:
     _known: set[Diagnostic] = field(default_factory=set, repr=False)
 
     def add(
-        self,
-        code: Code,
-        message: str,
-        where: Span | Origin | None,
-        *,
-        help: str | None = None,
-        path: str | None = None,
-        notes: Iterable[Note] = (),
-        severity: Severity = Severity.ERROR,
-        detail: str | None = None,
+        self, code: Code, message: str, where: Span | Origin | None, *, help: str | None = None, path: str | None = None,
+        notes: Iterable[Note] = (), severity: Severity = Severity.ERROR, detail: str | None = None,
     ) -> bool:
         """Say `message` at `where`; of an `Origin` the innermost span is the place and the others become notes.
         False where it is allowed there.
@@ -397,13 +389,7 @@ class Report:
         return bool(covering)
 
     def warn(
-        self,
-        code: Code,
-        message: str,
-        where: Span | Origin | None,
-        *,
-        help: str | None = None,
-        path: str | None = None,
+        self, code: Code, message: str, where: Span | Origin | None, *, help: str | None = None, path: str | None = None,
         notes: Iterable[Note] = (),
     ) -> bool:
         """`add` with severity warning."""

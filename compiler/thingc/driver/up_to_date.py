@@ -12,11 +12,13 @@ import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_type_hints
+
+import msgspec
+from msgspec.structs import asdict
 
 import thingc
-from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
-from thingc.base.source import Edit, Span
+from thingc.base.diagnostics import Code, Diagnostic
 
 if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
@@ -76,12 +78,7 @@ def save(
 
     if inputs is None:
         return
-    kept = {
-        "fingerprint": fingerprint(),
-        "inputs": dict(inputs),
-        "diagnostics": [packed(d) for d in diagnostics],
-        "answer": dict(answer),
-    }
+    kept = {"fingerprint": fingerprint(), "inputs": dict(inputs), "diagnostics": [packed(d) for d in diagnostics], "answer": dict(answer)}
     store.note_json("stamp", key, kept)
 
 
@@ -95,47 +92,14 @@ def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | No
     return [unpacked(d) for d in kept["diagnostics"]], dict(kept["answer"])
 
 
-def _span(span: Span | None) -> list[object] | None:
-    return None if span is None else [span.file, span.line, span.column, span.end_line, span.end_column]
-
-
-def _unspan(kept: Sequence[object] | None) -> Span | None:
-    if kept is None:
-        return None
-    file, line, column, end_line, end_column = kept
-    return Span(
-        file=str(file), line=int(str(line)), column=int(str(column)), end_line=int(str(end_line)), end_column=int(str(end_column))
-    )
-
-
 def packed(d: Diagnostic) -> dict[str, object]:
     """A diagnostic as plain JSON values."""
-    return {
-        "code": d.code.name, "severity": d.severity.value, "message": d.message, "span": _span(d.span), "path": d.path,
-        "help": d.help, "notes": [[n.message, _span(n.span)] for n in d.notes], "detail": d.detail,
-        "fixes": [[_span(edit.span), edit.written, edit.replacement] for edit in d.fixes],
-    }
+    plain: dict[str, object] = msgspec.to_builtins({**asdict(d), "code": d.code.name})
+    return plain
 
 
 def unpacked(kept: Mapping[str, object]) -> Diagnostic:
     """The inverse of `packed`."""
-    fields: dict[str, object] = dict(kept)
-    notes = fields["notes"]
-    assert isinstance(notes, list)
-    return Diagnostic(
-        code=Code[str(fields["code"])],
-        severity=Severity(str(fields["severity"])),
-        message=str(fields["message"]),
-        span=_unspan(fields["span"]),  # type: ignore[arg-type]
-        path=fields["path"],  # type: ignore[arg-type]
-        help=fields["help"],  # type: ignore[arg-type]
-        notes=tuple(Note(message=message, span=_unspan(span)) for message, span in notes),
-        detail=fields["detail"],  # type: ignore[arg-type]
-        fixes=tuple(_unfix(*edit) for edit in kept["fixes"]),  # type: ignore[attr-defined]
-    )
-
-
-def _unfix(span: Sequence[object], written: str, replacement: str) -> Edit:
-    place = _unspan(span)
-    assert place is not None
-    return Edit(span=place, written=written, replacement=replacement)
+    types = get_type_hints(Diagnostic)
+    fields = {name: msgspec.convert(value, types[name]) for name, value in kept.items() if name != "code"}
+    return Diagnostic(code=Code[str(kept["code"])], **fields)

@@ -26,14 +26,7 @@ class LinkReport:
         self._said: set[_Key] = set()
 
     def error(
-        self,
-        code: Code,
-        message: str,
-        origin: Origin,
-        *,
-        path: str | None = None,
-        help: str | None = None,
-        notes: Iterable[Note] = (),
+        self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: str | None = None, notes: Iterable[Note] = (),
         detail: str | None = None,
     ) -> None:
         """Say an error at `origin`, unless the same was said of the same place."""
@@ -44,14 +37,7 @@ class LinkReport:
             self.report.add(code, message, origin or None, help=help, path=path, notes=notes, detail=detail)
 
     def warn(
-        self,
-        code: Code,
-        message: str,
-        origin: Origin,
-        *,
-        path: str | None = None,
-        help: str | None = None,
-        notes: Iterable[Note] = (),
+        self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: str | None = None, notes: Iterable[Note] = (),
     ) -> bool:
         """Say a warning at `origin`, unless the same was said of the same place. False where it is allowed there."""
         key = _key(code, message, origin)

@@ -67,9 +67,7 @@ def _rubbing(shape: LinkShape, material: Material | None) -> Material | None:
     if shape.friction == (None, None, None):
         return material
     if material is None:
-        return Material(
-            name="friction", density=None, color=None, slide=slide, torsion=torsion, roll=roll, process=None, origin=shape.origin,
-        )
+        return Material(name="friction", density=None, slide=slide, torsion=torsion, roll=roll, origin=shape.origin)
     return replace(
         material, slide=material.slide if slide is None else slide, torsion=material.torsion if torsion is None else torsion,
         roll=material.roll if roll is None else roll,

@@ -11,7 +11,7 @@ from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.defaults import DefaultLayers
 from thingc.model.resolve.document_scope import DocumentScope
-from thingc.model.resolve.references import GLOB, suggested
+from thingc.model.resolve.references import report_unmatched, suggested
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import Cut, Hold
 
@@ -56,16 +56,12 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
         for name in cuttable:
             chosen.setdefault(name, at)
         moving = [name for name, joint in joints.items() if joint is not None and joint.twist is not None]
-        help = suggested(pattern, moving, what="joints")
         if cuttable or (fitting and not known):
             continue
         if known:
             fixed = "is fixed: it makes" if pattern in joints else "fits fixed joints alone: they make"
-            scope.error(Code.CUT, f"`{pattern}` {fixed} one link of two components, and no loop is cut there", at, help=help)
-        elif table.unsure_joints():
-            continue
-        elif GLOB.search(pattern):
-            scope.error(Code.NO_MATCH, f"pattern `{pattern}` fits no joint", at, help=help)
-        else:
-            scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{pattern}`", at, help=help)
+            message = f"`{pattern}` {fixed} one link of two components, and no loop is cut there"
+            scope.error(Code.CUT, message, at, help=suggested(pattern, moving, what="joints"))
+        elif not table.unsure_joints():
+            report_unmatched(scope, pattern, moving, at, "joint")
     return tuple(Cut(joint=CoordinateName(name).path, origin=scope.origin(at)) for name, at in chosen.items())

@@ -82,24 +82,15 @@ def _resolve_materials(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[
         name: material(scope, name, entry, ("materials", name)) for name, entry in specs.items()
     }
     for name in scope.doubts.names("materials"):
-        materials.setdefault(name, Material(
-            name=name, density=_STAND_IN, color=None, slide=None, torsion=None, roll=None, process=None,
-            origin=scope.origin(("materials", name), key=True),
-        ))
+        materials.setdefault(name, Material(name=name, density=_STAND_IN, origin=scope.origin(("materials", name), key=True)))
     return materials
 
 
 def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Material:
     """One material with what it takes from the library; parts of it that were wrong are reported and left out."""
-    base_density: float | None = None
-    base_color: str | None = None
-    wrong = False
-    if spec.base is not None:
-        library = _library(scope, spec.base, (*path, "base"))
-        wrong = library is None
-        base_density, base_color = library or (None, None)
-    density = base_density
-    wrong = wrong or scope.doubts.touch(path)
+    library = None if spec.base is None else _library(scope, spec.base, (*path, "base"))
+    density, base_color = library or (None, None)
+    wrong = scope.doubts.touch(path) or spec.base is not None and library is None
     if spec.density is not None:
         density = scope.number(spec.density, (*path, "density"), DENSITY, f"the density of `{name}`", above=0.0, most=DENSEST)
         wrong = density is None

@@ -22,7 +22,7 @@ from thingc.model.resolve.defaults import DefaultLayers
 from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.floor_feet import standing
 from thingc.model.resolve.loops import cuts, holds
-from thingc.model.resolve.references import GLOB, suggested
+from thingc.model.resolve.references import GLOB, report_unmatched, suggested
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import Hold, Mode, Reference
 
@@ -211,9 +211,8 @@ def _pose(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> str | No
     name, path = said
     if name in table.poses:
         return str(name)
-    if scope.doubts.lacks("poses"):
-        return None
-    scope.error(Code.UNKNOWN_POSE, f"there is no pose `{name}`", path, help=suggested(name, table.poses, what="poses"))
+    if not scope.doubts.lacks("poses"):
+        report_unmatched(scope, name, table.poses, path, "pose")
     return None
 
 
@@ -224,15 +223,10 @@ def _poses(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[s
     names, path = said
     poses: list[str] = []
     for index, name in enumerate(names):
-        if name not in table.poses and scope.doubts.lacks("poses"):
-            continue
-        if name not in table.poses:
-            scope.error(
-                Code.UNKNOWN_POSE, f"there is no pose `{name}`", (*path, index),
-                help=suggested(name, table.poses, what="poses"),
-            )
-        elif name not in poses:
+        if name in table.poses and name not in poses:
             poses.append(name)
+        elif name not in table.poses and not scope.doubts.lacks("poses"):
+            report_unmatched(scope, name, table.poses, (*path, index), "pose")
     return tuple(poses)
 
 
@@ -261,18 +255,8 @@ def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Pat
             continue
         fitting = [name for name in known if fnmatchcase(name, pattern) or fnmatchcase(name.joint, pattern)]
         chosen.update(fitting)
-        if fitting or table.unsure_joints():
-            continue
-        if GLOB.search(pattern):
-            scope.error(
-                Code.NO_MATCH, f"pattern `{pattern}` fits no driven joint", at,
-                help=suggested(pattern, known, what="driven joints"),
-            )
-        else:
-            scope.error(
-                Code.UNKNOWN_JOINT, f"there is no joint `{pattern}`", at,
-                help=suggested(pattern, known, what="driven joints"),
-            )
+        if not fitting and not table.unsure_joints():
+            report_unmatched(scope, pattern, known, at, "joint", fits="driven joint")
     return tuple(name.path for name in known if name in chosen)
 
 
@@ -332,20 +316,13 @@ def _adhesion(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tu
 def simulation(scope: Scope, layers: DefaultLayers) -> dict[str, float | str]:
     """`timestep` [s], `integrator`, `cone`, `impratio`, as far as they are written."""
     settings: dict[str, float | str] = {}
-    timestep = layers.pick("timestep")
-    if timestep is not None:
-        value = scope.number(*timestep, TIME, "`timestep`", above=0.0)
-        if value is not None:
-            settings["timestep"] = value
-    for key in ("integrator", "cone"):
+    for key, dimension in (("timestep", TIME), ("integrator", None), ("cone", None), ("impratio", NUMBER)):
         said = layers.pick(key)
-        if said is not None:
-            settings[key] = str(said[0])
-    impratio = layers.pick("impratio")
-    if impratio is not None:
-        value = scope.number(*impratio, NUMBER, "`impratio`", above=0.0)
+        if said is None:
+            continue
+        value = str(said[0]) if dimension is None else scope.number(*said, dimension, f"`{key}`", above=0.0)
         if value is not None:
-            settings["impratio"] = value
+            settings[key] = value
     return settings
 
 

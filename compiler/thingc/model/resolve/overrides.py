@@ -19,7 +19,6 @@ from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import BomEntry, ExtraMount, Material, Overrides, StatedValue
 
 NONE_SAID = Overrides()
-NO_BOM = BomEntry()
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
@@ -105,13 +104,7 @@ def _up(scope: Scope, layers: DefaultLayers) -> Vector | None:
 def bom(layers: DefaultLayers) -> BomEntry:
     """The line of the bill of materials."""
     lines = layers.sub("bom")
-    if not lines:
-        return NO_BOM
-    number, supplier, cost, make = (lines.pick(key) for key in ("number", "supplier", "cost", "make"))
-    return BomEntry(
-        number=number[0] if number else None, supplier=supplier[0] if supplier else None, cost=cost[0] if cost else None,
-        make=make[0] if make else None,
-    )
+    return BomEntry(**{key: said[0] for key in BomEntry.__struct_fields__ if (said := lines.pick(key)) is not None})
 
 
 def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | None], *, unreadable: bool) -> Material | None:
@@ -128,9 +121,7 @@ def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | No
             help = "list a document of materials: `materials: [materials.yaml]`"
         scope.error(Code.UNKNOWN_MATERIAL, f"no material `{name}` is in scope", path, help=help)
     # A stand-in with a density, so that no later pass says that the component has none.
-    return Material(
-        name=name, density=1000.0, color=None, slide=None, torsion=None, roll=None, process=None, origin=scope.origin(path),
-    )
+    return Material(name=name, density=1000.0, origin=scope.origin(path))
 
 
 def extra_mounts(node: ComponentScope) -> dict[str, ExtraMount]:

@@ -210,6 +210,20 @@ def suggested(name: str, names: Iterable[str], *, what: str) -> str:
     return did_you_mean(name, islice(names, MAX_SUGGESTED), what=what)
 
 
+_UNKNOWN = {"joint": Code.UNKNOWN_JOINT, "mode": Code.UNKNOWN_MODE, "pose": Code.UNKNOWN_POSE}
+
+
+def report_unmatched(
+    scope: Scope, text: str, known: Iterable[str], path: Path, what: str, *, fits: str = "", pattern: bool = False,
+) -> None:
+    """An error for a name that no `what` has (`joint`, `mode`, `pose`), or a pattern that fits none; `fits` if patterns fit only some."""
+    help = suggested(text, known, what=f"{fits or what}s")
+    if pattern or GLOB.search(text):
+        scope.error(Code.NO_MATCH, f"pattern `{text}` fits no {fits or what}", path, help=help)
+    else:
+        scope.error(_UNKNOWN[what], f"there is no {what} `{text}`", path, help=help)
+
+
 def _unbuilt(prefixes: list[str], name: str) -> bool:
     return any(name.startswith(prefix) or name == prefix[:-1] for prefix in prefixes)
 

@@ -18,7 +18,7 @@ from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import DocumentScope, ResolveRun
 from thingc.model.resolve.modes import components_fitting, driven
-from thingc.model.resolve.references import GLOB, suggested
+from thingc.model.resolve.references import GLOB, report_unmatched, suggested
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import Joint, JointRange, Mode, Reference, Test
 
@@ -173,7 +173,7 @@ class Reader:
             return ()
         if said is None:
             return (next(iter(self.modes)),)
-        return self._named(said, self.at("mode"), list(self.modes), "modes", Code.UNKNOWN_MODE)
+        return self._named(said, self.at("mode"), list(self.modes), "mode")
 
     def _poses(self, said: str | list[str] | None) -> tuple[tuple[str | None, ...], bool]:
         """The poses written, and whether all keyframes of the mode are meant."""
@@ -181,11 +181,11 @@ class Reader:
             return (None,), False
         if said == ALL and ALL not in self.table.poses:
             return (), True
-        return self._named(said, self.at("pose"), list(self.table.poses), "poses", Code.UNKNOWN_POSE), False
+        return self._named(said, self.at("pose"), list(self.table.poses), "pose"), False
 
-    def _named(self, said: str | list[str], path: Path, known: Sequence[str], section: str, code: Code) -> tuple[str, ...]:
-        """The names of a section that names and patterns fit, in its order."""
-        what = section.removesuffix("s")
+    def _named(self, said: str | list[str], path: Path, known: Sequence[str], what: str) -> tuple[str, ...]:
+        """The names of modes or poses (`what`: one of them) that names and patterns fit, in the order known."""
+        section = f"{what}s"
         names: set[str] = set()
         for text, at in _each(said, path):
             fitting = [text] if text in known else [name for name in known if text == ALL or fnmatchcase(name, text)]
@@ -193,13 +193,8 @@ class Reader:
             if fitting:
                 continue
             self.sound = False
-            if self.scope.doubts.lacks(section) or text in getattr(self.table.spec, section):
-                continue
-            help = suggested(text, known, what=section)
-            if GLOB.search(text) or text == ALL:
-                self.scope.error(Code.NO_MATCH, f"pattern `{text}` fits no {what}", at, help=help)
-            else:
-                self.scope.error(code, f"there is no {what} `{text}`", at, help=help)
+            if not self.scope.doubts.lacks(section) and text not in getattr(self.table.spec, section):
+                report_unmatched(self.scope, text, known, at, what, pattern=text == ALL)
         return tuple(name for name in known if name in names)
 
     def ranges(self, said: dict[str, Any], key: str) -> Iterator[JointRange]:

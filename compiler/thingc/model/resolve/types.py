@@ -68,12 +68,12 @@ class Material(OneLineRepr, FrozenStruct):
 
     name: str
     density: float | None
-    color: str | None
-    slide: float | None
-    torsion: float | None
-    roll: float | None
-    process: Process | None
     origin: Origin
+    color: str | None = None
+    slide: float | None = None
+    torsion: float | None = None
+    roll: float | None = None
+    process: Process | None = None
     process_origin: Origin = ()
     density_origin: Origin = ()
 
