@@ -44,9 +44,7 @@ def as_json(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
     ]
 
 
-def as_text(
-    diagnostics: Sequence[Diagnostic], *, color: bool = False, debug: bool = False, texts: Mapping[str, str] | None = None,
-) -> str:
+def as_text(diagnostics: Sequence[Diagnostic], *, color: bool = False, debug: bool = False, texts: Mapping[str, str] | None = None) -> str:
     """Code frames for people: position, source line, caret, hint, and the second place where there is one.
 
     `texts` are those of documents that are in no file, by the name in their spans.

@@ -226,9 +226,7 @@ class Code(Enum):
     RAW_FIXED = ("TC707", "raw attribute that identifies", "Say it in the words of the document, as the hint shows.")
     TOO_LIGHT = ("TC708", "link too light for MuJoCo", "Check the units of its files, sizes and masses, or attach it to another link.")
     SAME_NAME = ("TC709", "two names that a target cannot tell apart", "Rename one of the two.")
-    COMPAT = (
-        "TC710", "model that another program refuses", "Change what stands there, or leave the mode out with --mode.", Stage.COMPAT,
-    )
+    COMPAT = ("TC710", "model that another program refuses", "Change what stands there, or leave the mode out with --mode.", Stage.COMPAT)
     STEP_FAILED = ("TC752", "the STEP file could not be written", "Leave `step` out with --emit, or change the part that is named.")
     UNSTATED = ("TC753", "target with files that it does not state", "Tell the author of the package: `WRITES` of its module lists them.")
     SAME_FILE = ("TC751", "two definitions make one file name", "Rename one of the two part files.")

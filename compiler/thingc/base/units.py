@@ -62,9 +62,7 @@ class Dimension(FrozenStruct, kw_only=False):
 
     def __pow__(self, power: Exponent) -> Dimension:
         """The dimension of a power."""
-        return Dimension(
-            _whole(self.length * power), _whole(self.mass * power), _whole(self.time * power), _whole(self.angle * power),
-        )
+        return Dimension(_whole(self.length * power), _whole(self.mass * power), _whole(self.time * power), _whole(self.angle * power))
 
     @property
     def words(self) -> str:
@@ -308,9 +306,7 @@ def _power(text: str, word: re.Match[str], *, compact: bool) -> tuple[int, int]:
     if power is not None and not (compact and power.group().startswith("**")):
         exponent = int(power.group(1))
         if abs(exponent) > 12:
-            raise UnitError(
-                f"the power {exponent} of `{word.group()}` is out of range (-12 to 12)", offset=power.start(), end=power.end(),
-            )
+            raise UnitError(f"the power {exponent} of `{word.group()}` is out of range (-12 to 12)", offset=power.start(), end=power.end())
         return exponent, power.end()
     return (_SUPERSCRIPT[text[at]], at + 1) if text[at : at + 1] in _SUPERSCRIPT else (1, at)
 

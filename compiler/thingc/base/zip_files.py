@@ -39,9 +39,7 @@ def zipped(entries: Mapping[str, bytes | ZipEntry]) -> bytes:
         content, encoded = entries[name], name.encode()
         entry = deflate(content) if isinstance(content, bytes) else content
         flags = 0 if name.isascii() else _UTF8
-        common = struct.pack(
-            "<HHHHHIIIHH", _VERSION, flags, _DEFLATED, TIME, DATE, entry.crc, len(entry.data), entry.size, len(encoded), 0
-        )
+        common = struct.pack("<HHHHHIIIHH", _VERSION, flags, _DEFLATED, TIME, DATE, entry.crc, len(entry.data), entry.size, len(encoded), 0)
         directory += b"PK\x01\x02" + struct.pack("<H", _UNIX | _VERSION) + common
         directory += struct.pack("<HHHII", 0, 0, 0, _MODE, at) + encoded
         parts += [b"PK\x03\x04" + common + encoded, entry.data]

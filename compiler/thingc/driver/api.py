@@ -164,12 +164,9 @@ def _compiled(environment: Environment, others: Mapping[str, float], modes: Sequ
     assert assembly is not None
     files = {path: _file_bytes(environment.store, content) for path, content in artifacts.files.items()}
     return Compiled(
-        name=assembly.name,
-        assembly=assembly,
+        name=assembly.name, assembly=assembly,
         modes={robot.mode.name: CompiledMode(robot=robot, files=files) for robot in compilation.robots},
-        diagnostics=tuple(compilation.report.ordered()),
-        modelled=tuple(compilation.modelled),
-        reused=tuple(compilation.reused),
+        diagnostics=tuple(compilation.report.ordered()), modelled=tuple(compilation.modelled), reused=tuple(compilation.reused),
         _page=partial(_page, pipeline.request_of(environment, compilation)),
     )
 

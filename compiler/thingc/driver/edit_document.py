@@ -130,9 +130,7 @@ def _elsewhere(root: Document, path: str) -> Diagnostic | None:
     component, rest = through
     text = node_at(root.tree, ("components", component, "assembly"))
     inner = getattr(text, "text", "the nested document")
-    return _wrong(
-        f"`{path}` is written in `{inner}`, and would hold for every component that is one", f"`thingc set {inner} '{rest}=...'`"
-    )
+    return _wrong(f"`{path}` is written in `{inner}`, and would hold for every component that is one", f"`thingc set {inner} '{rest}=...'`")
 
 
 def _wrong(message: str, help: str) -> Diagnostic:

@@ -168,13 +168,7 @@ def geometry_of(
     from thingc.geometry.service import GeometryService
 
     return GeometryService(
-        workspace,
-        store or store_of(options),
-        jobs=options.jobs or os.cpu_count() or 1,
-        timeout=options.part_timeout or workspace.part_timeout,
-        on_progress=options.progress,
-        on_printed=options.printed,
-        workers=workers,
-        lock=lock,
-        seed=seed,
+        workspace, store or store_of(options), jobs=options.jobs or os.cpu_count() or 1,
+        timeout=options.part_timeout or workspace.part_timeout, on_progress=options.progress, on_printed=options.printed, workers=workers,
+        lock=lock, seed=seed,
     )

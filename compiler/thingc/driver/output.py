@@ -231,9 +231,7 @@ def unswept(folder: str) -> bool:
     return any(os.path.lexists(_beside(folder, what)) for what in ("lock", "new", "old"))
 
 
-def unexpected_files(
-    folder: str, document: str, *, also: Collection[str] = (), known: Digests | None = None,
-) -> UnexpectedFiles:
+def unexpected_files(folder: str, document: str, *, also: Collection[str] = (), known: Digests | None = None) -> UnexpectedFiles:
     """What a build of `document` must not delete from `folder`: what its manifest does not list, or lists with another content;
     everything where the manifest is missing, damaged or of another document. Links are files here; empty folders do not count.
 
@@ -323,9 +321,7 @@ def _mend(folder: str) -> None:
     _delete(_beside(folder, "new"))
 
 
-def _refuse_unexpected(
-    folder: str, document: str, also: Collection[str], known: Digests, *, force: bool,
-) -> UnexpectedFiles:
+def _refuse_unexpected(folder: str, document: str, also: Collection[str], known: Digests, *, force: bool) -> UnexpectedFiles:
     """What is given up by `force`; raises `UnexpectedFilesError` where there is anything else."""
     if not os.path.lexists(folder):
         return UnexpectedFiles(None, ())
@@ -378,9 +374,7 @@ def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) 
                 os.fsync(stream.fileno())
 
 
-def _swap(
-    fresh: str, folder: str, document: str, also: Collection[str], known: Digests, *, given_up: Collection[str],
-) -> None:
+def _swap(fresh: str, folder: str, document: str, also: Collection[str], known: Digests, *, given_up: Collection[str]) -> None:
     """Put `fresh` in the place of `folder`, whose old content is deleted.
 
     A file that someone saved into the old build while the new one was written brings the old one back, unless it is `given_up`.

@@ -64,9 +64,7 @@ def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
     words = [word for word in (names.split(",") if isinstance(names, str) else names) if word]
     for word in words:
         if word not in CONSUMERS:
-            raise UnknownChoice(
-                f"MuJoCo models are not written for `{shortened(word)}`", did_you_mean(word, CONSUMERS, what="programs"),
-            )
+            raise UnknownChoice(f"MuJoCo models are not written for `{shortened(word)}`", did_you_mean(word, CONSUMERS, what="programs"))
     return tuple(name for name in CONSUMERS if name in words)
 
 
@@ -140,9 +138,7 @@ def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
     return (*modules_of(targets), *(["thingc.model.solids.shapes"] if "mjcf" in targets else []))
 
 
-def build(
-    environment: Environment, compilation: Compilation, targets: Sequence[str], folder: str | None = None,
-) -> dict[str, Artifacts]:
+def build(environment: Environment, compilation: Compilation, targets: Sequence[str], folder: str | None = None) -> dict[str, Artifacts]:
     """The passes behind `root`: what lies in what (a warning), and `emit`, while the kernel writes the STEP file. `folder` is the absolute
     path of the folder that the files will lie in, where that is known."""
     from thingc.model.robot.kinematics import occurrence_poses
@@ -253,9 +249,7 @@ def model(environment: Environment, own: Sources, settings: Settings, report: Re
     return resolve(choose(environment, own, settings.choices, report, environment.memo), settings, report, environment.memo)
 
 
-def _passes(
-    environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str], of_text: Memo | None,
-) -> Compilation:
+def _passes(environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str], of_text: Memo | None) -> Compilation:
     """From what was read to the robots. `of_text` has answers that hold as long as the documents stand as they are, line by line; those of
     the environment hold for all."""
     from thingc.geometry.meshes.cache import mesh_records
@@ -325,9 +319,7 @@ def emit(environment: Environment, compilation: Compilation, targets: Sequence[s
     return emitted(request_of(environment, compilation, verify=verify), targets)
 
 
-def request_of(
-    environment: Environment, compilation: Compilation, *, verify: int = 1, folder: str | None = None,
-) -> EmitRequest:
+def request_of(environment: Environment, compilation: Compilation, *, verify: int = 1, folder: str | None = None) -> EmitRequest:
     """What targets are asked with. Only for a compilation whose report has no errors."""
     from thingc.targets.request import EmitRequest
 

@@ -53,9 +53,7 @@ class Session:
         next time. Raises `UnknownChoice` for a mode that is not there.
         """
         own = self.environment.options
-        settings = Settings(
-            parameters={**own.parameters, **settings.parameters}, choices={**own.choices, **settings.choices},
-        )
+        settings = Settings(parameters={**own.parameters, **settings.parameters}, choices={**own.choices, **settings.choices})
         key = (*settings.parameters.items(), *settings.choices.items(), *modes)
         made = self._refused.get(key) or pipeline.recompile(self.environment, self.sources, settings, modes)
         if made.report.failed and not made.modelled:

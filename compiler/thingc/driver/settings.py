@@ -248,9 +248,7 @@ def _everywhere(documents: Documents, document: Document, words: Sequence[str], 
     return found
 
 
-def _matching(
-    documents: Documents, document: Document, node: Node | None, words: Sequence[str], before: tuple[str, ...],
-) -> list[str]:
+def _matching(documents: Documents, document: Document, node: Node | None, words: Sequence[str], before: tuple[str, ...]) -> list[str]:
     """The paths below a node that words with stars stand for; behind the last star a path need not be there yet."""
     if before[-2:-1] == ("components",) and words and words[0] in SECTIONS and node is not document.tree:
         inner = nested_document(documents, document, before[-1])

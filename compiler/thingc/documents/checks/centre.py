@@ -44,9 +44,7 @@ class CentreTest(Model):
 
     of: ComponentField | None = None
     """A component, or several by a pattern; the whole robot unless written."""
-    in_: ShownMountField | None = Field(
-        default=None, alias="in", description="The frame, a mount; the world of the mode unless written.",
-    )
+    in_: ShownMountField | None = Field(default=None, alias="in", description="The frame, a mount; the world of the mode unless written.")
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
     """Modes, patterns allowed, or `all`; the first unless written."""
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
@@ -93,6 +91,5 @@ PAGE = """\
 
 KIND = CheckKind(
     name="centre", position=2, summary="The centre of mass lies within a box.", examples=[{"within": {"x": ["-10 mm", "10 mm"]}}],
-    stub={"within": {"z": ["-1 m", "1 m"]}},
-    page=PAGE, model=CentreTest, read=read_centre,
+    stub={"within": {"z": ["-1 m", "1 m"]}}, page=PAGE, model=CentreTest, read=read_centre,
 )

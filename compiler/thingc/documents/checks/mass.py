@@ -63,8 +63,6 @@ PAGE = """\
 """
 
 KIND = CheckKind(
-    name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}],
-    stub={"max": "10 kg"},
-    page=PAGE,
+    name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}], stub={"max": "10 kg"}, page=PAGE,
     model=MassTest, read=read_mass,
 )

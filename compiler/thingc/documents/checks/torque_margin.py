@@ -86,8 +86,7 @@ def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findin
             findings.error(
                 Code.TEST, f"joint `{path}` has no limit of effort: its drive has no margin",
                 (test.spans["drive"],) if "drive" in test.spans else test.origin, path=path,
-                help="write `limit: {effort: ...}` on the joint, or `effort` of its drive",
-                notes=noted(f"`{path}` is here", joint.origin),
+                help="write `limit: {effort: ...}` on the joint, or `effort` of its drive", notes=noted(f"`{path}` is here", joint.origin),
             )
 
 
@@ -130,7 +129,6 @@ a floor does. Of a hexapod of 1.3 kg on three legs of 1.5 N m a servo (`tests/st
 
 KIND = CheckKind(
     name="torque_margin", position=6, summary="Drives hold the robot still against gravity, with a margin.",
-    examples=[{"drive": "shoulder", "min": 1.5, "pose": "stretched"}],
-    stub={"drive": "*", "min": "2"},
-    page=PAGE, model=TorqueMarginTest, read=read_torque_margin, link=link,
+    examples=[{"drive": "shoulder", "min": 1.5, "pose": "stretched"}], stub={"drive": "*", "min": "2"}, page=PAGE, model=TorqueMarginTest,
+    read=read_torque_margin, link=link,
 )

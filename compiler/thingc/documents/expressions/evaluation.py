@@ -62,9 +62,7 @@ class _Evaluator:
         if isinstance(value, Quantity):
             return value
         found = "true or false" if isinstance(value, bool) else "a text"
-        raise ExpressionError(
-            f"expected a quantity, found {found} (`{self.written(term)}`)", term.offset, term.end, kind="dimension",
-        )
+        raise ExpressionError(f"expected a quantity, found {found} (`{self.written(term)}`)", term.offset, term.end, kind="dimension")
 
     def written(self, term: Term) -> str:
         return shortened(self.text[term.offset : term.end])
@@ -169,9 +167,8 @@ class _Evaluator:
         if first.dimension != ANGLE and not _zero(term.arguments[0]):
             shown = self.written(term.arguments[0])
             raise ExpressionError(
-                f"`{term.function}` takes an angle (such as 30 deg), found {first.dimension.words} (`{shown}`)",
-                term.arguments[0].offset, term.arguments[0].end, kind="dimension",
-                help=f"for radians write `{shown} * 1 rad`" if first.dimension == NUMBER else None,
+                f"`{term.function}` takes an angle (such as 30 deg), found {first.dimension.words} (`{shown}`)", term.arguments[0].offset,
+                term.arguments[0].end, kind="dimension", help=f"for radians write `{shown} * 1 rad`" if first.dimension == NUMBER else None,
             )
         return self.finite(term, lambda: {"sin": numeric.sin, "cos": numeric.cos, "tan": numeric.tan}[term.function](x), NUMBER)
 

@@ -75,9 +75,7 @@ def allowances(spec: AssemblySpec, document: Document) -> Iterator[Allowance]:
             yield from _lines(mode.allow, document, ("modes", name), [("modes", one) for one in _with_heirs(extending, name)])
 
 
-def _lines(
-    written: Mapping[str, str], document: Document, path: Path, covered: list[Path] | None = None,
-) -> Iterator[Allowance]:
+def _lines(written: Mapping[str, str], document: Document, path: Path, covered: list[Path] | None = None) -> Iterator[Allowance]:
     """The lines of one `allow`, written in the mapping at `path`, for what is `covered` (that mapping, unless given)."""
     for code, reason in written.items():
         yield Allowance(

@@ -415,9 +415,7 @@ class TurnSpec(Model):
 
     rpy: Vector3Angle | None = None
     """Extrinsic roll, pitch, yaw in the parent mount's axes, as in URDF."""
-    quat: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = Field(
-        default=None, examples=[[0.966, 0.259, 0, 0]],
-    )
+    quat: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = Field(default=None, examples=[[0.966, 0.259, 0, 0]])
     """w, x, y, z, as in MJCF, of any length but 0."""
 
     @model_validator(mode="after")

@@ -75,9 +75,7 @@ class FieldValidator:
         return {"pydantic_js_functions": [describe]}
 
 
-def fault(
-    kind: str, message: str, *, help: str | None = None, offset: int | None = None, end: int | None = None,
-) -> PydanticCustomError:
+def fault(kind: str, message: str, *, help: str | None = None, offset: int | None = None, end: int | None = None) -> PydanticCustomError:
     """An error for `spec.validation`, see the head of this module for its parts."""
     context: dict[str, Any] = {"message": message}
     if help:
@@ -166,8 +164,7 @@ def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: 
         comma = re.fullmatch(r"\s*([-+]?\d+),(\d.*)", text)
         if comma is not None:
             raise UnitError(
-                "a number is written with a point, not with a comma",
-                help=decimal_point(text.strip(), comma.group(1), comma.group(2)),
+                "a number is written with a point, not with a comma", help=decimal_point(text.strip(), comma.group(1), comma.group(2)),
             ) from None
         if error.help is None and re.search(r"[*/(]", text):
             error.help = expression_hint(text)
@@ -332,9 +329,7 @@ def _index(value: Any) -> str:
     raise fault("name", f"expected the number of a coordinate such as `0`, found {found(value)}")
 
 
-_REFERENCE_WORD = re.compile(
-    r"(?:[A-Za-z*?\[]|\$\{?[A-Za-z])(?:[A-Za-z0-9_*?\[\]!-]|\$\{?[A-Za-z][A-Za-z0-9_]*\}?)*", re.ASCII,
-)
+_REFERENCE_WORD = re.compile(r"(?:[A-Za-z*?\[]|\$\{?[A-Za-z])(?:[A-Za-z0-9_*?\[\]!-]|\$\{?[A-Za-z][A-Za-z0-9_]*\}?)*", re.ASCII)
 
 
 def _reference(value: Any) -> str:
@@ -372,9 +367,7 @@ def _color(value: Any) -> str:
         return known
     if value.startswith("#"):
         raise fault("color", f"`{shortened(value)}` is no colour", help='write `"#rrggbb"` with hexadecimal digits')
-    raise fault(
-        "color", f"unknown colour `{shortened(value)}`", help=near_hint(value, COLORS) or 'write a CSS name or `"#rrggbb"`',
-    )
+    raise fault("color", f"unknown colour `{shortened(value)}`", help=near_hint(value, COLORS) or 'write a CSS name or `"#rrggbb"`')
 
 
 def _count(value: Any) -> int | Expression:
@@ -427,9 +420,7 @@ _REFERENCE_SCHEMA = {
 _COLOR_SCHEMA = {"type": "string", "description": "A CSS colour name or `#rrggbb`.", "examples": ["lavender", "#8899aa"]}
 _COUNT_SCHEMA = {
     "description": "A whole number, or an expression.", "examples": [6, "=legs"],
-    "anyOf": [
-        {"type": "integer", "minimum": 0, "maximum": 1_000_000_000}, {"type": "string", "pattern": rf"^\s*{EXPRESSION}$"},
-    ],
+    "anyOf": [{"type": "integer", "minimum": 0, "maximum": 1_000_000_000}, {"type": "string", "pattern": rf"^\s*{EXPRESSION}$"}],
 }
 _NUMBER_SCHEMA = {
     "description": "A number, or an expression.", "examples": [0.4, "=grip"], 

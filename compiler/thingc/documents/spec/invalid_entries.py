@@ -43,9 +43,7 @@ class InvalidEntries(FrozenStruct):
 
     def names(self, section: str) -> Iterator[str]:
         """The entries of a section that are in doubt as a whole, in alphabetical order."""
-        yield from sorted(
-            str(doubt[1]) for doubt in self.paths if len(doubt) == 2 and doubt[0] == section and doubt[1] != ANY_NAME
-        )
+        yield from sorted(str(doubt[1]) for doubt in self.paths if len(doubt) == 2 and doubt[0] == section and doubt[1] != ANY_NAME)
 
 
 NO_DOUBTS = InvalidEntries()

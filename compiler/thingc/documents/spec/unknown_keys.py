@@ -92,9 +92,7 @@ class UnknownKey:
         """The section of the document whose entries look like the mapping that stands under the key."""
         if not isinstance(value, dict):
             return None
-        likes = {
-            name: likeness(entry, value) for name, entry in sections(root) if entry.model is not None
-        }
+        likes = {name: likeness(entry, value) for name, entry in sections(root) if entry.model is not None}
         best = max(likes, key=lambda name: likes[name], default=None)
         if best is None or likes[best] < 2.0:
             return None

@@ -73,9 +73,7 @@ def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEnt
     """The model of what is sound in a document, None where that is nothing; and what was left out (reported)."""
     model = model_of(document.kind)
     if model is None:
-        report.add(
-            Code.WRONG_KIND, f"documents of kind `{document.kind}` cannot be used yet", document.span(("thingc",)),
-        )
+        report.add(Code.WRONG_KIND, f"documents of kind `{document.kind}` cannot be used yet", document.span(("thingc",)))
         return None, InvalidEntries()
     plain = document.tree.plain()
     assert isinstance(plain, dict)
@@ -113,9 +111,7 @@ def _build(model: type[Model]) -> None:
             sys.modules[name] = before
 
 
-def part_references(
-    specs: Specs, documents: Documents,
-) -> tuple[tuple[str, Span], ...]:
+def part_references(specs: Specs, documents: Documents) -> tuple[tuple[str, Span], ...]:
     """Every `part:` of every assembly, in the order written, with its place."""
     references: list[tuple[str, Span]] = []
     for path, spec in specs.items():

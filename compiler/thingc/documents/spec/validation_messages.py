@@ -45,9 +45,7 @@ def say(
 class _Reporter:
     """See `say`."""
 
-    def __init__(
-        self, document: Document, root: type[Model], report: Report, empty: frozenset[Path], damaged: frozenset[Path],
-    ) -> None:
+    def __init__(self, document: Document, root: type[Model], report: Report, empty: frozenset[Path], damaged: frozenset[Path]) -> None:
         self.document = document
         self.root = root
         self.report = report
@@ -65,9 +63,7 @@ class _Reporter:
                 continue
             if fault.kind == "rule" and (fault.path in parents or fault.path in self.damaged):
                 continue
-            if (fault.kind == "missing" and fault.path[:-1] in self.damaged) or (
-                fault.kind == "too_short" and fault.path in self.damaged
-            ):
+            if (fault.kind == "missing" and fault.path[:-1] in self.damaged) or (fault.kind == "too_short" and fault.path in self.damaged):
                 continue
             if len(self.report.diagnostics) - before >= MAX_FAULTS:
                 message = f"more than {MAX_FAULTS} faults in one document; the rest is not said"

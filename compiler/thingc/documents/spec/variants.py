@@ -137,9 +137,7 @@ class VariantsSpec(Model):
     )
     """Parts, assemblies, files and materials by where they stand in the assembly: a list is an axis of the grid."""
     list_: list[ListedSpec] = Field(
-        default=[],
-        alias="list",
-        description="Variants written out, before those of the grid.",
+        default=[], alias="list", description="Variants written out, before those of the grid.",
         examples=[[{"name": "short", "parameters": {"leg_length": "80 mm"}}]],
     )
     sample: SampleSpec | None = Field(

@@ -62,9 +62,7 @@ def _memory(value: Any) -> str:
 _MAINTAINER_HINT = "write for example `Ada Lovelace <ada@example.org>`"
 
 MemoryField = Annotated[str, FieldValidator(_memory, "an amount of memory", {"type": "string", "pattern": f"^{MEMORY}$"})]
-MaintainerField = Annotated[
-    str, FieldValidator(_maintainer, "a name and a mail address", {"type": "string", "pattern": f"^{MAINTAINER}$"})
-]
+MaintainerField = Annotated[str, FieldValidator(_maintainer, "a name and a mail address", {"type": "string", "pattern": f"^{MAINTAINER}$"})]
 LicenseField = Annotated[str, FieldValidator(_license, "a license", {"type": "string", "pattern": r"\S"})]
 VersionField = Annotated[str, FieldValidator(_version, "a version", {"type": "string", "pattern": f"^{VERSION}$"})]
 

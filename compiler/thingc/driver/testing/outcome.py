@@ -51,8 +51,7 @@ def check_bounds(
     """A value [SI] between two bounds, either of which may be missing."""
     measured = shown(value, dimension)
     expected = {key: bound for key, bound in (("min", minimum), ("max", maximum)) if bound is not None}
-    words = [f"{word} {Quantity(bound, dimension)}" for word, bound in (("at least", minimum), ("at most", maximum))
-             if bound is not None]
+    words = [f"{word} {Quantity(bound, dimension)}" for word, bound in (("at least", minimum), ("at most", maximum)) if bound is not None]
     failure = None
     for key, bound, word in (("min", minimum, "below"), ("max", maximum, "above")):
         slack = ROUNDING * max(abs(bound), abs(value)) if bound is not None else 0.0
@@ -61,8 +60,7 @@ def check_bounds(
         off = abs(value - bound)
         share = f" ({float(f'{100.0 * off / bound:.3g}'):g} %)" if bound else ""
         failure = Failure(
-            code=code, key=key,
-            message=f"{what} is {measured}, {word} {Quantity(bound, dimension)} by {shown(off, dimension)}{share}",
+            code=code, key=key, message=f"{what} is {measured}, {word} {Quantity(bound, dimension)} by {shown(off, dimension)}{share}",
         )
     return Outcome(measured={name: value}, expected=expected, said=f"{name} {measured} ({', '.join(words)})", failure=failure)
 

@@ -19,9 +19,7 @@ def posed(assembly: Assembly, mode: LinkedMode, poses: Iterable[NamedPose]) -> R
     """The robot of a mode with a keyframe for each of the poses in which its loops close; None where they close in none."""
     wanted = {pose.name: pose for pose in poses}
     others = tuple(pose for pose in assembly.poses if pose.name not in wanted)
-    return root(
-        replace(assembly, poses=(*wanted.values(), *others)), replace(mode, poses=tuple(wanted)), Report(),
-    )
+    return root(replace(assembly, poses=(*wanted.values(), *others)), replace(mode, poses=tuple(wanted)), Report())
 
 
 def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
@@ -40,9 +38,7 @@ def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list
     poses: list[NamedPose] = []
     for number, place in enumerate(quasi_random(samples, len(ranges))):
         moved = {r.joint: r.lower + float(part) * (r.upper - r.lower) for r, part in zip(ranges, place, strict=True)}
-        poses.append(NamedPose(
-            name=f"{pose.name}:{number}", values={**pose.values, **moved}, origins=pose.origins, origin=pose.origin,
-        ))
+        poses.append(NamedPose(name=f"{pose.name}:{number}", values={**pose.values, **moved}, origins=pose.origins, origin=pose.origin))
     return poses
 
 

@@ -54,16 +54,14 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
                 notes=noted("its actuator is named here", drive.origin),
             )
         limit = replace(
-            limit,
-            effort=limit.effort if limit.effort is not None else drive.effort,
+            limit, effort=limit.effort if limit.effort is not None else drive.effort,
             velocity=limit.velocity if limit.velocity is not None else drive.velocity,
         )
         if dynamics.armature is None:
             dynamics = replace(dynamics, armature=drive.armature)
         if drive.kind == "position" and drive.kp is None:
             findings.error(
-                Code.NO_GAIN, f"joint `{joint.name}` is driven to a position, and its actuator states no gain `kp`",
-                place, path=path,
+                Code.NO_GAIN, f"joint `{joint.name}` is driven to a position, and its actuator states no gain `kp`", place, path=path,
                 help=f"state `kp` in the Thing's `Actuator`, or drive inline: {_INLINE[twist.core]}",
                 notes=_drive_notes(tree, instance, drive),
             )
@@ -111,19 +109,13 @@ def _over(drive: Drive, actuator: ActuatorRecord) -> Drive:
 
     kind = drive.kind or actuator.kind
     return replace(
-        drive,
-        kind=kind,
-        kp=first(drive.kp, actuator.kp) if kind in ("position", actuator.kind) else None,
-        kv=first(drive.kv, actuator.kv),
-        effort=first(drive.effort, actuator.stall_torque),
-        velocity=first(drive.velocity, actuator.no_load_speed),
+        drive, kind=kind, kp=first(drive.kp, actuator.kp) if kind in ("position", actuator.kind) else None, kv=first(drive.kv, actuator.kv),
+        effort=first(drive.effort, actuator.stall_torque), velocity=first(drive.velocity, actuator.no_load_speed),
         armature=first(drive.armature, actuator.armature),
     )
 
 
-def _no_actuator(
-    instance: Instance, joint: Joint, twist: Twist, text: str, named: Instance, origin: Origin, findings: LinkReport,
-) -> None:
+def _no_actuator(instance: Instance, joint: Joint, twist: Twist, text: str, named: Instance, origin: Origin, findings: LinkReport) -> None:
     able = [
         name for name, child in instance.children.items()
         if child.part is not None and child.part.record is not None and child.part.record.actuator is not None

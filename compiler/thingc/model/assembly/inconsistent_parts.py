@@ -135,6 +135,4 @@ def compare(assembly: Assembly, again: Mapping[str, PartRecord | PartFailure], r
             words = differing[0].words
             if len(differing) > 1:
                 notes.append(Note(message=f"what differs, too: {', '.join(other.name for other in differing[1:])}"))
-        report.add(
-            Code.NOT_TWICE, f"{of} is not the same twice: {words}", occurrence.origin, path=occurrence.path, notes=notes, help=_HELP,
-        )
+        report.add(Code.NOT_TWICE, f"{of} is not the same twice: {words}", occurrence.origin, path=occurrence.path, notes=notes, help=_HELP)

@@ -87,8 +87,7 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
             )
         else:
             findings.error(
-                Code.NOT_PHYSICAL,
-                f"link `{link.name}` moves in mode `{mode}` and its inertia is not physical: {fault} ({named})",
+                Code.NOT_PHYSICAL, f"link `{link.name}` moves in mode `{mode}` and its inertia is not physical: {fault} ({named})",
                 link.origin, path=link.name, help="give a component with geometry a mass, or state `inertia:` on one of them",
             )
 

@@ -204,8 +204,7 @@ class Tree:
             definition = instance.assembly
             if (instance.path, name) in met:
                 return _Fault(
-                    message=f"the mount `{name}` of `{definition.label}` stands for itself",
-                    help="let it name a component's mount",
+                    message=f"the mount `{name}` of `{definition.label}` stands for itself", help="let it name a component's mount",
                 )
             met.add((instance.path, name))
             component = instance.component

@@ -47,9 +47,7 @@ class _Naming(FrozenStruct, kw_only=False):
     origin: Origin
 
 
-def links_of(
-    tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: LinkReport, memo: Memo,
-) -> tuple[Link, ...]:
+def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: LinkReport, memo: Memo) -> tuple[Link, ...]:
     """The links in order, named and framed as `links:` says (the outermost document wins), else as their first occurrence."""
     link_of = connected_components(len(occurrences), mates)
     members: list[list[int]] = [[] for _ in range(max(link_of, default=-1) + 1)]
@@ -72,11 +70,7 @@ def links_of(
 
         poses = memo(("poses", name), lie, rigid, frame, tuple(inside))
         link = memo.same(("link", name), Link(
-            name=name,
-            index=index,
-            frame=frame,
-            members=tuple(inside),
-            poses=poses,
+            name=name, index=index, frame=frame, members=tuple(inside), poses=poses,
             properties=memo(("weight", name), _summed, tuple(occurrences[k].properties for k in inside), poses),
             origin=naming.origin if naming is not None else first.origin,
         ))
@@ -111,9 +105,8 @@ def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[i
             if other is not None and other.document == naming.document:
                 before = other.name.rsplit("/", 1)[-1]
                 findings.error(
-                    Code.LINK_NAMED_TWICE, f"`{line.name}` and `{before}` name one link: nothing moves between them",
-                    naming.origin, path=naming.name, help="keep one of the two names",
-                    notes=noted(f"`{before}` is written here", other.origin),
+                    Code.LINK_NAMED_TWICE, f"`{line.name}` and `{before}` name one link: nothing moves between them", naming.origin,
+                    path=naming.name, help="keep one of the two names", notes=noted(f"`{before}` is written here", other.origin),
                 )
             elif other is None or naming.depth < other.depth:
                 chosen[link] = naming

@@ -87,9 +87,7 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findi
             notes=noted("the child", joint.child.origin),
         )
         return
-    edges = tuple(
-        joint_edge(tree, instance, one, one.twist, findings) for one in coordinates if one.twist is not None
-    )
+    edges = tuple(joint_edge(tree, instance, one, one.twist, findings) for one in coordinates if one.twist is not None)
     path = instance.within(joint.name.joint)
     origin = joint.origin + instance.origin
     yield memo(("joint", path), _mated, parent, child, joint, edges, origin, path)
@@ -133,9 +131,8 @@ def _mated(parent: FoundMount, child: FoundMount, said: Attach | Joint, joints: 
     if isinstance(said, Joint) and said.mirrored:
         before, after = before @ UPSIDE_DOWN, UPSIDE_DOWN @ after
     return Mate(
-        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount=child.mount,
-        X_PJ=before, X_JC=after, joints=joints, origin=origin, name=path if joints else None,
-        loop=path if isinstance(said, Joint) and said.loop else None,
+        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount=child.mount, X_PJ=before, X_JC=after,
+        joints=joints, origin=origin, name=path if joints else None, loop=path if isinstance(said, Joint) and said.loop else None,
     )
 
 
@@ -194,7 +191,6 @@ def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: L
         return
     first, second = (instance.children[name] for name in bases[:2])
     findings.error(
-        Code.TWO_BASES, f"nothing places `{bases[1]}`, nor `{bases[0]}`: an assembly has one base", second.origin,
-        path=second.path, help=f"give `{bases[1]}` an `attach`, an `at` or a joint",
-        notes=noted(f"`{bases[0]}` is here", first.origin),
+        Code.TWO_BASES, f"nothing places `{bases[1]}`, nor `{bases[0]}`: an assembly has one base", second.origin, path=second.path,
+        help=f"give `{bases[1]}` an `attach`, an `at` or a joint", notes=noted(f"`{bases[0]}` is here", first.origin),
     )

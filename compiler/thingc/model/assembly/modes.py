@@ -42,8 +42,7 @@ def exported_of(tree: Tree, findings: LinkReport) -> tuple[ExportedMount, ...]:
             mount = tree.find(instance, reference)
             if mount is not None:
                 exported.append(ExportedMount(
-                    path=instance.within(name), occurrence=mount.occurrence, mount=mount.mount,
-                    origin=reference.origin + instance.origin,
+                    path=instance.within(name), occurrence=mount.occurrence, mount=mount.mount, origin=reference.origin + instance.origin,
                 ))
     return tuple(exported)
 
@@ -266,8 +265,7 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
     if joint.path in pose.values:
         findings.error(
             Code.POSE_LIMITS, f"pose `{pose.name}` puts `{joint.name}` at {twist.shown(q)}, outside {limits}",
-            pose.origins.get(joint.path, pose.origin), path=pose.name, help="write a value within the limits, or widen them",
-            notes=notes,
+            pose.origins.get(joint.path, pose.origin), path=pose.name, help="write a value within the limits, or widen them", notes=notes,
         )
     elif joint.mimic is not None:
         findings.error(

@@ -182,17 +182,11 @@ class PartInstances:
         weighed = self._weigh(component, record, material, looked_up, scope, path, origin)
         sound = weighed is not None and self._physical(component, record, path, origin)
         return PartInstance(
-            component=component,
-            definition=definition,
-            record=record,
-            material=material,
+            component=component, definition=definition, record=record, material=material,
             color=(record.color if record is not None else None) or (material.color if material is not None else None),
-            bom=_bom(component, record),
-            properties=weighed.properties if weighed is not None else NOTHING,
-            mass_source=weighed.source if weighed is not None else "derived",
-            estimate=weighed.estimate if weighed is not None else None,
-            mounts=self._mounts(component, record, path, origin),
-            sound=sound,
+            bom=_bom(component, record), properties=weighed.properties if weighed is not None else NOTHING,
+            mass_source=weighed.source if weighed is not None else "derived", estimate=weighed.estimate if weighed is not None else None,
+            mounts=self._mounts(component, record, path, origin), sound=sound,
             listed=listed(component.definition, material, self._meshes) if isinstance(component.definition, LinkDefinition) else None,
         )
 
@@ -247,9 +241,7 @@ class PartInstances:
         if (record.text, code.code) not in self._warned and self._findings.warn(code, message, origin, path=path, help=help):
             self._warned.add((record.text, code.code))
 
-    def _material(
-        self, component: Component, record: PartRecord | None, scope: AssemblyDefinition,
-    ) -> tuple[Material | None, bool]:
+    def _material(self, component: Component, record: PartRecord | None, scope: AssemblyDefinition) -> tuple[Material | None, bool]:
         """The material, and whether the Thing names one that the document does not know."""
         material = material_of(component, record, scope)
         return material, material is None and record is not None and record.material is not None
@@ -338,8 +330,7 @@ class PartInstances:
             if doubt is not None:
                 warn(
                     Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin, path=path,
-                    notes=noted(f"`{component.name}` is made of it", origin),
-                    help=doubted(density_cure(doubt)),
+                    notes=noted(f"`{component.name}` is made of it", origin), help=doubted(density_cure(doubt)),
                 )
 
     def _doubt_thing(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
@@ -380,9 +371,7 @@ class PartInstances:
             "by its skin", origin, path=path, help="mend the part, or write `process: {estimate: skin}` here",
         )
 
-    def _incomplete(
-        self, component: Component, material: Material | None, missing: tuple[str, ...], path: str, origin: Origin,
-    ) -> None:
+    def _incomplete(self, component: Component, material: Material | None, missing: tuple[str, ...], path: str, origin: Origin) -> None:
         """Say what the estimate misses: once of a material that does not have it, else of the component."""
         of_material = material.process if material is not None and unsaid_keys(material.process) else None
         keys = unsaid_keys(of_material) or missing
@@ -391,9 +380,8 @@ class PartInstances:
         instead = "`infill: 100 %`" if needed else "`estimate: skin`, which needs `walls` and `line_width` only"
         if material is not None and of_material is not None:
             self._findings.error(
-                Code.INFILL, f"`{material.name}` is printed with an infill, but its `process` has no {listed}",
-                material.process_origin, path=path, help=f"add {listed}, or write {instead}",
-                notes=noted(f"`{component.name}` is made of it", origin),
+                Code.INFILL, f"`{material.name}` is printed with an infill, but its `process` has no {listed}", material.process_origin,
+                path=path, help=f"add {listed}, or write {instead}", notes=noted(f"`{component.name}` is made of it", origin),
             )
             return
         self._findings.error(

@@ -23,9 +23,7 @@ def process_of(component: Component, material: Material | None) -> Process | Non
     return merged(component.overrides.process, material.process if material is not None else None)
 
 
-def slicings_of(
-    model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure],
-) -> dict[str, set[Slicing]]:
+def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> dict[str, set[Slicing]]:
     """The ways in which parts of a model are cut into layers, by the text of their definition. Equal copies of a part are one;
     a part that is printed in two ways has two."""
     slicings: dict[str, set[Slicing]] = {}

@@ -77,8 +77,7 @@ def _rubbing(shape: LinkShape, material: Material | None) -> Material | None:
 def _whole(shape: LinkShape, file: MeshFile, record: MeshRecord, material: Material | None, color: str | None) -> Surface:
     return Surface(
         solid=record.mesh, material=material, color=color, pose=shape.pose, name=file.name,
-        volume=record.matter.mass if record.matter is not None else 0.0, own=record.own, scale=file.scale,
-        title=shape.name,
+        volume=record.matter.mass if record.matter is not None else 0.0, own=record.own, scale=file.scale, title=shape.name,
     )
 
 

@@ -126,16 +126,14 @@ def _definition(
     pulled = tuple(tendons(table, scope))
     return AssemblyDefinition(
         document=table.document.relative, name=spec.name, description=spec.description, parameters=table.parameters, text=table.text,
-        label=table.label,
-        materials={name: one for name, one in table.materials.items() if one is not None}, components=made,
+        label=table.label, materials={name: one for name, one in table.materials.items() if one is not None}, components=made,
         joints=context.same("joint", table.document.relative, [joint for joint in table.joints.values() if joint is not None]), links=links,
         mounts={name: one for name, one in table.exports.items() if one is not None},
-        poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=own_modes,
-        simulation=simulation(scope, stepped), step_origin=step_origin(scope, stepped),
-        raw=raw(scope, spec.raw), added=added(scope, spec.raw), tendons=pulled,
+        poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=own_modes, simulation=simulation(scope, stepped),
+        step_origin=step_origin(scope, stepped), raw=raw(scope, spec.raw), added=added(scope, spec.raw), tendons=pulled,
         sensors=tuple(sensors(table, scope, pulled)), names=tuple(names(table, scope)),
-        tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (),
-        origin=scope.origin(("name",)), materials_known=not table.materials_unreadable, whole=not scope.doubts, loose=tuple(table.loose),
+        tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (), origin=scope.origin(("name",)),
+        materials_known=not table.materials_unreadable, whole=not scope.doubts, loose=tuple(table.loose),
     )
 
 

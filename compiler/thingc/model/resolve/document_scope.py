@@ -249,9 +249,7 @@ class ResolveRun:
 
     def scope(self, document: Document, names: Mapping[str, ExpressionValue], broken: frozenset[str] = NOTHING) -> Scope:
         """A scope that reports to this run."""
-        return Scope(
-            document=document, report=self.report, names=names, broken=broken, said=self.said, doubts=self.doubts(document),
-        )
+        return Scope(document=document, report=self.report, names=names, broken=broken, said=self.said, doubts=self.doubts(document))
 
     def doubts(self, document: Document) -> InvalidEntries:
         """What validation has left out of a document."""

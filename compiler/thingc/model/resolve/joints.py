@@ -140,10 +140,7 @@ def _coordinates(
         )
     if count < 2:
         return (replace(_resolve_joint(table, item, kind, next(iter(twists), None), (parent, child), layers, None), axis=axis),)
-    return tuple(
-        replace(_resolve_joint(table, item, kind, twist, (parent, child), layers, k), axis=axis)
-        for k, twist in enumerate(twists)
-    )
+    return tuple(replace(_resolve_joint(table, item, kind, twist, (parent, child), layers, k), axis=axis) for k, twist in enumerate(twists))
 
 
 def _ball(
@@ -255,9 +252,8 @@ def _resolve_joint(
     return Joint(
         name=name, kind=kind, twist=twist, parent=mounts[0], child=mounts[1], limit=limit, dynamics=dynamics,
         turn=(scope.number(*turn, ANGLE, f"`turn` of joint `{name}`") or 0.0) if turn else 0.0,
-        gap=(scope.number(*gap, LENGTH, f"`gap` of joint `{name}`") or 0.0) if gap else 0.0,
-        offset=offset, drive=drive, mimic=None, origin=scope.origin(path, key=True), loop=spec.loop,
-        spans={key: node.span for key, node in nodes.items()},
+        gap=(scope.number(*gap, LENGTH, f"`gap` of joint `{name}`") or 0.0) if gap else 0.0, offset=offset, drive=drive, mimic=None,
+        origin=scope.origin(path, key=True), loop=spec.loop, spans={key: node.span for key, node in nodes.items()},
         written={key: node.text for key, node in nodes.items() if isinstance(node, ScalarNode)},
     )
 

@@ -78,9 +78,7 @@ def of_document(context: ResolveRun, document: Document) -> dict[str, Material |
 
 def _resolve_materials(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[str, Material | None]:
     """The materials of one document, those that validation has left out with a stand-in for their density."""
-    materials: dict[str, Material | None] = {
-        name: material(scope, name, entry, ("materials", name)) for name, entry in specs.items()
-    }
+    materials: dict[str, Material | None] = {name: material(scope, name, entry, ("materials", name)) for name, entry in specs.items()}
     for name in scope.doubts.names("materials"):
         materials.setdefault(name, Material(name=name, density=_STAND_IN, origin=scope.origin(("materials", name), key=True)))
     return materials

@@ -58,10 +58,8 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
     what = f"`mimic.multiplier` of joint `{item.name}`"
     if "multiplier" not in spec.model_fields_set and ratio != NUMBER:
         scope.error(
-            Code.DIMENSION,
-            f"joint `{item.name}` and `{name}` differ in kind: `mimic` needs a `multiplier` that is {ratio.words}", path,
-            key=True,
-            help=f"write for example `multiplier: {ratio.example}`", notes=notes,
+            Code.DIMENSION, f"joint `{item.name}` and `{name}` differ in kind: `mimic` needs a `multiplier` that is {ratio.words}", path,
+            key=True, help=f"write for example `multiplier: {ratio.example}`", notes=notes,
         )
         return None
     raw = spec.multiplier

@@ -79,8 +79,7 @@ def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[s
             return None
         if len(items) == MAX_EXTENDED:
             scope.error(
-                Code.TOO_MANY, f"mode `{name}` extends more than {MAX_EXTENDED} modes, one through the other",
-                ("modes", name, "extends"),
+                Code.TOO_MANY, f"mode `{name}` extends more than {MAX_EXTENDED} modes, one through the other", ("modes", name, "extends"),
             )
             return None
         if step not in specs:
@@ -278,9 +277,7 @@ def _exclude(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tup
             break
         for first, second in product(*sides):
             if first != second:
-                one, other = (
-                    Reference(path=tuple(name.split(".")), mount=None, origin=origin) for name in (first, second)
-                )
+                one, other = (Reference(path=tuple(name.split(".")), mount=None, origin=origin) for name in (first, second))
                 pairs.setdefault(frozenset((first, second)), (one, other))
     return tuple(pairs.values())
 
@@ -292,9 +289,7 @@ def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path
         return [".".join(component[0].path)] if component is not None else []
     names = [name for name, _ in references.matching(table, text)]
     if not names and not table.unbuilt:
-        scope.error(
-            Code.NO_MATCH, f"pattern `{text}` fits no component", path, help=suggested(text, table.nodes, what="components"),
-        )
+        scope.error(Code.NO_MATCH, f"pattern `{text}` fits no component", path, help=suggested(text, table.nodes, what="components"))
     return names
 
 

@@ -45,8 +45,7 @@ def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
     if all(one is None for one in (mass, com, inertia, collision, visual, up)) and not made:
         return NONE_SAID
     return Overrides(
-        mass=mass, com=com, inertia=inertia, collision=collision[0] if collision else "hull",
-        visual=visual[0] if visual else True,
+        mass=mass, com=com, inertia=inertia, collision=collision[0] if collision else "hull", visual=visual[0] if visual else True,
         process=process(scope, made) if made else None, up=up,
     )
 

@@ -188,9 +188,7 @@ def _complain_kind(
         complain(name, Code.DIMENSION, message, help=help, notes=notes)
     else:
         wanted = "`true` or `false`" if isinstance(own, bool) else "a text"
-        complain(
-            name, Code.VALUE_KIND, f"{label} is {wanted}, found {kind_of(value)} (`{shortened(words_of(value))}`)", notes=notes,
-        )
+        complain(name, Code.VALUE_KIND, f"{label} is {wanted}, found {kind_of(value)} (`{shortened(words_of(value))}`)", notes=notes)
 
 
 def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
@@ -276,8 +274,7 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionVa
             del bounds[key]
     if len(bounds) == 2 and bounds["min"].value > bounds["max"].value:
         scope.error(
-            Code.OUT_OF_RANGE, f"`min` of parameter `{name}` is above its `max`: {bounds['min']} > {bounds['max']}",
-            (*path, "min"),
+            Code.OUT_OF_RANGE, f"`min` of parameter `{name}` is above its `max`: {bounds['min']} > {bounds['max']}", (*path, "min"),
             help="swap them", notes=[Note(message="`max` is set here", span=scope.span((*path, "max")))],
         )
         return

@@ -138,17 +138,14 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given
     ):
         if broken and bound is not None:
             scope.error(
-                Code.OUT_OF_RANGE, f"{what} must be {rule} {parameter.shown(bound)}, found {scope.shown(given, path)}",
-                path,
+                Code.OUT_OF_RANGE, f"{what} must be {rule} {parameter.shown(bound)}, found {scope.shown(given, path)}", path,
                 notes=_declared_at(schema),
             )
             return None
     return int(value) if parameter.kind in WHOLE else value
 
 
-def _choice(
-    scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, what: str, path: Path,
-) -> Value | None:
+def _choice(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, what: str, path: Path) -> Value | None:
     written = (scope.written(path) or "").strip()
     for choice in parameter.choices:
         if isinstance(choice, bool) or isinstance(given, bool):
@@ -162,9 +159,7 @@ def _choice(
     shown = [words_of(choice) if isinstance(choice, (bool, str)) else f"{choice:g}" for choice in parameter.choices]
     text = shortened(written or words_of(given))
     help = did_you_mean(text, shown, what="choices") if nearest(text, shown) is not None else None
-    scope.error(
-        Code.VALUE_KIND, f"{what} is one of {quoted(shown, 12)}, found `{text}`", path, help=help, notes=_declared_at(schema),
-    )
+    scope.error(Code.VALUE_KIND, f"{what} is one of {quoted(shown, 12)}, found `{text}`", path, help=help, notes=_declared_at(schema))
     return None
 
 
@@ -212,9 +207,8 @@ def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, f
     elif failure.kind == "missing":
         help = missing_hint(context, reference, failure)
     context.report.add(
-        _FAILURES[failure.kind], message, node.scope.span(path),
-        help=help,
-        path=f"{'.'.join(str(step) for step in path)}", notes=notes, detail=failure.detail,
+        _FAILURES[failure.kind], message, node.scope.span(path), help=help, path=f"{'.'.join(str(step) for step in path)}", notes=notes,
+        detail=failure.detail,
     )
 
 

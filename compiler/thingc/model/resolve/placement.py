@@ -64,9 +64,7 @@ def _attach(table: DocumentScope, node: ComponentScope) -> Attach | None:
         table.loose.extend(end for end in (mine, to) if end is not None)
         return None
     if to.path[0] == node.name:
-        scope.error(
-            Code.PLACED_ON_ITSELF, f"`{node.name}` is attached to itself", to_path, help="name a mount of another component",
-        )
+        scope.error(Code.PLACED_ON_ITSELF, f"`{node.name}` is attached to itself", to_path, help="name a mount of another component")
         return None
     return Attach(mount=mine, to=to, turn=turn, gap=gap, origin=scope.origin(path, key=True))
 
@@ -88,9 +86,7 @@ def _at(table: DocumentScope, node: ComponentScope) -> At | None:
         table.loose.extend([to] if to is not None else [])
         return None
     if to.path[0] == node.name:
-        scope.error(
-            Code.PLACED_ON_ITSELF, f"`{node.name}` is placed in itself", (*path, "in"), help="name a frame of another component",
-        )
+        scope.error(Code.PLACED_ON_ITSELF, f"`{node.name}` is placed in itself", (*path, "in"), help="name a frame of another component")
         return None
     return At(to=to, pose=pose, origin=scope.origin(path, key=True))
 
@@ -165,10 +161,7 @@ def _report_bases(table: DocumentScope, free: list[str]) -> None:
         Code.TWO_BASES, message, second.scope.span(second.path, key=True), path=f"components.{free[1]}",
         help="place the others with `attach`, `at` or as the child of a joint",
         notes=[
-            Note(
-                message=f"`{name}` is placed by nothing, too",
-                span=table.nodes[name].scope.span(table.nodes[name].path, key=True),
-            )
+            Note(message=f"`{name}` is placed by nothing, too", span=table.nodes[name].scope.span(table.nodes[name].path, key=True))
             for name in [free[0], *free[2:6]]
         ],
     )

@@ -149,8 +149,7 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
         what = f"the value of joint `{name}`" if exact else f"the value of joint `{name}`, which the pattern fits,"
         if isinstance(raw, str):
             scope.error(
-                Code.POSE, f"joint `{name}` takes {coordinate.words} (such as {coordinate.example}), found the text `{raw}`",
-                path,
+                Code.POSE, f"joint `{name}` takes {coordinate.words} (such as {coordinate.example}), found the text `{raw}`", path,
                 help=f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, notes=_joint_notes(name, joint),
             )
             continue
@@ -216,9 +215,7 @@ def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, in
         if table.unbuilt or any(node.doubtful for _, node in matched):
             return
         if matched:
-            message, help = f"`{key}` is no nested assembly: it has no pose `{pose}`", suggested(
-                key, nested, what="nested assemblies",
-            )
+            message, help = f"`{key}` is no nested assembly: it has no pose `{pose}`", suggested(key, nested, what="nested assemblies")
             scope.error(Code.POSE, message, path, key=True, help=help, notes=references.declared(matched[0][1]))
         elif GLOB.search(key):
             scope.error(
@@ -278,8 +275,7 @@ def _report_unknown(table: DocumentScope, scope: Scope, known: Joints, key: str,
     repeated = table.spec.joints.get(key)
     if repeated is not None and repeated.repeat is not None:
         scope.error(
-            Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True,
-            help=f"`{key}` is repeated: write `{key}_0`, or `{key}_*`",
+            Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True, help=f"`{key}` is repeated: write `{key}_0`, or `{key}_*`",
         )
         return
     names.extend(prefix[:-1] for prefix in table.unbuilt_joints if prefix)

@@ -85,9 +85,7 @@ def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[st
         )
         return None
     if GLOB.search(wrong):
-        scope.error(
-            Code.REFERENCE, f"`{filled}` is a pattern, and one name is wanted here", path, help="write the name in full", key=key,
-        )
+        scope.error(Code.REFERENCE, f"`{filled}` is a pattern, and one name is wanted here", path, help="write the name in full", key=key)
     else:
         scope.error(Code.REFERENCE, f"`{wrong}` in `{filled}` is no name", path, key=key)
     return None
@@ -274,9 +272,7 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
     if name == ORIGIN or name in node.mounts:
         return True
     if node.bare is not None:
-        _report_mount(
-            scope, f"{node.bare} `{node.name}`", name, [ORIGIN, *node.mounts], node.scope.span(node.path, key=True), path, key,
-        )
+        _report_mount(scope, f"{node.bare} `{node.name}`", name, [ORIGIN, *node.mounts], node.scope.span(node.path, key=True), path, key)
         return False
     if node.table is None:
         return True
@@ -287,8 +283,7 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
         inner_exports = [f"{name}.{ORIGIN}"]
         scope.error(
             Code.UNKNOWN_MOUNT, f"`{name}` is a component of {what}, not a mount", path,
-            help=f"name a mount of it, as in `{'.'.join(parts[:-1])}.{inner_exports[0]}`", key=key,
-            notes=declared(node.table.nodes[name]),
+            help=f"name a mount of it, as in `{'.'.join(parts[:-1])}.{inner_exports[0]}`", key=key, notes=declared(node.table.nodes[name]),
         )
         return False
     if _unbuilt(node.table.unbuilt, name) or node.table.doubts.lacks("mounts"):
@@ -330,9 +325,7 @@ def _report_single(table: DocumentScope, scope: Scope, name: str, path: Path, ke
         notes = [Note(message=f"`{name}` is exported here", span=table.scope.span(("mounts", name), key=True))]
         message, help = f"`{name}` is what this document exports; here the mount itself is wanted", "write `component.mount`"
     else:
-        message, help = f"a mount is written `component.mount`, found `{name}`", suggested(
-            name, table.nodes, what="components",
-        )
+        message, help = f"a mount is written `component.mount`, found `{name}`", suggested(name, table.nodes, what="components")
         having = [f"`{one.name}.{name}`" for one in table.nodes.values() if _shows(one, name)]
         if 0 < len(having) <= 3:
             help = f"did you mean {' or '.join(having)}?"

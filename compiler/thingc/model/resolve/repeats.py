@@ -30,8 +30,7 @@ class Unrolled(FrozenStruct, Generic[Spec], kw_only=False):
     scope: Scope
 
 
-def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Unrolled[Spec]],
-list[str]]:
+def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Unrolled[Spec]], list[str]]:
     """The items of `components` or `joints` in document order, and the prefixes (`leg_`) of those that were too many or wrong
     (of everything: an empty one).
 
@@ -80,9 +79,7 @@ def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: I
         path: Path = (section, name, "repeat")
         count = scope.count(spec.repeat.count, (*path, "count"), f"the count of `{name}`")
         if count is not None and count > MAX_REPEAT:
-            scope.error(
-                Code.TOO_MANY, f"`{name}` is repeated {count} times; at most {MAX_REPEAT} are possible", (*path, "count"),
-            )
+            scope.error(Code.TOO_MANY, f"`{name}` is repeated {count} times; at most {MAX_REPEAT} are possible", (*path, "count"))
             count = None
         if count is not None and spec.repeat.as_ in set(parameters):
             scope.error(
@@ -93,8 +90,7 @@ def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: I
             count = None
         if count is not None and total + count > MAX_OCCURRENCES:
             scope.error(
-                Code.TOO_MANY,
-                f"with `{name}` the {section} of this document are {total + count}; at most {MAX_OCCURRENCES} are possible",
+                Code.TOO_MANY, f"with `{name}` the {section} of this document are {total + count}; at most {MAX_OCCURRENCES} are possible",
                 (*path, "count"),
             )
             return None
@@ -109,9 +105,7 @@ def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserve
     said: set[tuple[Path, Path]] = set()
     for name, path, what in names:
         if reserved and name in RESERVED:
-            scope.error(
-                Code.RESERVED_NAME, f"`{name}` is reserved and cannot name {what}", path, key=True, help="choose another name",
-            )
+            scope.error(Code.RESERVED_NAME, f"`{name}` is reserved and cannot name {what}", path, key=True, help="choose another name")
             continue
         first = seen.setdefault(name.lower(), (name, path, what))
         if first[1] == path or (first[1], path) in said:
@@ -120,11 +114,9 @@ def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserve
         note = [Note(message="the other one", span=scope.span(first[1], key=True))]
         if first[0] == name:
             scope.error(
-                Code.NAME_CLASH, f"`{name}` names both {first[2]} and {what}", path, key=True, help="rename one of them",
-                notes=note,
+                Code.NAME_CLASH, f"`{name}` names both {first[2]} and {what}", path, key=True, help="rename one of them", notes=note,
             )
         else:
             scope.error(
-                Code.NAME_CLASH, f"`{name}` and `{first[0]}` differ only in case", path, key=True, help="rename one of them",
-                notes=note,
+                Code.NAME_CLASH, f"`{name}` and `{first[0]}` differ only in case", path, key=True, help="rename one of them", notes=note,
             )

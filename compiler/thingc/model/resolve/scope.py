@@ -52,9 +52,7 @@ class Scope(FrozenStruct):
 
     def repeated(self, name: str, value: int) -> Scope:
         """The same inside one item of a `repeat`."""
-        return replace(
-            self, names={**self.names, name: Quantity(float(value))}, broken=self.broken - {name}, index=(name, str(value)),
-        )
+        return replace(self, names={**self.names, name: Quantity(float(value))}, broken=self.broken - {name}, index=(name, str(value)))
 
     # --- places ---------------------------------------------------------------------------------------------------
 
@@ -74,9 +72,7 @@ class Scope(FrozenStruct):
     def works_out(self, path: Path) -> bool:
         """Whether an expression is written anywhere in what stands at `path`."""
         node = node_at(self.document.tree, path)
-        return node is not None and any(
-            isinstance(inner, ScalarNode) and str(inner.value).startswith("=") for _, inner in walk(node)
-        )
+        return node is not None and any(isinstance(inner, ScalarNode) and str(inner.value).startswith("=") for _, inner in walk(node))
 
     def error(
         self, code: Code, message: str, path: Path, *, help: str | None = None, notes: Iterable[Note] = (), key: bool = False,

@@ -66,9 +66,8 @@ class _Reader:
             cutoff = {} if reach is None else {"distance": reach}
         named = None if joint is None else CoordinateName(spec.joint if spec.joint is not None else self.name)
         return Sensor(
-            name=self.name, kind=spec.type, at=mount, seen_from=seen_from, joint=None if named is None else named.path,
-            tendon=spec.tendon, touching=touching, volume=volume, fovy=fovy, noise=noise, cutoff=cutoff,
-            origin=self.scope.origin(self.path, key=True),
+            name=self.name, kind=spec.type, at=mount, seen_from=seen_from, joint=None if named is None else named.path, tendon=spec.tendon,
+            touching=touching, volume=volume, fovy=fovy, noise=noise, cutoff=cutoff, origin=self.scope.origin(self.path, key=True),
         )
 
     def _mount(self, key: str, text: str | None) -> Reference | None:

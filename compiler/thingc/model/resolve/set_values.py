@@ -42,9 +42,7 @@ class PathNotFound(FrozenStruct, kw_only=False):
     help: str | None
 
 
-def substituted(
-    context: ResolveRun, document: Document, spec: AssemblySpec, values: Mapping[str, str],
-) -> tuple[Document, AssemblySpec]:
+def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, values: Mapping[str, str]) -> tuple[Document, AssemblySpec]:
     """The document and its model with the texts `values` at their paths in it; both as they were where one of them cannot stand there,
     which is reported. A document with faults of its own (reported) stays as it is."""
     if not values or context.doubts(document):
@@ -147,9 +145,7 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
     return None if is_flow(text) else _unfinished(whole(".".join(keys)), shape, node)
 
 
-def _no_such(
-    document: Document, keys: tuple[str, ...], depth: int, known: Iterable[str], whole: Callable[[str], str],
-) -> PathNotFound:
+def _no_such(document: Document, keys: tuple[str, ...], depth: int, known: Iterable[str], whole: Callable[[str], str]) -> PathNotFound:
     """What to say of the key at `depth`, which is none of those that are known there."""
     known, key = list(known), keys[depth]
     sections = [name for name, node in document.tree.entries.items() if isinstance(node, MappingNode) and keys[0] in node.entries]

@@ -41,8 +41,7 @@ def _shape(context: ResolveRun, table: DocumentScope, scope: Scope, spec: ShapeS
     return LinkShape(
         solid=solid, pose=NO_POSE if isinstance(solid, Primitive) else pose, drawn=spec.for_ != "collision", touches=spec.for_ != "visual",
         color=spec.color, friction=friction(scope, spec.friction, (*path, "friction")), origin=scope.origin((*path, spec.kind)),
-        material=material(scope, DefaultLayers(((spec, path),)), table.materials, unreadable=table.materials_unreadable),
-        name=spec.name,
+        material=material(scope, DefaultLayers(((spec, path),)), table.materials, unreadable=table.materials_unreadable), name=spec.name,
     )
 
 
@@ -65,9 +64,7 @@ def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> Mes
         beside = tuple(os.path.join(os.path.dirname(absolute), name) for name in libraries(absolute))
         times = tuple(os.stat(one).st_mtime_ns if os.path.isfile(one) else 0 for one in beside)
         state = (stat.st_ino, stat.st_size, stat.st_mtime_ns, *times)
-        return context.memo(
-            ("mesh", absolute, scale), partial(_file, scale, context.digest), absolute, workspace.relative(absolute), state,
-        )
+        return context.memo(("mesh", absolute, scale), partial(_file, scale, context.digest), absolute, workspace.relative(absolute), state)
     except OSError:
         return None
 

@@ -128,8 +128,7 @@ class Reader:
         most = None if high is None else self.number(high, "max", dimension, f"`max` of {what}", least=0.0)
         if least is not None and most is not None and least > most:
             self.error(
-                Code.OUT_OF_RANGE,
-                f"`min` of {what} is above its `max`: {Quantity(least, dimension)} and {Quantity(most, dimension)}",
+                Code.OUT_OF_RANGE, f"`min` of {what} is above its `max`: {Quantity(least, dimension)} and {Quantity(most, dimension)}",
                 "min", help="exchange the two",
             )
         return least, most
@@ -241,8 +240,7 @@ class Reader:
             if joint.kind.may_stop and (first < low - 1e-9 or last > high + 1e-9):
                 ends = " to ".join(twist.shown(end) if numeric.isfinite(end) else "no end" for end in (low, high))
                 self.error(
-                    Code.OUT_OF_RANGE, f"the range of joint `{name}` leaves its limits {ends}", key,
-                    help="write `all` for the whole range",
+                    Code.OUT_OF_RANGE, f"the range of joint `{name}` leaves its limits {ends}", key, help="write `all` for the whole range",
                 )
             low, high = first, last
         return JointRange(joint=name.path, lower=low, upper=high)

@@ -69,9 +69,7 @@ def _raised(at: Pose, height: float) -> Pose:
     return replace(at, translation=(x, y, height))
 
 
-def _height(
-    assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_vertices: MeshVertices | None, memo: Memo,
-) -> float | None:
+def _height(assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_vertices: MeshVertices | None, memo: Memo) -> float | None:
     """Where z [m] of the mode's `at` has to be in a pose (None: every joint at 0); None where nothing can touch."""
     start = assembly.link_of[mode.root.occurrence]
     on_plane = root_pose(assembly, replace(mode, at=_raised(mode.at, 0.0)))

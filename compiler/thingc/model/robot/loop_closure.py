@@ -139,9 +139,7 @@ def keyframes_of(
     poses = [by_name[name] for name in mode.poses if name in by_name]
     stands = {name: root_pose(assembly, replace(mode, at=at)) for name, at in mode.at_in.items()}
     if not closures:
-        return tuple(
-            Keyframe(name=p.name, q=coordinates(joints, p.values), origin=p.origin, base=stands.get(p.name)) for p in poses
-        ), ()
+        return tuple(Keyframe(name=p.name, q=coordinates(joints, p.values), origin=p.origin, base=stands.get(p.name)) for p in poses), ()
     held = any(closure.hold for closure in closures)
     of_mode = mode.name if held else None
     loops = memo(("loops", of_mode), Loops, bodies, closures, joints, bodies[0].X_PL) if held else _doc_loops(assembly, memo)
@@ -186,9 +184,7 @@ def _least(loops: Loops, failed: list[Solution], base_moves: bool) -> Solution |
     return best
 
 
-def _report(
-    mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution | None, keyframes: list[Keyframe], report: Report,
-) -> None:
+def _report(mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution | None, keyframes: list[Keyframe], report: Report) -> None:
     """Say that the loops close nowhere (`best` is the nearest to it), or not from the mode's own pose (`own`)."""
     where = ""
     if best is None:

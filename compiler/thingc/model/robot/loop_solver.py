@@ -348,9 +348,7 @@ class Loops:
 
     def _within(self, state: SolverState, chosen: Sequence[LoopCoordinate]) -> SolverState:
         """The state with the coordinates that may move taken to their limits."""
-        at_limits = [
-            (minimum(maximum(state.q[c.path], c.lower), c.upper) - state.q[c.path]) / c.unit for c in chosen
-        ]
+        at_limits = [(minimum(maximum(state.q[c.path], c.lower), c.upper) - state.q[c.path]) / c.unit for c in chosen]
         return self._moved(state, chosen, at_limits, False)
 
 

@@ -43,20 +43,11 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
         return None
     body_of = {body.link: index for index, body in enumerate(bodies)}
     return Robot(
-        name=assembly.name,
-        mode=mode,
-        assembly=assembly,
-        base=mode.base,
-        gravity=mode.gravity,
-        bodies=bodies,
-        sites=tuple(_sites(assembly, body_of, memo)),
-        excluded=_excluded(assembly, mode, body_of),
-        keyframes=closed[0],
+        name=assembly.name, mode=mode, assembly=assembly, base=mode.base, gravity=mode.gravity, bodies=bodies,
+        sites=tuple(_sites(assembly, body_of, memo)), excluded=_excluded(assembly, mode, body_of), keyframes=closed[0],
         present=_present(assembly, mode),
-        adhesion={adhesion.path: mode.adhesion.get(adhesion.path, 0.0) for adhesion in assembly.adhesions},
-        closures=closures,
-        unclosed=closed[1],
-        moves=base_moves(mode, bodies[0].X_PL),
+        adhesion={adhesion.path: mode.adhesion.get(adhesion.path, 0.0) for adhesion in assembly.adhesions}, closures=closures,
+        unclosed=closed[1], moves=base_moves(mode, bodies[0].X_PL),
     )
 
 

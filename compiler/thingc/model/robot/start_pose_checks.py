@@ -170,8 +170,7 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
         lost = ", too far for a keyframe" if isinstance(frames[pose.name], Unclosed) else ""
         others = f" ({len(more)} more of its values move)" if more else ""
         report.warn(
-            Code.POSE_MOVED,
-            f"pose `{pose.name}` sets `{path}` to {old}, but its loops close nearest to it at {new}{lost}{others}",
+            Code.POSE_MOVED, f"pose `{pose.name}` sets `{path}` to {old}, but its loops close nearest to it at {new}{lost}{others}",
             pose.origins[path], path=pose.name,
             help=f"write `{path.replace('/', '.')}: {new}`, or leave out joints that may move; {allow_hint(Code.POSE_MOVED)}",
         )

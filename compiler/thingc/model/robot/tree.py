@@ -29,9 +29,7 @@ def placing(assembly: Assembly) -> frozenset[int]:
     return frozenset(n for n, mate in enumerate(assembly.mates) if mate.joints and mate.loop is None)
 
 
-def bodies_from(
-    assembly: Assembly, start: int, taken: Collection[int], at: Pose, memo: Memo | None = None,
-) -> tuple[Body, ...]:
+def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose, memo: Memo | None = None) -> tuple[Body, ...]:
     """The tree over the mates `taken`, depth first from link `start`, which is at `at`; children in the order of their links."""
     placed, memo = in_link(assembly), memo or Memo()
     edges: list[list[tuple[int, int]]] = [[] for _ in assembly.links]
@@ -102,9 +100,7 @@ def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection
     return tuple(closures)
 
 
-def _across(
-    mate: Mate, number: int, parent: int, link: int, reversed_: bool, placed: tuple[Pose, ...], memo: Memo,
-) -> Body:
+def _across(mate: Mate, number: int, parent: int, link: int, reversed_: bool, placed: tuple[Pose, ...], memo: Memo) -> Body:
     """The body beyond a joint."""
     twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
     at_zero, seen = memo(

@@ -103,9 +103,7 @@ def _allowed(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int],
 def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], collisions: Collisions) -> Failure:
     """The worst pair in the message, the others in notes."""
     assembly, first = collisions.assembly, worst[0]
-    notes = [
-        Note(message=f"also {_how(assembly, near, check.clearance)}{_at(case, check, near)}") for near in worst[1 : LISTED + 1]
-    ]
+    notes = [Note(message=f"also {_how(assembly, near, check.clearance)}{_at(case, check, near)}") for near in worst[1 : LISTED + 1]]
     if len(worst) > LISTED + 1:
         notes.append(Note(message=f"and {counted(len(worst) - LISTED - 1, 'more pair')}"))
     notes += [

@@ -39,9 +39,7 @@ def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
     rest, drift, moved, deepest = motion.rest(check.drift), motion.drift(check.within), motion.moved, motion.deepest
     # In the last instant everything is where it ends: rest is only what lasts.
     settled = rest <= check.within + 1e-9
-    measured: dict[str, Measure] = {
-        "rest": rest if settled else None, "drift": drift, "moved": moved, "penetration": max(deepest, 0.0),
-    }
+    measured: dict[str, Measure] = {"rest": rest if settled else None, "drift": drift, "moved": moved, "penetration": max(deepest, 0.0)}
     expected: dict[str, Measure] = {
         "within": check.within, "drift": check.drift, "for": check.hold, "penetration": check.penetration,
         **({} if check.moved is None else {"moved": check.moved}),
