@@ -16,7 +16,7 @@ from typing import Any
 import psutil
 import pytest
 
-from thingc.base.background import BackgroundValue
+from thingc.base.background import in_background
 from thingc.geometry.client import Workers
 from thingc.geometry.record import PartRecord
 
@@ -206,7 +206,7 @@ def test_workers_that_are_closed_meanwhile_are_not_started_again(place: Any, def
     place.write("parts/parts_.py", PARTS)
     workers = Workers(1)
     with place.service(workers=workers, timeout=30.0) as service:
-        waiting = BackgroundValue(lambda: service.realize([define("parts_:Slow")]))
+        waiting = in_background(lambda: service.realize([define("parts_:Slow")]))
         deadline = time.monotonic() + 60.0
         while not any(process.asked and process.ready for process in workers._processes) and time.monotonic() < deadline:
             time.sleep(0.05)

@@ -1,33 +1,25 @@
-"""A value that another thread works out."""
+"""Values that another thread works out."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from concurrent.futures import Future
+from typing import TypeVar
 
 Value = TypeVar("Value")
 
 
-class BackgroundValue(Generic[Value]):
-    """What `work()` gives, begun now, for whoever has something else to do while another process works. Nobody need ask for it."""
+def in_background(work: Callable[[], Value]) -> Future[Value]:
+    """What `work()` gives or raises, begun now in a daemon thread, for a caller that has something else to do while another process works.
+    The result need not be asked for."""
+    future: Future[Value] = Future()
 
-    def __init__(self, work: Callable[[], Value]) -> None:
-        self._work = work
-        self._value: Value
-        self._fault: BaseException | None = None
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def result(self) -> Value:
-        """The value, waited for. Raises what `work` raises."""
-        self._thread.join()
-        if self._fault is not None:
-            raise self._fault
-        return self._value
-
-    def _run(self) -> None:
+    def run() -> None:
         try:
-            self._value = self._work()
+            future.set_result(work())
         except BaseException as fault:
-            self._fault = fault
+            future.set_exception(fault)
+
+    threading.Thread(target=run, daemon=True).start()
+    return future

@@ -1,4 +1,4 @@
-"""Things that lead to one another, and what to say where they do so in a circle."""
+"""Things that lead to one another, what to say where they do so in a circle, and things in disjoint sets."""
 
 from __future__ import annotations
 
@@ -33,3 +33,23 @@ def circle_words(names: Sequence[str]) -> str:
     if len(shown) > MAX_CIRCLE:
         shown = [*shown[: MAX_CIRCLE - 2], f"... ({len(shown) - MAX_CIRCLE + 1} more)", shown[-1]]
     return " -> ".join([*shown, f"`{names[0]}`"])
+
+
+class DisjointSets:
+    """Numbers (0 to `count` - 1) in sets, of which two can be joined; the smallest number in a set represents it."""
+
+    def __init__(self, count: int) -> None:
+        self._above = list(range(count))
+
+    def join(self, one: int, other: int) -> bool:
+        """Make one set of the two sets of these numbers; False if they were in one already."""
+        one, other = self.representative(one), self.representative(other)
+        self._above[max(one, other)] = min(one, other)
+        return one != other
+
+    def representative(self, number: int) -> int:
+        """The smallest number in the set of `number`."""
+        while self._above[number] != number:
+            self._above[number] = self._above[self._above[number]]
+            number = self._above[number]
+        return number

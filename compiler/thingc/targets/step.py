@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from functools import partial
 
-from thingc.base.background import BackgroundValue
+from thingc.base.background import in_background
 from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.record import AssemblyFailed, Placed, StoredFile
@@ -15,7 +16,7 @@ from thingc.targets.request import EmitRequest
 class _Begun(FrozenStruct):
     """A file that the kernel writes: `file` is waited for. `losses` are what it cannot hold."""
 
-    file: BackgroundValue[StoredFile] | None
+    file: Future[StoredFile] | None
     losses: tuple[Loss, ...]
 
 
@@ -75,5 +76,5 @@ def _begun(request: EmitRequest) -> _Begun:
                 color=occurrence.color,
             )
         )
-    file = BackgroundValue(partial(request.geometry.assemble, assembly.name, instances)) if instances else None
+    file = in_background(partial(request.geometry.assemble, assembly.name, instances)) if instances else None
     return _Begun(file=file, losses=tuple(losses))

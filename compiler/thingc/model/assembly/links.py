@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from thingc.base.diagnostics import Code, noted
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.graphs import DisjointSets
 from thingc.base.inertia import MassProperties, total
 from thingc.base.memo import Memo
 from thingc.base.pose import NO_POSE, Pose
@@ -21,20 +22,12 @@ def connected_components(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
 
     Union-find with path halving over the mates without a joint.
     """
-    parent = list(range(count))
-
-    def find(k: int) -> int:
-        while parent[k] != k:
-            parent[k] = parent[parent[k]]
-            k = parent[k]
-        return k
-
+    sets = DisjointSets(count)
     for mate in mates:
         if not mate.joints and mate.loop is None:
-            a, b = find(mate.parent), find(mate.child)
-            parent[max(a, b)] = min(a, b)  # the smallest member stays the representative
+            sets.join(mate.parent, mate.child)
     numbers: dict[int, int] = {}
-    return tuple(numbers.setdefault(find(k), len(numbers)) for k in range(count))
+    return tuple(numbers.setdefault(sets.representative(k), len(numbers)) for k in range(count))
 
 
 class _Naming(FrozenStruct, kw_only=False):

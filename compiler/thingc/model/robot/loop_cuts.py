@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from typing import NamedTuple
 
+from thingc.base.graphs import DisjointSets
 from thingc.model.assembly.types import Assembly, LinkedMode, Mate
 
 
@@ -42,46 +43,23 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
     """The numbers of the mates that a mode's tree crosses: all joints of a robot without loops, else Kruskal's maximal tree by their
     `CutPriority`: of each loop the joint is left out that is worth least."""
     worth = dict(worths(assembly, mode))
-    groups = _Groups(len(assembly.links))
+    groups = DisjointSets(len(assembly.links))
     ordered = sorted(worth, key=worth.__getitem__, reverse=True)
     return frozenset(number for number in ordered if groups.join(*_ends(assembly, assembly.mates[number])))
 
 
 def closing(assembly: Assembly, taken: Collection[int], number: int) -> list[Mate]:
     """The mates that close the loops through one mate (its number) of a tree that takes these: none where it is on no loop."""
-    groups = _Groups(len(assembly.links))
+    groups = DisjointSets(len(assembly.links))
     for other in taken:
         if other != number:
             groups.join(*_ends(assembly, assembly.mates[other]))
     left = (mate for other, mate in enumerate(assembly.mates) if other not in taken and (mate.joints or mate.loop is not None))
-    return [mate for mate in left if groups.apart(*_ends(assembly, mate))]
+    return [mate for mate in left if len({groups.representative(end) for end in _ends(assembly, mate)}) > 1]
 
 
 def _ends(assembly: Assembly, mate: Mate) -> tuple[int, int]:
     return assembly.link_of[mate.parent], assembly.link_of[mate.child]
-
-
-class _Groups:
-    """Links that hang together: a union-find."""
-
-    def __init__(self, count: int) -> None:
-        self._above = list(range(count))
-
-    def apart(self, one: int, other: int) -> bool:
-        """Whether two links are in different groups."""
-        return self._top(one) != self._top(other)
-
-    def join(self, one: int, other: int) -> bool:
-        """Make one group of two; False where they are one already."""
-        one, other = self._top(one), self._top(other)
-        self._above[max(one, other)] = min(one, other)
-        return one != other
-
-    def _top(self, k: int) -> int:
-        while self._above[k] != k:
-            self._above[k] = self._above[self._above[k]]
-            k = self._above[k]
-        return k
 
 
 def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPriority]]:
