@@ -29,7 +29,7 @@ from prusa import NotSliced, Printed, Settings, printed, program, version  # noq
 from thingc.base.inertia import MassProperties  # noqa: E402
 from thingc.driver.environment import Options  # noqa: E402
 from thingc.driver.session import Session  # noqa: E402
-from thingc.model.resolve.sources import Settings as Said  # noqa: E402
+from thingc.model.resolve.resolver import Settings as Said  # noqa: E402
 
 PAGE = ROOT / "docs" / "prints.md"
 KEPT = ROOT / "build" / "prints"

@@ -54,7 +54,7 @@ import thingc
 from thingc.batch.families.models import ModelsOfMode
 from thingc.driver.pipeline import request_of
 from thingc.driver.session import Session
-from thingc.model.resolve.sources import Settings
+from thingc.model.resolve.resolver import Settings
 from thingc.targets.mjcf.emit import sources as model_sources
 
 MODE = "bench"

@@ -43,7 +43,7 @@ from thingc.batch.plans.build_templates import Builds
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
 from thingc.driver.settings import SettingsReader
-from thingc.model.resolve.sources import Settings
+from thingc.model.resolve.resolver import Settings
 from thingc.targets.artifact import StoredArtifact
 
 ROOT = Path(__file__).resolve().parents[2]

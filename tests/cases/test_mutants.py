@@ -29,8 +29,7 @@ from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.linking import link
 from thingc.model.resolve.nested_assemblies import part_definitions
-from thingc.model.resolve.resolver import resolve
-from thingc.model.resolve.sources import Settings, Sources
+from thingc.model.resolve.resolver import Settings, Sources, resolve
 from thingc.model.robot.spanning_tree import root
 
 pytestmark = pytest.mark.slow

@@ -9,7 +9,7 @@ import pytest
 
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
-from thingc.model.resolve.sources import Settings
+from thingc.model.resolve.resolver import Settings
 from thingc.targets.mjcf import verify
 
 DOCUMENT = """\

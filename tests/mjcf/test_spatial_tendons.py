@@ -8,8 +8,7 @@ import pytest
 
 from loops.robots import BALL, Array, Built, at_key, compiled
 from statics.test_statics import at_rest
-from thingc.model.robot.kinematics import body_poses
-from thingc.model.robot.tendons import course_of, rates
+from thingc.model.robot.kinematics import body_poses, course_of, rates
 from thingc.model.statics.efforts import problem
 
 REEVED = f"""\

@@ -25,7 +25,7 @@ from thingc.driver.session import Session
 from thingc.driver.settings import SettingsReader
 from thingc.geometry.record import Placed
 from thingc.model.resolve import assembly
-from thingc.model.resolve.sources import Settings
+from thingc.model.resolve.resolver import Settings
 from thingc.targets.artifact import MANIFEST
 
 PAIR = f"""\

@@ -19,7 +19,7 @@ from thingc.geometry.print_slices import SliceFailure, SliceResult, Slicing
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord
 from thingc.geometry.record_json import record_from_json, record_to_json
 from thingc.geometry.service import GeometryService
-from thingc.model.resolve.sources import Settings
+from thingc.model.resolve.resolver import Settings
 
 HOW = Slicing(up=(0.0, 0.0, 1.0), layer=0.0002, line_width=0.00045, walls=3, top=4, bottom=4)
 

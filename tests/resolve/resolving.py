@@ -13,8 +13,7 @@ from thingc.documents.load.documents import load
 from thingc.documents.spec.validation import validate
 from thingc.documents.workspace import Workspace
 from thingc.geometry.record import ParameterSchema, PartFailure, PartSchema
-from thingc.model.resolve.resolver import resolve
-from thingc.model.resolve.sources import Settings, Sources
+from thingc.model.resolve.resolver import Settings, Sources, resolve
 from thingc.model.resolve.types import AssemblyDefinition, Component, Joint, Mode, NamedPose
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import thingc
 from thingc.base.diagnostics import Code
-from thingc.documents.spec.choices import ChoicePath, parse
+from thingc.documents.spec.settable_values import ChoicePath, parse
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation

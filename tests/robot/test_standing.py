@@ -19,7 +19,7 @@ from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options, attempted
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
-from thingc.model.resolve.sources import Settings
+from thingc.model.resolve.resolver import Settings
 from thingc.modes import Modes
 from thingc.tools.cli import info
 from thingc.tools.cli.main import main

@@ -17,7 +17,7 @@ from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation, UnknownChoice
 from thingc.driver.session import Session
 from thingc.model.resolve.nested_assemblies import part_definitions
-from thingc.model.resolve.sources import Settings
+from thingc.model.resolve.resolver import Settings
 from thingc.targets.artifact import Loss, StoredArtifact
 
 pytestmark = pytest.mark.usefixtures("one_kernel")

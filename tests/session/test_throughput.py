@@ -11,7 +11,7 @@ import pytest
 from conformance.harness import ROOT
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
-from thingc.model.resolve.sources import Settings
+from thingc.model.resolve.resolver import Settings
 
 pytestmark = pytest.mark.slow
 

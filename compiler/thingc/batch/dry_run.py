@@ -17,7 +17,7 @@ from thingc.driver.environment import Environment, Options
 from thingc.geometry.record import PartDefinition
 from thingc.model.assembly.linking import link
 from thingc.model.resolve.nested_assemblies import part_definitions
-from thingc.model.resolve.sources import Settings, Sources
+from thingc.model.resolve.resolver import Settings, Sources
 
 SHOWN = 5
 """Variants that a forecast shows."""

@@ -33,7 +33,7 @@ from thingc.documents.expressions.parsing import parse_expression
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
 from thingc.driver.settings import SettingsReader
-from thingc.model.resolve.sources import Settings
+from thingc.model.resolve.resolver import Settings
 from thingc.targets.artifact import Content, StoredArtifact, counts_of
 
 if TYPE_CHECKING:

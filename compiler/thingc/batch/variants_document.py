@@ -25,7 +25,7 @@ from thingc.documents.workspace import Workspace
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Lend, Options
 from thingc.model.resolve.parameters import AssemblyParameters
-from thingc.model.resolve.sources import Settings, Sources
+from thingc.model.resolve.resolver import Settings, Sources
 
 MOST = 1_000_000
 """Variants of one document, drawn or of the grid."""

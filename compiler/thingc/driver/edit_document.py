@@ -15,8 +15,7 @@ from thingc.base.source import Document, MappingNode, Node, SequenceNode, line_o
 from thingc.documents.format.value_edits import CannotSetValue, Keys, Written, changes, set_values
 from thingc.documents.load.documents import Documents, load
 from thingc.documents.load.yaml_tree import is_flow, read_flow
-from thingc.documents.spec.choices import nested, parse
-from thingc.documents.spec.settable_values import in_full
+from thingc.documents.spec.settable_values import in_full, nested, parse
 from thingc.documents.spec.validation import validate
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options

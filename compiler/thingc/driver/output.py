@@ -22,9 +22,8 @@ import stat
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, Protocol
 
-from thingc.base.atomic_swap import exchange
 from thingc.base.diagnostics import Code, Report, shown_path
-from thingc.base.filesystem import check_tree
+from thingc.base.filesystem import check_tree, exchange
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import quoted
 from thingc.geometry.store.file_digests import Digests, digest_of

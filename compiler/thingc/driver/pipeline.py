@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from thingc.geometry.build_reasons import BuildReason
     from thingc.geometry.record import Mesh, PartFailure, PartRecord, PartSchema
     from thingc.model.assembly.types import Assembly
-    from thingc.model.resolve.sources import Settings, Sources
+    from thingc.model.resolve.resolver import Settings, Sources
     from thingc.model.resolve.types import AssemblyDefinition
     from thingc.model.robot.types import Robot
     from thingc.targets.artifact import Artifacts, Content
@@ -183,7 +183,7 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
     else:
         schemas = environment.parts.describe(references) if references else {}
     from thingc.geometry.store.file_digests import digest_of
-    from thingc.model.resolve.sources import Sources
+    from thingc.model.resolve.resolver import Sources
 
     kept = environment.store if environment.options.code else None
     digest = partial(digest_of, store=kept)
@@ -205,7 +205,7 @@ def _may_name_parts(environment: Environment) -> bool:
 
 def settings_of(options: Options) -> Settings:
     """What the options set."""
-    from thingc.model.resolve.sources import Settings
+    from thingc.model.resolve.resolver import Settings
 
     return Settings(parameters=options.parameters, choices=options.choices)
 
@@ -254,8 +254,8 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
     the environment hold for all."""
     from thingc.geometry.meshes.cache import mesh_records
     from thingc.model.assembly.linking import link
-    from thingc.model.assembly.mesh_files import listed_meshes
     from thingc.model.assembly.print_settings import likely_slicings, slicings_of
+    from thingc.model.assembly.shape_links import listed_meshes
     from thingc.model.assembly.symmetric_parts import with_own_images
     from thingc.model.resolve.nested_assemblies import decomposed, part_definitions
     from thingc.model.resolve.resolver import resolve, resolve_materials

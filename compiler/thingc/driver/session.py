@@ -13,7 +13,7 @@ from thingc.base.diagnostics import Report
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation
-from thingc.model.resolve.sources import Settings
+from thingc.model.resolve.resolver import Settings
 
 if TYPE_CHECKING:
     from thingc.targets.artifact import Artifacts, Content

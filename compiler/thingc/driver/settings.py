@@ -20,10 +20,9 @@ from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.expressions.value_text import text_of
 from thingc.documents.load.documents import Documents
 from thingc.documents.spec.assembly import AssemblySpec
-from thingc.documents.spec.choices import SECTIONS
-from thingc.documents.spec.settable_values import current_value, dimension_stated, nested_document, stated_parameter
+from thingc.documents.spec.settable_values import SECTIONS, current_value, dimension_stated, nested_document, stated_parameter
 from thingc.model.resolve.parameters import AssemblyParameters
-from thingc.model.resolve.sources import Settings, Sources
+from thingc.model.resolve.resolver import Settings, Sources
 
 EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons"))
 """Sections of which a name with stars means those of nested documents, too."""

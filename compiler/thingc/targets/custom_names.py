@@ -19,7 +19,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.types import Assembly, FileNames, JointEdge, LinkedSensor, LinkedTendon, LinkedTest, Occurrence
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.raw_elements import named_kind
+from thingc.model.resolve.raw import named_kind
 from thingc.model.resolve.types import AssemblyDefinition, Component, RawAttribute, RawElement
 from thingc.model.robot.types import Closure, TreeJoint
 from thingc.targets.request import EmitRequest

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal, assert_never
 
 from thingc.base.joints.kind import JointKind, JointType
 from thingc.base.joints.twist import Twist, X, Y, Z
@@ -33,3 +34,29 @@ def coordinates_of(kind: JointType) -> range:
     """The numbers of the coordinates of a kind that has several; nothing of any other."""
     count = len(KINDS[kind].twists)
     return range(count if count > 1 else 0)
+
+
+BaseType = Literal["fixed", "held", "free", "planar", "ball"]
+"""What may be written after `base:` of a mode."""
+
+
+def moving_as(base: BaseType) -> JointKind | None:
+    """The joint kind as which a base moves; None where it stays, or floats, which is no joint of ours."""
+    match base:
+        case "planar" | "ball":
+            return KINDS[base]
+        case "fixed" | "held" | "free":
+            return None
+        case _:
+            assert_never(base)
+
+
+def stays(base: BaseType) -> bool:
+    """Whether the root link stays where the mode puts it, as long as nobody moves it at run time."""
+    match base:
+        case "fixed" | "held":
+            return True
+        case "free" | "planar" | "ball":
+            return False
+        case _:
+            assert_never(base)

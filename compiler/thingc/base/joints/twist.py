@@ -11,10 +11,42 @@ from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.joints.dimensions import dimensions_of
 from thingc.base.numeric import degrees, hypot, pi, remainder, sin, sum_of, tau
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector, cross, dot, rotate, turned_about, turned_x, turned_y, turned_z
-from thingc.base.units import ANGLE, LENGTH, Dimension
+from thingc.base.units import (
+    ANGLE,
+    ANGULAR_DAMPING,
+    ANGULAR_STIFFNESS,
+    ANGULAR_VELOCITY,
+    FORCE,
+    INERTIA,
+    LENGTH,
+    LINEAR_DAMPING,
+    LINEAR_STIFFNESS,
+    MASS,
+    TORQUE,
+    VELOCITY,
+    Dimension,
+)
+
+TURN: Mapping[str, Dimension] = {
+    "lower": ANGLE, "upper": ANGLE, "offset": ANGLE, "kp": ANGULAR_STIFFNESS, "kv": ANGULAR_DAMPING, "effort": TORQUE,
+    "velocity": ANGULAR_VELOCITY, "damping": ANGULAR_DAMPING, "friction": TORQUE, "armature": INERTIA, "stiffness": ANGULAR_STIFFNESS,
+    "rest": ANGLE,
+}
+"""The dimension of every value of a coordinate that turns, by its key."""
+SLIDE: Mapping[str, Dimension] = {
+    "lower": LENGTH, "upper": LENGTH, "offset": LENGTH, "kp": LINEAR_STIFFNESS, "kv": LINEAR_DAMPING, "effort": FORCE,
+    "velocity": VELOCITY, "damping": LINEAR_DAMPING, "friction": FORCE, "armature": MASS, "stiffness": LINEAR_STIFFNESS,
+    "rest": LENGTH,
+}
+"""The same of one that slides."""
+
+
+def dimensions_of(coordinate: Dimension) -> Mapping[str, Dimension]:
+    """The dimension of every value of a coordinate with this dimension, by key."""
+    return TURN if coordinate == ANGLE else SLIDE
+
 
 NONE: Vector = (0.0, 0.0, 0.0)
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import mujoco
 
     from thingc.batch.planning import Plan
-    from thingc.model.resolve.sources import Sources
+    from thingc.model.resolve.resolver import Sources
     from thingc.modes import Modes
 
 

@@ -28,7 +28,7 @@ from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
 from thingc.driver.settings import ParsedSettings, SettingsReader
 from thingc.geometry.record import Placed, StoredFile
-from thingc.model.resolve.sources import Settings
+from thingc.model.resolve.resolver import Settings
 from thingc.targets.artifact import MANIFEST, Content, counts_of
 from thingc.targets.registry import emitted
 

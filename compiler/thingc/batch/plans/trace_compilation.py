@@ -21,7 +21,7 @@ from thingc.driver import pipeline
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
 from thingc.geometry.store.local import BlobMissing
-from thingc.model.resolve.sources import Settings, Sources
+from thingc.model.resolve.resolver import Settings, Sources
 from thingc.targets.artifact import StoredArtifact
 from thingc.targets.mjcf.emit import sources as model_sources
 

@@ -12,8 +12,8 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, Span, entries_of, node_at, walk
 from thingc.documents.spec.annotation_types import FieldType, alternatives, branch_of, model_keys, shape_of
 from thingc.documents.spec.assembly import AssemblySpec
-from thingc.documents.spec.choices import nested
 from thingc.documents.spec.name_types import DeclaresName, RefersTo
+from thingc.documents.spec.settable_values import nested
 from thingc.documents.spec.validation import model_of
 
 EXPRESSION = RefersTo("expression")

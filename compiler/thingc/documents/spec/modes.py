@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from thingc.base.joints.bases import BaseType
+from thingc.base.joints.kinds import BaseType
 from thingc.documents.spec.allowances import Allow, allow
 from thingc.documents.spec.base import Model, rule
 from thingc.documents.spec.fields import ForceField, NumberField, TimeField, Vector3Acceleration

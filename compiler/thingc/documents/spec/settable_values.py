@@ -7,19 +7,66 @@ from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
-from thingc.base.joints.dimensions import dimensions_of
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.kinds import KINDS
+from thingc.base.joints.twist import dimensions_of
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
 from thingc.base.units import Dimension
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.expressions.terms import Expression
 from thingc.documents.load.yaml_scalars import core_value
-from thingc.documents.spec.choices import DEFAULT_MATERIAL, KEYS, nested
 from thingc.documents.spec.fields import any_value
 
 if TYPE_CHECKING:
     from thingc.documents.load.documents import Documents
     from thingc.documents.spec.assembly import AssemblySpec
+
+KEYS = ("part", "file", "assembly", "material")
+"""Keys of a component that may be chosen."""
+DEFAULT_MATERIAL = "defaults.component.material"
+EXAMPLES = "`components.NAME.part` (or `.assembly`, `.file`, `.material`), or `defaults.component.material`"
+
+VALUES = "the path of a value, such as `joints.NAME.limit.upper` or `components.NAME.mass`"
+SECTIONS = ("components", "defaults", "joints", "links", "materials", "poses", "sensors", "tendons")
+"""Sections of a nested assembly in which something may be set from outside; none is a key of a component."""
+
+
+class ChoicePath(FrozenStruct):
+    """A path taken apart: the names of the components on the way, and the key (`DEFAULT_MATERIAL` or one of `KEYS`)."""
+
+    components: tuple[str, ...]
+    key: str
+
+
+def parse(path: str) -> ChoicePath | None:
+    """The parts of a path; None where it is none."""
+    words = path.split(".")
+    names: list[str] = []
+    while len(words) > 2 and words[0] == "components":
+        names.append(words[1])
+        words = words[2:]
+    rest = ".".join(words)
+    if not all(name.isidentifier() and name.isascii() for name in names):
+        return None
+    if rest == DEFAULT_MATERIAL or (names and rest in KEYS):
+        return ChoicePath(components=tuple(names), key=rest)
+    return None
+
+
+def nested(path: str) -> tuple[str, str] | None:
+    """The component that a path leads through, and the path from there on in its nested assembly; None where the path ends in the
+    document that it begins in."""
+    words = path.split(".", 2)
+    if len(words) < 3 or words[0] != "components" or words[2].partition(".")[0] not in SECTIONS or "." not in words[2]:
+        return None
+    return words[1], words[2]
+
+
+def is_value(path: str) -> bool:
+    """Whether a path is written as that of a value, and not as that of a choice."""
+    words = path.split(".")
+    return len(words) > 1 and all(words) and " " not in path and parse(path) is None
+
 
 def dimension_at(document: Document, path: Path) -> Dimension | None:
     """The dimension that the value at `path` has as the `type` of its joint says (in `defaults`, in a pose and under a pattern: of all

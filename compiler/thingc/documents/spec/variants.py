@@ -10,9 +10,9 @@ from thingc.base.units import shortened
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.base import Model, rule
-from thingc.documents.spec.choices import EXAMPLES, VALUES, is_value, parse
 from thingc.documents.spec.fields import AnyQuantityField, CountField, FieldValidator, Name, fault, found, name_of
 from thingc.documents.spec.name_types import AssemblyDocument, ModeField, PoseField, RefersTo, ShownMountField
+from thingc.documents.spec.settable_values import EXAMPLES, VALUES, is_value, parse
 
 
 def _choice_path(value: Any) -> str:

@@ -12,9 +12,8 @@ from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.checks import kinds
 from thingc.driver.testing.kinds import runner_of
-from thingc.driver.testing.outcome import Failure, Outcome, unclosed
 from thingc.driver.testing.poses import keyframe, posed, starting_pose
-from thingc.driver.testing.results import Result, TestCase
+from thingc.driver.testing.results import Failure, Outcome, Result, TestCase, unclosed
 from thingc.model.assembly.types import Assembly, LinkedMode, LinkedTest
 from thingc.model.resolve.types import NamedPose
 from thingc.targets.request import EmitRequest

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from thingc.base import numeric
 from thingc.base.diagnostics import Code
 from thingc.base.inertia import LEAST_MASS, LEAST_MOMENT, ZERO, moments_fault, physical_fault, principal_moments
-from thingc.base.joints.bases import stays
+from thingc.base.joints.kinds import stays
 from thingc.base.safe_text import quoted
 from thingc.base.source import Span
 from thingc.model.assembly.mass import stated_inertia

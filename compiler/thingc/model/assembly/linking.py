@@ -10,14 +10,12 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.memo import Memo
 from thingc.base.pose import NO_POSE, Pose
 from thingc.geometry.record import PartFailure, PartRecord
-from thingc.model.assembly.collision_shapes import check_contacts
 from thingc.model.assembly.inertia_checks import check_links, check_stated
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.kinematics import forward_kinematics, neighbourhood, on_loops
-from thingc.model.assembly.links import connected_components, links_of
-from thingc.model.assembly.massless_links import links_between
+from thingc.model.assembly.links import connected_components, links_between, links_of
 from thingc.model.assembly.mates import check_loops, loops_in, mates_of, stated_joints
-from thingc.model.assembly.modes import added_of, adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of
+from thingc.model.assembly.modes import added_of, adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of, tests_of
 from thingc.model.assembly.mount_expectations import check_expectations
 from thingc.model.assembly.names import names_of
 from thingc.model.assembly.part_instances import PartInstances
@@ -25,9 +23,29 @@ from thingc.model.assembly.plausibility import check_plausible
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.shape_links import Meshes
 from thingc.model.assembly.tendons import rested, tendons_of
-from thingc.model.assembly.tests import tests_of
 from thingc.model.assembly.types import Assembly, Connected, Mate, Occurrence
 from thingc.model.resolve.types import AssemblyDefinition
+
+ABSENT = {
+    "decompose": "there is no convex decomposition of it", "part": "its Thing has no `collision()`", "hull": "it has no hull",
+    "mesh": "it has no mesh",
+}
+"""Why there is no shape, by what `collision` chose."""
+
+
+def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
+    """An error for each part of which there is no shape such as its `collision` chooses. Of one whose geometry nobody knows here, as
+    of one that comes from a lock, nothing is said."""
+    for one in occurrences:
+        choice = one.overrides.collision
+        if one.record is None or not one.record.meshes or choice == "none" or one.touching:
+            continue
+        findings.error(
+            Code.COLLISION_MISSING,
+            f"`{one.path}` ({one.definition.label}) asks for `collision: {choice}`, but "
+            + ABSENT.get(choice, f"no {choice} could be fitted to it"),
+            one.origin, path=one.path, help="write `collision: hull`, or `none` if it shall touch nothing",
+        )
 
 
 def link(

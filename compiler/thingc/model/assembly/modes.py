@@ -7,8 +7,10 @@ from collections.abc import Collection, Iterator, Sequence
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, noted
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import hypot, isfinite, maximum
 from thingc.base.suggestions import did_you_mean
+from thingc.documents.checks import kinds
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.kinematics import balls, coordinates
 from thingc.model.assembly.report import LinkReport
@@ -21,9 +23,11 @@ from thingc.model.assembly.types import (
     LinkedMode,
     LinkedMount,
     LinkedSensor,
+    LinkedTest,
+    MountAt,
 )
 from thingc.model.resolve.raw_protected import NAMING
-from thingc.model.resolve.types import AssemblyDefinition, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference
+from thingc.model.resolve.types import AssemblyDefinition, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference, Test
 
 _ROUNDING = 1e-9
 """How far past a limit a pose may be without being outside, relative: limits and poses may come from expressions."""
@@ -279,3 +283,42 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
             Code.POSE_LIMITS, f"pose `{pose.name}` does not set `{joint.name}`, and 0 is outside {limits}", pose.origin,
             path=pose.name, help=f"set `{joint.name}` in the pose", notes=notes,
         )
+
+
+def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge], findings: LinkReport) -> tuple[LinkedTest, ...]:
+    """The tests whose mounts and components are there; the others have been reported."""
+    by_path = {joint.path: joint for joint in joints}
+    linked: list[LinkedTest] = []
+    for test in tests:
+        mounts: dict[Reference, MountAt] = {}
+        components: dict[Reference, tuple[int, ...]] = {}
+        lacking = False
+        for reference in _references(test.check):
+            if reference.mount is None:
+                place = tree.component(tree.top, reference)
+                components[reference] = () if place is None else tuple(one.index for one in place.occurrences() if one.index is not None)
+                lacking = lacking or place is None
+                continue
+            mount = tree.find(tree.top, reference)
+            if mount is None:
+                lacking = True
+            else:
+                mounts[reference] = MountAt(occurrence=mount.occurrence, mount=mount.mount)
+        link = kinds()[test.kind].link
+        if link is not None:
+            link(test, test.check, by_path, findings)
+        if not lacking:
+            linked.append(LinkedTest(test=test, mounts=mounts, components=components))
+    return tuple(linked)
+
+
+def _references(stated: object) -> Iterator[Reference]:
+    """Every reference in what a test states."""
+    if isinstance(stated, Reference):
+        yield stated
+    elif isinstance(stated, tuple):
+        for item in stated:
+            yield from _references(item)
+    elif isinstance(stated, FrozenStruct):
+        for name in stated.__struct_fields__:
+            yield from _references(getattr(stated, name))

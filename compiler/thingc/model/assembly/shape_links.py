@@ -9,11 +9,13 @@ from msgspec.structs import replace
 from thingc.base import numeric
 from thingc.base.inertia import MassProperties, total
 from thingc.base.pose import Vector
+from thingc.base.source import Origin
 from thingc.geometry.meshes.files import MeshFile, MeshRecord
 from thingc.model.assembly.mass import NOTHING, MassResult, is_fully_stated, weigh_link
 from thingc.model.assembly.types import Listed, Surface
-from thingc.model.resolve.link_definition import LinkDefinition, LinkShape
-from thingc.model.resolve.types import Material, Overrides
+from thingc.model.resolve.link_definition import LinkDefinition, LinkShape, mesh_files_of
+from thingc.model.resolve.nested_assemblies import assemblies_of
+from thingc.model.resolve.types import AssemblyDefinition, Material, Overrides
 
 Meshes = Mapping[MeshFile, MeshRecord]
 """What is known of mesh files, as far as anybody has looked."""
@@ -133,3 +135,21 @@ def weight_of(definition: LinkDefinition, material: Material | None, meshes: Mes
     if weights and any(_matter(shape, meshes).mass > 0.0 for shape in others):
         raise MissingDensity("weighs by the densities of its shapes, and some have none")
     return total(matter.with_mass(density * matter.mass) for density, matter in weights)
+
+
+def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, tuple[Origin, bool]]:
+    """Every mesh file, where it is listed first, and whether it has to be read: it is to be `drawn`, some link weighs by it, or a mode
+    stands on the floor."""
+    every = drawn or any(mode.on_floor for mode in model.modes)
+    files: dict[MeshFile, tuple[Origin, bool]] = {}
+    for assembly in assemblies_of(model):
+        for component in assembly.components:
+            definition = component.definition
+            if not isinstance(definition, LinkDefinition) or not mesh_files_of(definition):
+                continue
+            wanted = every or not is_fully_stated(component.overrides)
+            for shape in definition.shapes:
+                if isinstance(shape.solid, MeshFile):
+                    origin, before = files.get(shape.solid, (shape.origin, False))
+                    files[shape.solid] = (origin, before or wanted)
+    return files

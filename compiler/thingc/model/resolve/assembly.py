@@ -15,7 +15,6 @@ from thingc.geometry.record import definition_label, definition_text
 from thingc.model.resolve import choices as chosen
 from thingc.model.resolve import references
 from thingc.model.resolve.components import components, nodes
-from thingc.model.resolve.defaults import DefaultLayers
 from thingc.model.resolve.document_scope import DocumentScope, ResolveRun
 from thingc.model.resolve.joints import joints
 from thingc.model.resolve.materials import in_scope, unreadable
@@ -25,10 +24,9 @@ from thingc.model.resolve.names import names
 from thingc.model.resolve.parameters import canonical, check_bounds, declared, worked_out
 from thingc.model.resolve.placement import Places, check, own_placements
 from thingc.model.resolve.poses import poses
-from thingc.model.resolve.raw import raw
-from thingc.model.resolve.raw_elements import added
+from thingc.model.resolve.raw import added, raw
 from thingc.model.resolve.repeats import check_names, unrolled
-from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.sensors import sensors
 from thingc.model.resolve.set_values import substituted
 from thingc.model.resolve.tendons import tendons

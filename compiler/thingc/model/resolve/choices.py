@@ -16,7 +16,7 @@ from thingc.base.suggestions import did_you_mean
 from thingc.base.units import shortened
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT, named
 from thingc.documents.spec.assembly import UNIT_OF_ITS_OWN, AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
-from thingc.documents.spec.choices import DEFAULT_MATERIAL, EXAMPLES, KEYS, VALUES, ChoicePath, is_value, nested, parse
+from thingc.documents.spec.settable_values import DEFAULT_MATERIAL, EXAMPLES, KEYS, VALUES, ChoicePath, is_value, nested, parse
 from thingc.geometry.record import PartFailure
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun
 from thingc.model.resolve.parts import missing_hint

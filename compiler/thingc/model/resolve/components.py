@@ -12,13 +12,13 @@ from thingc.documents.spec.assembly import AssemblySpec, ComponentSpec
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve import choices as choose
 from thingc.model.resolve import overrides as said
-from thingc.model.resolve.defaults import DefaultLayers
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun, names_in
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.mirroring import mirrored, other_axis
 from thingc.model.resolve.parameters import fitting
 from thingc.model.resolve.parts import of_code, of_file
 from thingc.model.resolve.repeats import MAX_OCCURRENCES, Unrolled
+from thingc.model.resolve.scope import DefaultLayers
 from thingc.model.resolve.shapes import of_link
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Material
 

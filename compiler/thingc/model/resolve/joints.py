@@ -8,10 +8,9 @@ from typing import Any, get_args
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.joints.dimensions import SLIDE, TURN, dimensions_of
 from thingc.base.joints.kind import JointKind
 from thingc.base.joints.kinds import KINDS
-from thingc.base.joints.twist import Twist
+from thingc.base.joints.twist import SLIDE, TURN, Twist, dimensions_of
 from thingc.base.numeric import hypot
 from thingc.base.pose import IDENTITY, Vector
 from thingc.base.source import MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
@@ -21,11 +20,10 @@ from thingc.documents.spec.drives import DriveKind, DriveSpec
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
-from thingc.model.resolve.defaults import DefaultLayers
 from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.placement import Places
 from thingc.model.resolve.repeats import Unrolled
-from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.types import Drive, Joint, Reference
 
 _ENDLESS = "; a joint that turns without end is `continuous`"

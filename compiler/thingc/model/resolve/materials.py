@@ -13,9 +13,8 @@ from thingc.base.suggestions import did_you_mean
 from thingc.base.units import DENSITY, LENGTH, NUMBER, shortened
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.materials import FrictionSpec, MaterialSpec, MaterialsSpec
-from thingc.model.resolve.defaults import DefaultLayers
 from thingc.model.resolve.document_scope import ResolveRun
-from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.types import Material, Process
 
 _STAND_IN = 1000.0

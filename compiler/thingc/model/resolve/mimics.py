@@ -15,9 +15,9 @@ from thingc.base.units import NUMBER, Dimension, Quantity
 from thingc.documents.spec.assembly import JointSpec, MimicSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName, Mimic
-from thingc.model.resolve.defaults import DefaultLayers
 from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.repeats import Unrolled
+from thingc.model.resolve.scope import DefaultLayers
 from thingc.model.resolve.types import Joint
 
 

@@ -11,20 +11,111 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
 from thingc.base.graphs import MAX_CIRCLE, circle_words, find_cycles
-from thingc.base.joints.bases import BaseType
+from thingc.base.joints.kinds import BaseType
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector
 from thingc.base.source import Origin, Path
 from thingc.base.units import ACCELERATION, FORCE, LENGTH, NUMBER, TIME, Quantity
-from thingc.documents.spec.modes import ModeSpec, StandsOn
+from thingc.documents.spec.modes import HoldSpec, ModeSpec, StandingSpec, StandsOn
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.defaults import DefaultLayers
 from thingc.model.resolve.document_scope import DocumentScope
-from thingc.model.resolve.floor_feet import standing
-from thingc.model.resolve.loops import cuts, holds
 from thingc.model.resolve.references import GLOB, report_unmatched, suggested
-from thingc.model.resolve.scope import Scope
-from thingc.model.resolve.types import Hold, Mode, Reference
+from thingc.model.resolve.scope import DefaultLayers, Scope
+from thingc.model.resolve.types import Cut, Hold, Mode, Reference, Standing
+
+
+def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Hold, ...]:
+    """The holds of a mode, key by key over what it extends. One that is wrong is left out (reported)."""
+    merged: dict[str, tuple[object, Path]] = {}
+    for model, path in reversed(layers.items):
+        for text, said in (getattr(model, "hold", None) or {}).items():
+            merged[text] = (said, (*path, "hold", text))
+    held: list[Hold] = []
+    for text, (said, path) in merged.items():
+        reference = references.root(table, scope, text, path, key=True)
+        pose, turns = None, False
+        if isinstance(said, HoldSpec):
+            turns = said.carries == "force"
+            pose = scope.pose(said, path) if said.at is None else None
+            if said.at is None and pose is None:
+                continue
+        if reference is not None:
+            held.append(Hold(mount=reference, pose=pose, origin=scope.origin(path, key=True), turns=turns))
+    return tuple(held)
+
+
+def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut, ...]:
+    """The joints that a mode wants loops cut at, in the order in which it names them; fixed ones only where they close a loop. One that is
+    wrong is left out (reported)."""
+    said = layers.pick("cut")
+    if said is None:
+        return ()
+    patterns, path = said
+    joints = dict(table.all_joints())
+    chosen: dict[str, Path] = {}
+    for index, pattern in enumerate(patterns):
+        at = (*path, index)
+        if pattern in patterns[:index]:
+            scope.error(Code.CUT, f"`{pattern}` stands twice in `cut`", at, help="take one of the two out: a joint is cut once")
+            continue
+        fitting = [CoordinateName(pattern)] if pattern in joints else [name for name in joints if fnmatchcase(name.joint, pattern)]
+        known = [(name.joint, joint) for name in fitting if (joint := joints[name]) is not None]
+        cuttable = [name for name, joint in known if joint.twist is not None or joint.loop]
+        for name in cuttable:
+            chosen.setdefault(name, at)
+        moving = [name for name, joint in joints.items() if joint is not None and joint.twist is not None]
+        if cuttable or (fitting and not known):
+            continue
+        if known:
+            fixed = "is fixed: it makes" if pattern in joints else "fits fixed joints alone: they make"
+            message = f"`{pattern}` {fixed} one link of two components, and no loop is cut there"
+            scope.error(Code.CUT, message, at, help=suggested(pattern, moving, what="joints"))
+        elif not table.unsure_joints():
+            report_unmatched(scope, pattern, moving, at, "joint")
+    return tuple(Cut(joint=CoordinateName(name).path, origin=scope.origin(at)) for name, at in chosen.items())
+
+
+def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers, base: BaseType) -> Standing | None:
+    """The mounts under `standing_on`, each once, and the friction that is stated, as far as they are sound (else reported); None where
+    there are none."""
+    said = layers.pick("standing_on")
+    if said is None or said[0] == []:
+        return None
+    written, path = said
+    if base != "free":
+        scope.error(
+            Code.STANDING, f"mode `{name}` stands on mounts, and its base is `{base}`: that carries it already", path,
+            help="write `base: free`, or take `standing_on` out",
+        )
+        return None
+    texts, friction = written, None
+    if isinstance(written, StandingSpec):
+        texts = written.mounts
+        if written.friction is not None:
+            friction = scope.number(written.friction, (*path, "friction"), NUMBER, "the friction", least=0.0)
+        path = (*path, "mounts")
+    mounts: dict[tuple[tuple[str, ...], str | None], Reference] = {}
+    for index, text in enumerate(texts):
+        for reference in mounts_fitting(table, scope, text, (*path, index)):
+            mounts.setdefault((reference.path, reference.mount), reference)
+    return Standing(mounts=tuple(mounts.values()), friction=friction, origin=scope.origin(path))
+
+
+def mounts_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) -> list[Reference]:
+    """The mounts that a name or pattern fits: those that the document exports by their names, else `components.mount`."""
+    if not GLOB.search(text):
+        reference = references.shown_mount(table, scope, text, path)
+        return [reference] if reference is not None else []
+    components, _, mount = text.rpartition(".")
+    fitting = [f"{name}.{mount}" for name, _ in references.matching(table, components)]
+    if not fitting and not table.unbuilt:
+        scope.error(
+            Code.NO_MATCH, f"pattern `{text}` fits no mount", path,
+            help=suggested(components, table.nodes, what="components") if components else "write for example `leg_*.sole`",
+        )
+    shown = (references.shown_mount(table, scope, one, path) for one in fitting)
+    return [one for one in shown if one is not None]
+
 
 MAX_EXTENDED = 20
 MAX_EXCLUDED = 100_000

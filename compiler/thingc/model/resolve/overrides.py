@@ -10,12 +10,11 @@ from thingc.base.source import Path
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import INERTIA, LENGTH, MASS, NUMBER
 from thingc.documents.spec.mass import CentreOfMassSpec, InertiaMatrix, InertiaSpec, MassSpec
-from thingc.model.resolve.defaults import DefaultLayers
 from thingc.model.resolve.document_scope import ComponentScope
 from thingc.model.resolve.materials import process
 from thingc.model.resolve.references import ORIGIN
 from thingc.model.resolve.repeats import check_names
-from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.types import BomEntry, ExtraMount, Material, Overrides, StatedValue
 
 NONE_SAID = Overrides()

@@ -16,10 +16,9 @@ from thingc.base.units import NUMBER
 from thingc.documents.spec.assembly import TurnSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.defaults import numbered
 from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.references import GLOB, suggested
-from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.scope import Scope, numbered
 from thingc.model.resolve.types import Joint, NamedPose
 
 Joints = dict[CoordinateName, Joint | None]

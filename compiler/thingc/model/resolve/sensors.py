@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from thingc.base import numeric
 from thingc.base.diagnostics import Code
-from thingc.base.joints.dimensions import dimensions_of
+from thingc.base.joints.twist import dimensions_of
 from thingc.base.pose import NO_POSE
 from thingc.base.sensor_kinds import SENSORS, ReadingName
 from thingc.base.source import Path

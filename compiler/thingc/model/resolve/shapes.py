@@ -18,12 +18,11 @@ from thingc.documents.spec.sensors import VolumeSpec
 from thingc.geometry.mesh_bounds import LARGEST
 from thingc.geometry.meshes.files import MeshFile, mesh_file
 from thingc.geometry.record import FILE_UNIT
-from thingc.model.resolve.defaults import DefaultLayers
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun
 from thingc.model.resolve.link_definition import LinkDefinition, LinkShape, link_of
 from thingc.model.resolve.materials import friction
 from thingc.model.resolve.overrides import material
-from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.scope import DefaultLayers, Scope
 
 
 def of_link(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> LinkDefinition | None:

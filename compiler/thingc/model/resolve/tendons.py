@@ -8,7 +8,7 @@ from typing import Any, Literal
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.joints.dimensions import dimensions_of
+from thingc.base.joints.twist import dimensions_of
 from thingc.base.source import Path
 from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 from thingc.documents.spec.tendons import AroundSpec, PulleySpec, TendonSpec

@@ -1,4 +1,4 @@
-"""Tests of documents: names, units and ranges worked out. `model/assembly/tests.py` finds the mounts of parts."""
+"""Tests of documents: names, units and ranges worked out. `model/assembly/modes.py` finds the mounts of parts."""
 
 from __future__ import annotations
 

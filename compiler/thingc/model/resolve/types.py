@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from thingc.base.export_names import JointPath, PoseName, RawAttributes, RawPath
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.joints.bases import BaseType
+from thingc.base.joints.kinds import BaseType
 from thingc.base.joints.twist import Twist
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, Vector

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note, Report
-from thingc.base.joints.bases import stays
+from thingc.base.joints.kinds import stays
 from thingc.base.memo import Memo
 from thingc.base.numeric import isfinite, pi, radians, sum_of
 from thingc.base.pose import MATE, NO_POSE, Pose

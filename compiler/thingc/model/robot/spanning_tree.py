@@ -9,7 +9,7 @@ from thingc.base.memo import Memo
 from thingc.base.pose import Pose
 from thingc.base.source import Origin
 from thingc.model.assembly.kinematics import joints_of
-from thingc.model.assembly.massless_links import neighbours
+from thingc.model.assembly.links import neighbouring_links
 from thingc.model.assembly.types import Assembly, LinkedMode, LinkedMount
 from thingc.model.robot.loop_closure import closures_of, keyframes_of
 from thingc.model.robot.loop_cuts import spanning
@@ -79,7 +79,7 @@ def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> 
     """Neighbours through a joint, or several of one body, also through one that closes a loop, in the order of the joints, then the
     mode's own. Within a pair, and among pairs, the order is that of the links, so it is the same in every mode."""
     pairs: dict[tuple[int, int], None] = {}
-    for one, other in (*neighbours(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):
+    for one, other in (*neighbouring_links(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):
         pairs[(min(one, other), max(one, other))] = None
     return tuple((body_of[one], body_of[other]) for one, other in pairs)
 

@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 from msgspec.structs import asdict
 
-from thingc.base.joints.bases import moving_as
+from thingc.base.joints.kinds import moving_as
 from thingc.base.joints.twist import Twist, moved
 from thingc.base.memo import Memo
 from thingc.base.pose import MATE, NO_POSE, Pose

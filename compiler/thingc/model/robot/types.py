@@ -7,7 +7,7 @@ from typing import Literal
 from thingc.base import numeric
 from thingc.base.export_names import JointPath, PoseName, SitePath
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.joints.bases import BaseType
+from thingc.base.joints.kinds import BaseType
 from thingc.base.joints.twist import Twist
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, Vector

@@ -18,7 +18,7 @@ from thingc.base.joints.twist import velocities
 from thingc.base.pose import NO_POSE, Pose, dot
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import JointEdge
-from thingc.model.robot.tendons import rates
+from thingc.model.robot.kinematics import rates
 from thingc.model.robot.types import Robot
 from thingc.model.statics.loads import loads
 from thingc.model.statics.types import DriveTransmission, Efforts, answer

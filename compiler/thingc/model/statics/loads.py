@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from thingc.base.pose import Pose, Vector, cross, dot
-from thingc.model.robot.kinematics import in_world
-from thingc.model.robot.tendons import course_of, rates
+from thingc.model.robot.kinematics import course_of, in_world, rates
 from thingc.model.robot.types import Robot
 
 

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from thingc.base.diagnostics import Code, Report
 from thingc.base.suggestions import did_you_mean
 from thingc.model.assembly.types import Assembly
-from thingc.model.resolve.raw_elements import IN_ORDER, ORDERED
+from thingc.model.resolve.raw import IN_ORDER, ORDERED
 from thingc.model.resolve.types import RawAttribute
 from thingc.model.robot.types import Robot
 from thingc.targets.mjcf.body_tree import class_name

@@ -14,7 +14,7 @@ from thingc.base.source import Origin
 from thingc.base.suggestions import did_you_mean
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.raw_elements import KINDS, named_kind
+from thingc.model.resolve.raw import KINDS, named_kind
 from thingc.model.resolve.types import RawElement
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import assert_never
 
 from thingc.base import numeric
-from thingc.base.joints.bases import stays
+from thingc.base.joints.kinds import stays
 from thingc.base.pose import turned_y
 from thingc.base.sensor_kinds import SENSORS, ReadingName, SensorType
 from thingc.model.assembly.types import LinkedSensor

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from thingc.model.assembly.types import LinkedTendon
-from thingc.model.robot.kinematics import body_poses
-from thingc.model.robot.tendons import course_of
+from thingc.model.robot.kinematics import body_poses, course_of
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf import merged_joints

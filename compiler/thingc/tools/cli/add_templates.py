@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, get_args
 
 from thingc.base.diagnostics import Report, shown_path
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.joints.bases import BaseType, stays
+from thingc.base.joints.kinds import BaseType, stays
 from thingc.base.python_source import parse_python
 from thingc.base.replacement import Change
 from thingc.base.source import Document, MappingNode, SequenceNode, node_at

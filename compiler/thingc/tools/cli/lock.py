@@ -108,8 +108,7 @@ def _used(
     from thingc.documents.load.discovery import documents_in
     from thingc.model.assembly.print_settings import slicings_of
     from thingc.model.resolve.nested_assemblies import part_definitions
-    from thingc.model.resolve.resolver import resolve
-    from thingc.model.resolve.sources import Settings
+    from thingc.model.resolve.resolver import Settings, resolve
 
     references: dict[str, None] = {}
     definitions: dict[str, PartDefinition] = {}

@@ -23,8 +23,7 @@ from thingc.documents.spec.validation import part_references, validate
 from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.model.resolve.nested_assemblies import part_definitions
-from thingc.model.resolve.resolver import resolve
-from thingc.model.resolve.sources import Settings, Sources
+from thingc.model.resolve.resolver import Settings, Sources, resolve
 from thingc.model.resolve.types import AssemblyDefinition
 from thingc.tools.schemas.document_facts import DocumentFacts, Names, Records, facts_of, usual_mounts
 from thingc.tools.schemas.narrow_schema import SchemaContext, narrowed, remembered

@@ -8,8 +8,7 @@ from typing import Any, Generic, TypeVar
 
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.driver.testing.outcome import Outcome
-from thingc.driver.testing.results import TestCase
+from thingc.driver.testing.results import Outcome, TestCase
 from thingc.model.assembly.types import LinkedTest
 from thingc.model.resolve.types import NamedPose
 

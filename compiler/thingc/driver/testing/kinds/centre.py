@@ -7,8 +7,7 @@ from thingc.base.inertia import total
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.centre import CentreCheck
 from thingc.driver.testing.kinds import CheckRunner
-from thingc.driver.testing.outcome import ROUNDING, Failure, Measure, Outcome, shown
-from thingc.driver.testing.results import TestCase
+from thingc.driver.testing.results import ROUNDING, Failure, Measure, Outcome, TestCase, shown
 from thingc.model.robot.kinematics import occurrence_poses
 
 

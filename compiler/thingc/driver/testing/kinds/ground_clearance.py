@@ -13,8 +13,7 @@ from thingc.base.primitives import Primitive
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.ground_clearance import GroundClearance
 from thingc.driver.testing.kinds import CheckRunner
-from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
-from thingc.driver.testing.results import TestCase
+from thingc.driver.testing.results import Failure, Measure, Outcome, TestCase, shown
 from thingc.geometry.store.meshes import vertices
 from thingc.model.assembly.types import Occurrence, Surface
 from thingc.model.robot.floor_height import DECIMALS, ROUNDING, of_box, of_points, vertices_of

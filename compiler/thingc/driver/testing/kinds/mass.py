@@ -7,8 +7,7 @@ from thingc.base.numeric import sum_of
 from thingc.base.units import MASS
 from thingc.documents.checks.mass import MassCheck
 from thingc.driver.testing.kinds import CheckRunner
-from thingc.driver.testing.outcome import Outcome, check_bounds
-from thingc.driver.testing.results import TestCase
+from thingc.driver.testing.results import Outcome, TestCase, check_bounds
 
 
 def measure(case: TestCase, check: MassCheck) -> Outcome:

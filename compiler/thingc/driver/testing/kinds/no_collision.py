@@ -11,9 +11,8 @@ from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.no_collision import CollisionCheck
 from thingc.driver.testing.collisions import LOOK, Collisions, NearPair, collisions_of
 from thingc.driver.testing.kinds import CheckRunner
-from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
 from thingc.driver.testing.poses import joints_text, swept
-from thingc.driver.testing.results import TestCase
+from thingc.driver.testing.results import Failure, Measure, Outcome, TestCase, shown
 from thingc.model.assembly.types import Assembly, LinkedTest
 from thingc.model.resolve.types import NamedPose
 from thingc.model.robot.kinematics import occurrence_poses

@@ -6,10 +6,9 @@ from thingc.base.diagnostics import Code, Note
 from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.documents.checks.point import PointCheck
 from thingc.driver.testing.kinds import CheckRunner
-from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
 from thingc.driver.testing.poses import joints_text
 from thingc.driver.testing.reach_search import ReachGoal, nearest
-from thingc.driver.testing.results import TestCase
+from thingc.driver.testing.results import Failure, Measure, Outcome, TestCase, shown
 
 
 def measure(case: TestCase, check: PointCheck) -> Outcome:

@@ -8,10 +8,9 @@ from thingc.base.diagnostics import Code, Note
 from thingc.base.units import LENGTH
 from thingc.documents.checks.reach import ReachCheck
 from thingc.driver.testing.kinds import CheckRunner
-from thingc.driver.testing.outcome import Outcome, check_bounds, unclosed
 from thingc.driver.testing.poses import joints_text, posed, starting_pose
 from thingc.driver.testing.reach_search import farthest
-from thingc.driver.testing.results import TestCase
+from thingc.driver.testing.results import Outcome, TestCase, check_bounds, unclosed
 
 
 def measure(case: TestCase, check: ReachCheck) -> Outcome:

@@ -8,8 +8,7 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.units import LENGTH, TIME, Quantity
 from thingc.documents.checks.settles import SettleCheck
 from thingc.driver.testing.kinds import CheckRunner
-from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
-from thingc.driver.testing.results import TestCase
+from thingc.driver.testing.results import Failure, Measure, Outcome, TestCase, shown
 from thingc.driver.testing.settle_simulation import SettleResult, simulated
 from thingc.targets.mjcf import emit as mjcf
 from thingc.targets.mjcf.compat import separator

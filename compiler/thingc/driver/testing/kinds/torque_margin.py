@@ -12,8 +12,7 @@ from thingc.base.pose import Pose
 from thingc.base.units import FORCE, LENGTH, TORQUE
 from thingc.documents.checks.torque_margin import TorqueCheck
 from thingc.driver.testing.kinds import CheckRunner
-from thingc.driver.testing.outcome import Failure, Measure, Outcome, shown
-from thingc.driver.testing.results import TestCase
+from thingc.driver.testing.results import Failure, Measure, Outcome, TestCase, shown
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.kinematics import body_poses
