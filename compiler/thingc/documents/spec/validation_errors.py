@@ -26,7 +26,7 @@ from thingc.documents.spec.fields import decimal_point
 from thingc.documents.spec.invalid_entries import InvalidEntries
 from thingc.documents.spec.pruning import ROUNDS, Fault, prune, take_out
 from thingc.documents.spec.unknown_keys import gathered
-from thingc.documents.spec.validation_messages import KINDS, MAX_FAULTS, dotted, say
+from thingc.documents.spec.validation_messages import KINDS, MAX_FAULTS, FaultReporter, dotted
 
 
 def sound_rest(
@@ -40,7 +40,7 @@ def sound_rest(
     faults: list[Fault] = []
     if error is not None:
         faults = gathered(document, model, list(_faults(shape_of(model), plain, (), error)))
-        say(document, model, faults, report, wrong, damaged)
+        FaultReporter(document=document, root=model, report=report, empty=wrong, damaged=damaged).say(faults)
     if document.kind == "workspace":
         return None, InvalidEntries()
     return _rest(model, plain, faults, wrong | damaged)

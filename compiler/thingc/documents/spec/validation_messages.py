@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from pydantic_core import PydanticCustomError
 
 from thingc.base.diagnostics import Code, Report
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, Span, node_at
 from thingc.base.suggestions import Suggestion, near_hint
 from thingc.base.units import shortened
@@ -33,24 +34,18 @@ KINDS: dict[str, Code] = {
 """The codes of errors that `spec.fields` and the models' own rules raise."""
 
 
-def say(
-    document: Document, root: type[Model], faults: list[Fault], report: Report, empty: frozenset[Path], damaged: frozenset[Path],
-) -> None:
-    """Say the faults of a document of the model `root`. `empty` are paths that have been reported as without a value, `damaged` those
-    of mappings with a key that is none (reported, too; what is missing there may be what that key was) and of values that
-    stand for one that cannot be."""
-    _Reporter(document, root, report, empty, damaged).say(faults)
+class FaultReporter(FrozenStruct, eq=False):
+    """Reports the faults of a document of the model `root`.
 
+    `empty` are paths that have been reported as without a value, `damaged` those of mappings with a key that is none (reported, too; what
+    is missing there may be what that key was) and of values that stand for one that cannot be.
+    """
 
-class _Reporter:
-    """See `say`."""
-
-    def __init__(self, document: Document, root: type[Model], report: Report, empty: frozenset[Path], damaged: frozenset[Path]) -> None:
-        self.document = document
-        self.root = root
-        self.report = report
-        self.empty = empty
-        self.damaged = damaged
+    document: Document
+    root: type[Model]
+    report: Report
+    empty: frozenset[Path]
+    damaged: frozenset[Path]
 
     def say(self, faults: list[Fault]) -> None:
         """All of them, in their order."""

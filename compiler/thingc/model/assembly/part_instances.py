@@ -176,10 +176,11 @@ class PartInstances:
             definition = Definition.of(component.definition)
         elif not component.frame:
             return None
-        material, looked_up = self._material(component, record, scope)
+        material = material_of(component, record, scope)
+        unknown = material is None and record is not None and record.material is not None
         if record is not None:
             self._warn_mirrored(component, record, material, path, origin)
-        weighed = self._weigh(component, record, material, looked_up, scope, path, origin)
+        weighed = self._weigh(component, record, material, unknown, scope, path, origin)
         sound = weighed is not None and self._physical(component, record, path, origin)
         return PartInstance(
             component=component, definition=definition, record=record, material=material,
@@ -240,11 +241,6 @@ class PartInstances:
             return
         if (record.text, code.code) not in self._warned and self._findings.warn(code, message, origin, path=path, help=help):
             self._warned.add((record.text, code.code))
-
-    def _material(self, component: Component, record: PartRecord | None, scope: AssemblyDefinition) -> tuple[Material | None, bool]:
-        """The material, and whether the Thing names one that the document does not know."""
-        material = material_of(component, record, scope)
-        return material, material is None and record is not None and record.material is not None
 
     def _weigh(
         self, component: Component, record: PartRecord | None, material: Material | None, unknown: bool,
