@@ -29,172 +29,124 @@ _ROTOR = "`armature` is the inertia of the rotor as the joint feels it: times th
 _GEAR = "a drive is what acts at the joint, behind the gear; `gear_ratio` is of an `Actuator` in Python"
 
 _TURN_KEYS = {
-    **dict.fromkeys(("euler", "rotation", "rot", "orientation"), "rpy"),
-    "quaternion": "quat", **dict.fromkeys(("axisangle", "zaxis", "xyaxes", "normal"), _RPY),
-}
-_POSE_KEYS = {
-    **dict.fromkeys(("pos", "position", "translation", "location", "offset"), "xyz"),
-    **dict.fromkeys(("x", "y", "z"), _XYZ), **_TURN_KEYS,
+    "rpy": "euler rotation rot orientation", "quat": "quaternion", _RPY: "axisangle zaxis xyaxes normal",
 }
 
-KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
+_KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
     assembly.JointDefaults: {
-        **dict.fromkeys(("range", "bounds", "position_limits"), "where it stops is `limit: {lower: -90 deg, upper: 90 deg}`"),
-        **dict.fromkeys(("actuator", "motor", "servo", "transmission", "driven_by"), "drive"),
-        "frictionloss": "dry friction is `dynamics: {friction: 0.1 N*m}`",
+        "where it stops is `limit: {lower: -90 deg, upper: 90 deg}`": "range bounds position_limits",
+        "drive": "actuator motor servo transmission driven_by", "dry friction is `dynamics: {friction: 0.1 N*m}`": "frictionloss",
     },
     assembly.JointSpec: {
-        **dict.fromkeys(("origin", "xyz", "rpy", "pose", "pos", "location", "anchor"), _MOUNTS),
-        **dict.fromkeys(("from", "base", "parent_link", "link1", "body1"), "parent"),
-        **dict.fromkeys(("to", "child_link", "link2", "body2"), "child"),
-        **dict.fromkeys(("kind", "class", "joint_type"), "type"),
-        **dict.fromkeys(
-            ("initial", "home", "default", "q0", "value"),
-            "where a joint starts is said by a pose, `poses: {home: {JOINT: 30 deg}}`, and by the `pose` of a mode",
-        ),
-        **dict.fromkeys(("ref", "zero"), "offset"),
+        _MOUNTS: "origin xyz rpy pose pos location anchor", "parent": "from base parent_link link1 body1",
+        "child": "to child_link link2 body2", "type": "kind class joint_type",
+        "where a joint starts is said by a pose, `poses: {home: {JOINT: 30 deg}}`, and by the `pose` of a mode":
+            "initial home default q0 value",
+        "offset": "ref zero",
     },
     assembly.LimitSpec: {
-        **dict.fromkeys(("min", "low", "minimum", "from"), "lower"), **dict.fromkeys(("max", "high", "maximum", "to"), "upper"),
-        **dict.fromkeys(("torque", "force", "max_torque", "max_force"), "effort"), **dict.fromkeys(("speed", "max_speed"), "velocity"),
+        "lower": "min low minimum from", "upper": "max high maximum to", "effort": "torque force max_torque max_force",
+        "velocity": "speed max_speed",
     },
     drives.DynamicsSpec: {
-        **dict.fromkeys(("frictionloss", "coulomb", "stiction"), "friction"), "viscous": "damping",
-        **dict.fromkeys(("rotor_inertia", "inertia"), _ROTOR), **dict.fromkeys(("spring", "spring_stiffness"), "stiffness"),
-        **dict.fromkeys(("springref", "spring_reference", "equilibrium"), "rest"),
+        "friction": "frictionloss coulomb stiction", "damping": "viscous", _ROTOR: "rotor_inertia inertia",
+        "stiffness": "spring spring_stiffness", "rest": "springref spring_reference equilibrium",
     },
     drives.DriveSpec: {
-        **dict.fromkeys(("type", "mode"), "kind"), **dict.fromkeys(("p", "gain", "stiffness", "position_gain"), "kp"),
-        **dict.fromkeys(("d", "kd", "damping", "velocity_gain"), "kv"),
-        **dict.fromkeys(("torque", "force", "max_torque", "max_force", "stall_torque", "forcerange"), "effort"),
-        **dict.fromkeys(("speed", "max_speed", "no_load_speed"), "velocity"), **dict.fromkeys(("rotor_inertia", "inertia"), _ROTOR),
-        **dict.fromkeys(("i", "ki"), "drives have a position gain `kp` and a velocity gain `kv`, and no integral one"),
-        **dict.fromkeys(("gear", "gear_ratio", "ratio", "reduction"), _GEAR),
-        **dict.fromkeys(("component", "part", "servo", "motor"), "a component that drives is named alone: `drive: yaw_servo`"),
-        "joint": "a drive stands in its joint and names none",
+        "kind": "type mode", "kp": "p gain stiffness position_gain", "kv": "d kd damping velocity_gain",
+        "effort": "torque force max_torque max_force stall_torque forcerange", "velocity": "speed max_speed no_load_speed",
+        _ROTOR: "rotor_inertia inertia", "drives have a position gain `kp` and a velocity gain `kv`, and no integral one": "i ki",
+        _GEAR: "gear gear_ratio ratio reduction",
+        "a component that drives is named alone: `drive: yaw_servo`": "component part servo motor",
+        "a drive stands in its joint and names none": "joint",
     },
     assembly.ComponentSpec: {
-        **dict.fromkeys(("class", "thing", "module"), "part"), **dict.fromkeys(("mesh", "stl", "step", "cad", "filename", "path"), "file"),
-        **dict.fromkeys(("triangles", "max_faces", "decimate", "simplify"), "faces"),
-        **dict.fromkeys(("include", "document", "subassembly", "sub_assembly", "robot"), "assembly"),
-        **dict.fromkeys(("args", "arguments", "kwargs"), "params"), **dict.fromkeys(("count", "copies", "instances"), "repeat"),
-        **dict.fromkeys(("geoms", "visuals", "collisions"), "shapes"),
-        **dict.fromkeys(("geometry", "box", "cylinder", "sphere", "shape", "size", "dimensions", "type", "kind"), _SHAPE),
-        **dict.fromkeys(("parent", "origin", "pose", "pos", "position", "location", "placement", "transform", "translation", "on"), _PLACE),
-        "weight": "mass", "inertial": "`mass`, `com` and `inertia` stand in the component itself",
-        **dict.fromkeys(("color", "colour", "rgba", "density", "friction"), _MATERIAL),
-        **dict.fromkeys(("joint", "joints"), "joints stand under `joints` of the document: `{type: revolute, parent: ..., child: ...}`"),
-        **dict.fromkeys(("children", "child", "components"), "a component says what it sits on, not what sits on it"),
-        **dict.fromkeys(("actuator", "servo", "motor", "drive"), "the joint that it moves names it: `drive: COMPONENT`"),
-        "name": "a component is called by its key",
+        "part": "class thing module", "file": "mesh stl step cad filename path", "faces": "triangles max_faces decimate simplify",
+        "assembly": "include document subassembly sub_assembly robot", "params": "args arguments kwargs",
+        "repeat": "count copies instances", "shapes": "geoms visuals collisions",
+        _SHAPE: "geometry box cylinder sphere shape size dimensions type kind",
+        _PLACE: "parent origin pose pos position location placement transform translation on", "mass": "weight",
+        "`mass`, `com` and `inertia` stand in the component itself": "inertial", _MATERIAL: "color colour rgba density friction",
+        "joints stand under `joints` of the document: `{type: revolute, parent: ..., child: ...}`": "joint joints",
+        "a component says what it sits on, not what sits on it": "children child components",
+        "the joint that it moves names it: `drive: COMPONENT`": "actuator servo motor drive", "a component is called by its key": "name",
     },
-    poses.PoseSpec: _POSE_KEYS, assembly.TurnSpec: _TURN_KEYS,
-    assembly.AtSpec: dict.fromkeys(("frame", "parent", "to", "of", "on", "mount", "component"), "in"),
+    poses.PoseSpec: {"xyz": "pos position translation location offset", _XYZ: "x y z", **_TURN_KEYS},
+    assembly.TurnSpec: _TURN_KEYS,
+    assembly.AtSpec: {"in": "frame parent to of on mount component"},
     assembly.AttachSpec: {
-        **dict.fromkeys(("offset", "distance"), "gap"), **dict.fromkeys(("angle", "rotation", "yaw"), "turn"),
-        **dict.fromkeys(("mine", "my", "from", "child"), "mount"), **dict.fromkeys(("on", "target", "parent", "other"), "to"),
+        "gap": "offset distance", "turn": "angle rotation yaw", "mount": "mine my from child", "to": "on target parent other",
     },
     link_shapes.ShapeSpec: {
-        **dict.fromkeys(("pos", "position", "xyz", "rpy", "origin", "pose", "offset"), "it is said under `at`: `at: {xyz: 0 0 10 mm}`"),
-        **dict.fromkeys(("rgba", "colour"), "color"), **dict.fromkeys(("purpose", "use", "kind", "type"), "for"),
-        **dict.fromkeys(("size", "geometry"), "each shape has its own key: `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`, `plane`"),
+        "it is said under `at`: `at: {xyz: 0 0 10 mm}`": "pos position xyz rpy origin pose offset", "color": "rgba colour",
+        "for": "purpose use kind type",
+        "each shape has its own key: `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`, `plane`": "size geometry",
     },
-    link_shapes.LongSpec: {**dict.fromkeys(("height", "h", "l"), "length"), "r": "radius", "diameter": "write half of it: `radius: 20 mm`"},
-    link_shapes.RoundSpec: {"r": "radius", "diameter": "write half of it: `radius: 20 mm`"},
+    link_shapes.LongSpec: {"length": "height h l", "radius": "r", "write half of it: `radius: 20 mm`": "diameter"},
+    link_shapes.RoundSpec: {"radius": "r", "write half of it: `radius: 20 mm`": "diameter"},
     assembly.ParameterSpec: {
-        **dict.fromkeys(("default", "val"), "value"),
-        **dict.fromkeys(("minimum", "lower"), "min"), **dict.fromkeys(("maximum", "upper"), "max"),
-        **dict.fromkeys(("description", "comment", "help"), "doc"), **dict.fromkeys(("range", "bounds"), "its bounds are `min` and `max`"),
-        **dict.fromkeys(("unit", "units", "type"), "the unit stands in the value: `value: 120 mm`"),
+        "value": "default val", "min": "minimum lower", "max": "maximum upper", "doc": "description comment help",
+        "its bounds are `min` and `max`": "range bounds", "the unit stands in the value: `value: 120 mm`": "unit units type",
     },
-    assembly.RepeatSpec: {**dict.fromkeys(("n", "times", "number"), "count"), **dict.fromkeys(("index", "var", "name", "id"), "as")},
-    assembly.MimicSpec: {**dict.fromkeys(("ratio", "factor", "gear", "scale"), "multiplier"), **dict.fromkeys(("of", "follows"), "joint")},
-    assembly.BomSpec: {
-        **dict.fromkeys(("price",), "cost"), **dict.fromkeys(("vendor", "manufacturer", "shop"), "supplier"),
-        **dict.fromkeys(("part_number", "order_number", "sku", "mpn"), "number"),
-    },
+    assembly.RepeatSpec: {"count": "n times number", "as": "index var name id"},
+    assembly.MimicSpec: {"multiplier": "ratio factor gear scale", "joint": "of follows"},
+    assembly.BomSpec: {"cost": "price", "supplier": "vendor manufacturer shop", "number": "part_number order_number sku mpn"},
     modes.SimulationSpec: {
-        **dict.fromkeys(("dt", "step", "time_step"), "timestep"),
-        "gravity": "a mode says it: `modes: {standing: {gravity: floor}}`",
-        **dict.fromkeys(("iterations", "solver", "tolerance"), "what MuJoCo alone knows is written under `raw: {mjcf: {option: {...}}}`"),
+        "timestep": "dt step time_step", "a mode says it: `modes: {standing: {gravity: floor}}`": "gravity",
+        "what MuJoCo alone knows is written under `raw: {mjcf: {option: {...}}}`": "iterations solver tolerance",
     },
     modes.ModeSpec: {
-        **dict.fromkeys(("type", "fixed_base", "mount"), "base"), **dict.fromkeys(("start", "initial", "keyframe", "home"), "pose"),
-        **dict.fromkeys(("keyframes", "keys"), "poses"), **dict.fromkeys(("parent", "base_link", "frame", "link", "component"), "root"),
-        **dict.fromkeys(("drives", "motors"), "actuators"), **dict.fromkeys(("weld", "pinned"), "hold"), "fixed": "write `base: fixed`",
-        **dict.fromkeys(("inherits", "like"), "extends"),
+        "base": "type fixed_base mount", "pose": "start initial keyframe home", "poses": "keyframes keys",
+        "root": "parent base_link frame link component", "actuators": "drives motors", "hold": "weld pinned",
+        "write `base: fixed`": "fixed", "extends": "inherits like",
     },
-    modes.ContactsSpec: {
-        **dict.fromkeys(("ignore", "disable", "disabled"), "exclude"), **dict.fromkeys(("magnets", "suction"), "adhesion"),
-    },
+    modes.ContactsSpec: {"exclude": "ignore disable disabled", "adhesion": "magnets suction"},
     assembly.AssemblySpec: {
-        **dict.fromkeys(("parts", "bodies", "elements", "objects", "children"), "components"),
-        **dict.fromkeys(("variables", "constants", "properties", "args", "arguments", "params"), "parameters"),
-        **dict.fromkeys(("keyframes", "states", "configurations"), "poses"), **dict.fromkeys(("title", "model", "robot"), "name"),
-        **dict.fromkeys(("actuators", "motors", "drives", "transmissions", "actuator", "transmission"), _DRIVE),
-        **dict.fromkeys(("gravity", "world", "base", "root", "scene", "contacts"), _MODES),
-        **dict.fromkeys(
-            ("include", "includes", "import", "imports", "assemblies"), "a nested document is a component: `hand: {assembly: hand.yaml}`",
-        ),
-        **dict.fromkeys(("unit", "units"), "every value has its own unit: `120 mm`"),
-        "version": "the first key says it: `thingc: assembly/1`",
-        **dict.fromkeys(("mjcf", "mujoco"), "what MuJoCo alone knows is written under `raw: {mjcf: ...}`"),
-        "variants": "variants are a document of their own, which begins with `thingc: variants/1`",
+        "components": "parts bodies elements objects children", "parameters": "variables constants properties args arguments params",
+        "poses": "keyframes states configurations", "name": "title model robot",
+        _DRIVE: "actuators motors drives transmissions actuator transmission", _MODES: "gravity world base root scene contacts",
+        "a nested document is a component: `hand: {assembly: hand.yaml}`": "include includes import imports assemblies",
+        "every value has its own unit: `120 mm`": "unit units", "the first key says it: `thingc: assembly/1`": "version",
+        "what MuJoCo alone knows is written under `raw: {mjcf: ...}`": "mjcf mujoco",
+        "variants are a document of their own, which begins with `thingc: variants/1`": "variants",
     },
-    materials.MaterialSpec: {
-        "rho": "density", **dict.fromkeys(("colour", "rgba"), "color"), **dict.fromkeys(("infill", "walls", "layer"), "process"),
-        **dict.fromkeys(("mu", "slide"), "friction"),
-    },
+    materials.MaterialSpec: {"density": "rho", "color": "colour rgba", "process": "infill walls layer", "friction": "mu slide"},
     materials.ProcessSpec: {
-        **dict.fromkeys(("type", "method"), "kind"), **dict.fromkeys(("perimeters", "wall_count"), "walls"),
-        **dict.fromkeys(("layer_height",), "layer"), **dict.fromkeys(("nozzle", "extrusion_width"), "line_width"),
+        "kind": "type method", "walls": "perimeters wall_count", "layer": "layer_height", "line_width": "nozzle extrusion_width",
     },
-    materials.FrictionSpec: {**dict.fromkeys(("mu", "sliding", "static", "coulomb"), "slide"), "rolling": "roll", "torsional": "torsion"},
-    sensors.SensorSpec: {
-        **dict.fromkeys(("link", "body", "site", "mount", "frame", "parent", "component", "on"), "at"), "kind": "type",
-        **dict.fromkeys(("fov", "vfov"), "fovy"),
-    },
-    variants.VariantsSpec: {
-        **dict.fromkeys(("grid", "axes", "variables"), "parameters"), **dict.fromkeys(("rules", "filter", "constraints"), "keep"),
-        **dict.fromkeys(("robot", "document", "base"), "assembly"),
-    },
-    variants.AxisSpec: {
-        **dict.fromkeys(("start", "min", "lower"), "from"), **dict.fromkeys(("stop", "end", "max", "upper"), "to"),
-        **dict.fromkeys(("steps", "n", "num"), "count"),
-    },
-    workspace.WorkspaceSpec: {**dict.fromkeys(("path", "paths", "part_folders"), "parts"), **dict.fromkeys(("out", "output"), "build")},
+    materials.FrictionSpec: {"slide": "mu sliding static coulomb", "roll": "rolling", "torsion": "torsional"},
+    sensors.SensorSpec: {"at": "link body site mount frame parent component on", "type": "kind", "fovy": "fov vfov"},
+    variants.VariantsSpec: {"parameters": "grid axes variables", "keep": "rules filter constraints", "assembly": "robot document base"},
+    variants.AxisSpec: {"from": "start min lower", "to": "stop end max upper", "count": "steps n num"},
+    workspace.WorkspaceSpec: {"parts": "path paths part_folders", "build": "out output"},
+}
+"""What people write instead of a key, by the key or by words that say what to write."""
+
+KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
+    model: {word: meant for meant, words in table.items() for word in words.split()} for model, table in _KEYS.items()
 }
 """By the model of a mapping (and those derived from it) what people write there, and the key or the sentence that stands for it."""
 
-_TURNS, _SLIDES = ("revolute", "continuous"), ("prismatic",)
 FREE = "a robot that floats is a mode: `modes: {adrift: {root: COMPONENT, base: free}}`"
 
-WORDS: Mapping[str, tuple[str, ...]] = {
-    **dict.fromkeys(("hinge", "rotary", "rotational", "rotation", "rotate", "turn", "pivot", "swivel", "angular", "servo_joint"), _TURNS),
-    **dict.fromkeys(("pin", "wheel", "bearing", "axle"), ("continuous", "revolute")),
-    **dict.fromkeys(("slide", "slider", "linear", "sliding", "translational", "translation", "rail"), _SLIDES),
-    **dict.fromkeys(("weld", "welded", "rigid", "static", "bolted", "anchored", "world"), ("fixed",)),
-    **dict.fromkeys(("spherical", "ball_and_socket", "ball_joint"), ("ball",)), **dict.fromkeys(("helical", "lead_screw"), ("screw",)),
-    **dict.fromkeys(("floating", "float", "freejoint", "6dof", "floating_base"), ("free",)),
-    "mocap": ("held",),
-    **dict.fromkeys(("servo", "pd", "pid", "position_servo"), ("position",)), **dict.fromkeys(("speed", "intvelocity"), ("velocity",)),
-    **dict.fromkeys(("torque", "effort", "force", "direct"), ("motor", "force")),
-    **dict.fromkeys(("convex", "convex_hull", "convexhull", "true", "yes"), ("hull", "true")),
-    **dict.fromkeys(("false", "no", "off", "nothing"), ("none",)), **dict.fromkeys(("decomposition", "coacd", "vhacd"), ("decompose",)),
-    **dict.fromkeys(("primitive", "primitives", "own"), ("part",)), **dict.fromkeys(("trimesh", "stl", "exact"), ("mesh",)),
-    **dict.fromkeys(("ground", "flat", "horizontal", "down", "earth"), ("floor",)),
-    **dict.fromkeys(("upside_down", "inverted"), ("ceiling",)),
-    **dict.fromkeys(("current", "now", "there", "true"), ("here", "hull")),
-    **dict.fromkeys(("rk", "runge_kutta", "rungekutta"), ("rk4",)), **dict.fromkeys(("elliptical", "cone"), ("elliptic",)),
-    **dict.fromkeys(("accelerometer", "gyro", "gyroscope", "velocimeter"), ("imu",)),
-    **dict.fromkeys(("rgb", "rgbd", "depth", "image"), ("camera",)), **dict.fromkeys(("encoder", "joint_state", "position"), ("joint",)),
-    **dict.fromkeys(("ft", "force_torque", "wrench", "contact", "touch"), ("force",)),
-    **dict.fromkeys(("printed", "fff", "3d_print", "3d_printed"), ("fdm", "print")), **dict.fromkeys(("sla", "dlp"), ("resin",)),
-    **dict.fromkeys(("cnc", "milled", "turned"), ("machined", "machine")), **dict.fromkeys(("purchased", "stock"), ("bought", "buy")),
-    **dict.fromkeys(("bought", "purchase"), ("bought", "buy")), **dict.fromkeys(("grid", "random"), ("uniform",)),
-    **dict.fromkeys(("latin_hypercube", "latin"), ("lhs",)), **dict.fromkeys(("datasheet", "data_sheet", "catalogue"), ("vendor",)),
-    **dict.fromkeys(("weighed", "scale"), ("measured",)), **dict.fromkeys(("guess", "guessed", "cad", "computed"), ("estimated",)),
+_WORDS = {
+    "revolute continuous": "hinge rotary rotational rotation rotate turn pivot swivel angular servo_joint",
+    "continuous revolute": "pin wheel bearing axle", "prismatic": "slide slider linear sliding translational translation rail",
+    "fixed": "weld welded rigid static bolted anchored world", "ball": "spherical ball_and_socket ball_joint",
+    "screw": "helical lead_screw", "free": "floating float freejoint 6dof floating_base", "held": "mocap",
+    "position": "servo pd pid position_servo", "velocity": "speed intvelocity", "motor force": "torque effort force direct",
+    "hull true": "convex convex_hull convexhull yes", "here hull": "true current now there", "none": "false no off nothing",
+    "decompose": "decomposition coacd vhacd", "part": "primitive primitives own", "mesh": "trimesh stl exact",
+    "floor": "ground flat horizontal down earth", "ceiling": "upside_down inverted", "rk4": "rk runge_kutta rungekutta",
+    "elliptic": "elliptical cone", "imu": "accelerometer gyro gyroscope velocimeter", "camera": "rgb rgbd depth image",
+    "joint": "encoder joint_state position", "force": "ft force_torque wrench contact touch",
+    "fdm print": "printed fff 3d_print 3d_printed", "resin": "sla dlp", "machined machine": "cnc milled turned",
+    "bought buy": "purchased stock bought purchase", "uniform": "grid random", "lhs": "latin_hypercube latin",
+    "vendor": "datasheet data_sheet catalogue", "measured": "weighed scale", "estimated": "guess guessed cad computed",
 }
+"""What people write instead of a choice, by the choices that may be meant."""
+
+WORDS: Mapping[str, tuple[str, ...]] = {word: tuple(meant.split()) for meant, words in _WORDS.items() for word in words.split()}
 """Words for values, in lower case, and the choices that they may mean, the likeliest first; only some of them are choices at a place."""
 
 FLOATING = frozenset({"floating", "float", "free", "freejoint", "6dof", "floating_base"})
