@@ -23,25 +23,14 @@ def as_json(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
             return {"file": None, "line": None, "column": None}
         return {"file": shown_path(span.file), "line": span.line, "column": span.column}
 
-    return [
-        {
-            "code": d.code.code,
-            "severity": d.severity.value,
-            "message": d.message,
-            **place(d.span),
-            "path": d.path,
-            "help": d.help,
-            "notes": [{"message": n.message, **place(n.span)} for n in d.notes],
-            "fixes": [
-                {
-                    **place(e.span), "end_line": e.span.end_line, "end_column": e.span.end_column,
-                    "written": e.written, "replacement": e.replacement,
-                }
-                for e in d.fixes
-            ],
-        }
-        for d in diagnostics
-    ]
+    return [{
+        "code": d.code.code, "severity": d.severity.value, "message": d.message, **place(d.span), "path": d.path, "help": d.help,
+        "notes": [{"message": note.message, **place(note.span)} for note in d.notes],
+        "fixes": [{
+            **place(edit.span), "end_line": edit.span.end_line, "end_column": edit.span.end_column, "written": edit.written,
+            "replacement": edit.replacement,
+        } for edit in d.fixes],
+    } for d in diagnostics]
 
 
 def as_text(diagnostics: Sequence[Diagnostic], *, color: bool = False, debug: bool = False, texts: Mapping[str, str] | None = None) -> str:

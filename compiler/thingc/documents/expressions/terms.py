@@ -26,48 +26,45 @@ class ExpressionError(ValueError):
         self.end = end
 
 
-class Literal(FrozenStruct):
+class _Place(FrozenStruct):
+    """Where a term is in its text: from the character `offset` to before `end`."""
+
+    offset: int
+    end: int
+
+
+class Literal(_Place):
     """A number with its unit. `zero`: written as a bare 0, which is 0 of every dimension."""
 
     value: Quantity
     zero: bool
-    offset: int
-    end: int
 
 
-class NameUse(FrozenStruct):
+class NameUse(_Place):
     """A name: a parameter, or the index of a repeat."""
 
     name: str
-    offset: int
-    end: int
 
 
-class Unary(FrozenStruct):
+class Unary(_Place):
     """`-a` (a leading `+` leaves no trace)."""
 
     operand: Term
-    offset: int
-    end: int
 
 
-class Binary(FrozenStruct):
+class Binary(_Place):
     """`a op b`, `op` one of `+ - * / ** < <= > >= == !=`."""
 
     operator: str
     left: Term
     right: Term
-    offset: int
-    end: int
 
 
-class Call(FrozenStruct):
+class Call(_Place):
     """`function(a, b)`."""
 
     function: str
     arguments: tuple[Term, ...]
-    offset: int
-    end: int
 
 
 Term = Union[Literal, NameUse, Unary, Binary, Call]

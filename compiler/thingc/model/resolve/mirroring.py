@@ -63,10 +63,9 @@ def _mirrored(definition: AssemblyDefinition, axis: str, met: dict[int, Assembly
 def _component(one: Component, axis: str, met: dict[int, AssemblyDefinition]) -> Component:
     mirror, definition, bom = Mirror(axis), one.definition, one.bom
     if isinstance(definition, PartDefinition):
-        definition = definition.plain if definition.plain is not None else definition.mirrored(axis)
         bom = replace(bom, number=None)  # that of the part is not the number of its image
-    elif isinstance(definition, LinkDefinition):
-        definition = definition.plain if definition.plain is not None else definition.mirrored(axis)
+    if isinstance(definition, PartDefinition | LinkDefinition):
+        definition = definition.plain or definition.mirrored(axis)
     elif definition is not None:
         definition = _mirrored(definition, axis, met)
     return replace(
