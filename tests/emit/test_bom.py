@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from emit.small_robot import assembly, petg, request
-from thingc.base.csv_text import format_cell
+from thingc.base.safe_text import format_cell
 from thingc.geometry.record import PartDefinition
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.hag import Definition

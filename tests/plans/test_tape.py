@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from thingc.base.csv_text import format_cell
 from thingc.base.inertia import MassProperties, physical_fault, principal_moments, total
 from thingc.base.numeric import dist, hypot, isfinite, maximum, minimum, rounded
 from thingc.base.pose import placed, quarter_exact, turned_about
+from thingc.base.safe_text import format_cell
 from thingc.batch.plans.program import compiled, variables_of
 from thingc.batch.plans.tape import SLOT, Tape
 from thingc.targets import json_writer

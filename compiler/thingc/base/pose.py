@@ -6,6 +6,7 @@ Plain tuples of floats, because `check` must not pay for numpy; lengths in metre
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import atan2, copysign, cos, hypot, maximum, one_operation, sin, sqrt, sum_of
@@ -230,3 +231,36 @@ def rpy_of(rotation: Matrix) -> Vector:
     yaw = atan2(yx, xx)
     c, s = cos(yaw), sin(yaw)
     return (atan2(s * xz - c * yz, c * yy - s * xy), atan2(-zx, c * xx + s * yx), yaw)
+
+
+class Mirror:
+    """The mirror at the plane through the origin that is normal to `axis` (`x | y | z`)."""
+
+    def __init__(self, axis: str) -> None:
+        x, y, z = (-1.0 if axis == name else 1.0 for name in "xyz")
+        self.signs: Vector = (x, y, z)
+
+    def vector(self, value: Any) -> Vector:
+        """The image of a point, or of a direction."""
+        x, y, z = (entry * sign + 0.0 for entry, sign in zip(value, self.signs, strict=True))
+        return (x, y, z)
+
+    def matrix(self, value: Any) -> Matrix:
+        """The image `S I S` of a matrix of inertia."""
+        a, b, c = (self.vector([entry * sign for entry in row]) for row, sign in zip(value, self.signs, strict=True))
+        return (a, b, c)
+
+    def mount(self, pose: Pose) -> Pose:
+        """The image of a mount, right-handed again: its origin, x and z are mirrored, its y is `z x x`, the image of y reversed."""
+        x, y, z = (self.vector(column) for column in zip(*pose.rotation, strict=True))
+        a, b, c = ((x[k], -y[k] + 0.0, z[k]) for k in range(3))
+        return Pose(rotation=(a, b, c), translation=self.vector(pose.translation))
+
+    def frame(self, pose: Pose) -> Pose:
+        """The image `S X S` of a frame in which what lies is mirrored along the same axis of its own."""
+        return Pose(rotation=self.matrix(pose.rotation), translation=self.vector(pose.translation))
+
+    @property
+    def origin(self) -> Pose:
+        """Where a mount that lies on the origin is in the image."""
+        return self.mount(NO_POSE)

@@ -8,9 +8,12 @@ functions here.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from json.encoder import encode_basestring_ascii
+
+from thingc.base.numeric import Recorded, formatter
 
 LONGEST_QUOTE = 160
 """Characters of one quotation in a message."""
@@ -101,3 +104,44 @@ def _cut(text: str, most: int) -> str:
         return text
     tail = most // 4
     return f"{text[: most - tail]}... ({len(text)} characters) ...{text[len(text) - tail :]}"
+
+
+_ESCAPED = {ord("<"): "\\u003c", ord(">"): "\\u003e", ord("&"): "\\u0026"}
+"""What could end a `<script>`, as JSON writes it instead."""
+
+
+def pieces(frame: str) -> list[str]:
+    """A frame cut at its places (`@TITLE@`), which are pieces, too. It is cut before anything is put in: a name may hold the word for a
+    place."""
+    return re.split("(@[A-Z]+@)", frame)
+
+
+def in_script(value: object) -> str:
+    """JSON that can stand in a `<script>` whatever names and messages say. Raises ValueError for a number that is not finite."""
+    return json_text(json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)).translate(_ESCAPED)
+
+
+_FORMULA = re.compile(r"\s*[=+\-@\uff0b\uff0d\uff1d\uff20]")
+"""How a cell begins that a spreadsheet computes, also in the wide forms of East Asian input (OWASP, "CSV Injection")."""
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?inf")
+
+
+def format_cell(value: object) -> str:
+    """A value as CSV has it: numbers with all of their digits, flags as `true` and `false`, None as nothing.
+
+    Text is on one line, with what nobody sees written out (see `escape_control`); where a spreadsheet would take it for a formula and it is
+    no number, a `'` stands before it, which spreadsheets show as text.
+    """
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float | Recorded):
+        return _number(value)
+    text = escape_control(str(value))
+    return f"'{text}" if _FORMULA.match(text) and not _NUMBER.fullmatch(text) else text
+
+
+@formatter("csv")
+def _number(value: float) -> str:
+    return repr(value)

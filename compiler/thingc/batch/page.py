@@ -14,8 +14,7 @@ from importlib import resources
 from typing import Any
 
 from thingc.base.diagnostics import Diagnostic
-from thingc.base.html_page import in_script, pieces
-from thingc.base.safe_text import escape_control
+from thingc.base.safe_text import escape_control, in_script, pieces
 from thingc.base.units import Quantity
 from thingc.batch import folder_layout, variants_document
 from thingc.batch.build_records import lengths_in, spread

@@ -13,8 +13,8 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from thingc.base.csv_text import format_cell
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.safe_text import format_cell
 from thingc.batch import folder_layout
 from thingc.batch.build_records import in_order, lengths_in
 from thingc.batch.journal import Line

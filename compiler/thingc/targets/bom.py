@@ -8,8 +8,8 @@ from itertools import count
 
 from msgspec.structs import asdict, astuple
 
-from thingc.base.csv_text import format_cell
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.safe_text import format_cell
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.targets import json_writer

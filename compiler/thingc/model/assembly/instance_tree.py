@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 
 from thingc.base.diagnostics import Code, Note, noted
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.mirror import Mirror
-from thingc.base.pose import Pose
+from thingc.base.pose import Mirror, Pose
 from thingc.base.source import Origin
 from thingc.base.suggestions import closest_name, did_you_mean
 from thingc.model.assembly.part_instances import PartInstances

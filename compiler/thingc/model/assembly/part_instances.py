@@ -9,9 +9,8 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Note, allow_hint, noted
 from thingc.base.inertia import physical_fault
 from thingc.base.memo import Memo
-from thingc.base.mirror import Mirror
 from thingc.base.one_line_repr import counted
-from thingc.base.pose import NO_POSE
+from thingc.base.pose import NO_POSE, Mirror
 from thingc.base.source import Origin, line_of
 from thingc.base.suggestions import did_you_mean, nearest
 from thingc.geometry.print_slices import SliceFailure

@@ -12,9 +12,8 @@ from itertools import combinations
 from thingc.base.diagnostics import Code, Note, allow_hint, noted
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist
-from thingc.base.mirror import Mirror
 from thingc.base.numeric import dist, hypot, maximum, minimum, pi, radians, sqrt, sum_of, tau
-from thingc.base.pose import NO_POSE, Pose, Vector, multiply, transpose
+from thingc.base.pose import NO_POSE, Mirror, Pose, Vector, multiply, transpose
 from thingc.base.source import Origin
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.part_instances import doubted

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.mirror import Mirror
 from thingc.base.one_line_repr import OneLineRepr, counted
-from thingc.base.pose import NO_POSE, Pose
+from thingc.base.pose import NO_POSE, Mirror, Pose
 from thingc.base.primitives import Primitive
 from thingc.base.source import Origin
 from thingc.geometry.meshes.files import MeshFile

@@ -1,6 +1,6 @@
 """The mirror image of a nested document: every part of it mirrored, every placement and every motion reflected.
 
-With S the reflection in the frame of each component, D that in the frame of each mount (see `thingc.base.mirror`), what is mated by
+With S the reflection in the frame of each component, D that in the frame of each mount (see `thingc.base.pose`), what is mated by
 mounts A and B is there where
 
     X'_PC = S X_PC S = (S X_PA D) (D Rz(turn) Tz(gap) X_J(q + offset) M D) inv(S X_CB D)
@@ -17,8 +17,7 @@ import math
 
 from msgspec.structs import replace
 
-from thingc.base.mirror import Mirror
-from thingc.base.pose import Vector
+from thingc.base.pose import Mirror, Vector
 from thingc.geometry.record import PartDefinition, with_mirror
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Overrides, StatedValue

@@ -7,8 +7,7 @@ import html
 from importlib import resources
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.html_page import in_script, pieces
-from thingc.base.safe_text import escape_control
+from thingc.base.safe_text import escape_control, in_script, pieces
 from thingc.targets.artifact import Artifacts
 from thingc.targets.html.mesh_packing import PackedMeshes
 from thingc.targets.html.viewer_data import describe

@@ -17,7 +17,7 @@ from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_pa
 from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import quoted
 from thingc.documents.workspace import CONSUMERS, Workspace
-from thingc.driver import build_document, dependencies, pipeline, up_to_date
+from thingc.driver import build_document, pipeline, up_to_date
 from thingc.driver.build_document import BuildRequest, BuildResult
 from thingc.driver.environment import Environment, Options, attempted, store_of
 from thingc.driver.output import OutputError, build_folder, listed, unswept, verify
@@ -115,7 +115,7 @@ def _built(wish: BuildRequest, key: str, environment: Environment) -> tuple[list
     answer = {
         **answer_of(built, folder), "place": built.place, "manifest": up_to_date.state_of(os.path.join(folder, "manifest.json")),
     }
-    up_to_date.save(environment.store, key, dependencies.inputs(environment, built.compilation), diagnostics, answer)
+    up_to_date.save(environment.store, key, up_to_date.inputs(environment, built.compilation), diagnostics, answer)
     return diagnostics, {**answer, "twice": built.twice}
 
 

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.base.one_line_repr import counted
-from thingc.driver import dependencies, pipeline, up_to_date
+from thingc.driver import pipeline, up_to_date
 from thingc.driver.environment import Environment, Options, attempted, store_of
 from thingc.driver.pipeline import Compilation
 from thingc.tools.cli import console
@@ -165,7 +165,7 @@ def check(document: str, options: Options, *, strict: bool = False) -> list[Diag
         compilation = pipeline.check(environment)
         diagnostics = findings(environment, compilation, strict=strict)
         if not compilation.report.failed and compilation.documents is not None and compilation.documents.root.kind != "variants":
-            up_to_date.save(store, key, dependencies.inputs(environment, compilation), diagnostics, {})
+            up_to_date.save(store, key, up_to_date.inputs(environment, compilation), diagnostics, {})
         return diagnostics
 
     return attempted(document, replace(options, lock=True), work)

@@ -21,7 +21,7 @@ from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.file_watcher import FileWatcher, looks, stat_of
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
-from thingc.driver import build_document, dependencies, pipeline
+from thingc.driver import build_document, pipeline, up_to_date
 from thingc.driver.build_document import BuildRequest, BuildResult
 from thingc.driver.environment import Environment, Options, geometry_of
 from thingc.driver.output import Waiting
@@ -255,7 +255,7 @@ class RebuildLoop:
         assert self.environment is not None
         nothing = pipeline.Compilation(settings=pipeline.settings_of(self.options), report=Report())
         compilation = built.compilation if built is not None else nothing
-        paths = dependencies.looked_at(self.environment, compilation)
+        paths = up_to_date.looked_at(self.environment, compilation)
         fresh = paths - self._watched.paths
         if compilation.documents is not None:
             self._documents = frozenset(document.path for document in compilation.documents.by_path.values())

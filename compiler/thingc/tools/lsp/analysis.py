@@ -17,7 +17,7 @@ from thingc.batch.variants_document import read_plan
 from thingc.documents.load.documents import load
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
 from thingc.documents.workspace import OWN_FILE
-from thingc.driver import dependencies, pipeline
+from thingc.driver import pipeline, up_to_date
 from thingc.driver.environment import Environment, Lend, Options
 from thingc.tools.lsp.positions import TextLines
 from thingc.tools.schemas.document_facts import DocumentFacts, facts_of
@@ -155,7 +155,7 @@ def analyse(
         if os.path.basename(path) == OWN_FILE:
             return _of_workspace(environment, opened, last)
         compilation = pipeline.check(environment)
-        looked_at = dependencies.looked_at(environment, compilation)
+        looked_at = up_to_date.looked_at(environment, compilation)
     report, documents = compilation.report, compilation.documents
     if documents is not None and documents.root.kind == "variants":
         report = Report()

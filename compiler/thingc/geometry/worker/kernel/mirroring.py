@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thingc.base.mirror import Mirror
 from thingc.base.numeric import dist
-from thingc.base.pose import Pose
+from thingc.base.pose import Mirror, Pose
 from thingc.geometry.worker.kernel.integrals import explored, extent
 
 if TYPE_CHECKING:
