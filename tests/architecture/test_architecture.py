@@ -286,7 +286,7 @@ def test_a_class_name_means_one_class() -> None:
 
 
 NUMBERS = (
-    "base/pose.py", "base/inertia.py", "base/pose.py", "base/primitives.py", "base/joints/", "documents/checks/", "model/", "modes/",
+    "base/pose.py", "base/inertia.py", "base/primitives.py", "base/joints/", "documents/checks/", "model/", "modes/",
     "targets/drawing/", "driver/testing/kinds/",
 )
 """Where numbers are computed with."""
@@ -313,7 +313,7 @@ def test_lengths_are_the_same_in_every_python() -> None:
 
 
 RECORDED = (
-    "base/pose.py", "base/inertia.py", "base/pose.py", "base/primitives.py", "base/joints/", "documents/expressions/",
+    "base/pose.py", "base/inertia.py", "base/primitives.py", "base/joints/", "documents/expressions/",
     "documents/checks/", "model/", "targets/",
 )
 """Where numbers may be recorded: what is done with them goes through `base/numeric.py`."""
