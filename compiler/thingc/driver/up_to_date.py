@@ -96,7 +96,7 @@ def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | No
 
 def packed(d: Diagnostic) -> dict[str, object]:
     """A diagnostic as plain JSON values."""
-    plain: dict[str, object] = msgspec.to_builtins({**asdict(d), "code": d.code.name})
+    plain: dict[str, object] = msgspec.to_builtins({**asdict(d), "code": d.code.name}, enc_hook=str)  # for subclasses of `str`
     return plain
 
 
