@@ -99,9 +99,7 @@ def _section(section: _Statement, text: str, names: _Names, first: bool) -> list
     if section.end:
         lines.extend([] if first else [""])
         lines.extend(line or "" for line in first_lines(section.leading))
-        head = text[section.start : section.end]
-        marks = 2 if head.startswith("[[") else 1
-        lines.append(commented(f"{'[' * marks}{text[slice(*section.key)].strip()}{']' * marks}", section.comment))
+        lines.append(commented(f"[{text[slice(*section.key)].strip()}]", section.comment))
     pairs = sorted(section.pairs, key=lambda pair: names.rank((*section.words, *pair.words)))
     inline = Inline(text, " = ")
     for at, (pair, spaces) in enumerate(zip(pairs, _alignment(pairs, text), strict=True)):

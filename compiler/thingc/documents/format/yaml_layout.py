@@ -123,7 +123,7 @@ class _Cutter:
             return Segment(
                 kind=kind, start=start, end=last.end_mark.index, body=body, flow=True, items=items, anchors=anchors, aliases=aliases,
             )
-        if not items:
+        if not items or (kind == "list" and own):
             raise UnsupportedStyle
         body = start
         if own:
@@ -132,8 +132,6 @@ class _Cutter:
                 raise UnsupportedStyle
             body = match.end()
         at = items[0].start if kind == "map" else start
-        if kind == "list" and own:
-            raise UnsupportedStyle
         return Segment(
             kind=kind, start=start, end=max(items[-1].value.end, items[-1].start), body=body, items=items,
             column=at - (self.text.rfind("\n", 0, at) + 1), anchors=anchors, aliases=aliases,

@@ -62,12 +62,11 @@ def load(
     path; `memo` knows documents that have been read before.
     """
     path = os.path.abspath(document)
+    name = shortened(os.path.basename(path))
     if not path.lower().endswith(DOCUMENT_SUFFIXES):
-        name = shortened(os.path.basename(path))
         report.add(Code.FILE_TYPE, f"expected a document ({', '.join(DOCUMENT_SUFFIXES)}), found `{name}`", None)
         return None
     if not workspace.contains(path):
-        name = shortened(os.path.basename(path))
         report.add(
             Code.OUTSIDE_WORKSPACE, f"`{name}` is a link that leaves the workspace", None, help="name the file that the link leads to",
         )

@@ -90,17 +90,12 @@ class _Builder:
                         help="move it to a file of its own",
                     )
                     raise _Stop
-                self.directives(event)
+                if event.version is not None and tuple(event.version) != (1, 2):
+                    found = ".".join(map(str, event.version))
+                    message = f"documents are YAML 1.2, found `%YAML {found}`"
+                    self.report.add(Code.SYNTAX, message, self.source.span(0, 5), help="remove the line")
                 root = self.node(next(self.events), 1)
         return root
-
-    def directives(self, event: Any) -> None:
-        if event.version is not None and tuple(event.version) != (1, 2):
-            major, minor = event.version
-            self.report.add(
-                Code.SYNTAX, f"documents are YAML 1.2, found `%YAML {major}.{minor}`", self.source.span(0, 5),
-                help="remove the line",
-            )
 
     def span(self, event: Any) -> Span:
         return self.source.span(event.start_mark.index, event.end_mark.index)

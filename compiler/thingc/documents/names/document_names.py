@@ -157,14 +157,9 @@ class DocumentNames:
     """A document, its lines and what is mentioned in it."""
 
     def __init__(self, document: Document) -> None:
-        self.document = document
+        self.document, self.path = document, document.path
         self.lines = re.split(r"\r\n|\r|\n", document.text)
         self.mentions = tuple(mentions_of(document))
-
-    @property
-    def path(self) -> str:
-        """Its absolute path."""
-        return self.document.path
 
     def section(self, name: str) -> Mapping[str, Node]:
         """The entries of a section, none where it has none."""

@@ -298,10 +298,7 @@ class Schemas:
 # --- the folder `.thingc/schema/` of a workspace, never in git ---
 
 
-FOLDER = ".thingc"
 SCHEMAS = ".thingc/schema"
-IGNORED = "*\n"
-"""What `.gitignore` in the folder says."""
 
 
 def schema_path(relative: str) -> str:
@@ -323,9 +320,9 @@ def write_schema(root: str, relative: str, schema: dict[str, Any]) -> bool:
     """Write the schema of a document where it is not the same already; whether it was. Raises OSError.
 
     It stands on one line, which is written ten times faster than an indented one."""
-    ignored = os.path.join(root, FOLDER, ".gitignore")
+    ignored = os.path.join(root, ".thingc", ".gitignore")
     if not os.path.exists(ignored):
-        write_text(ignored, IGNORED)
+        write_text(ignored, "*\n")
     return write_text(os.path.join(root, schema_path(relative)), json_text(json.dumps(schema, ensure_ascii=False)) + "\n")
 
 
