@@ -27,10 +27,10 @@ from thingc.model.resolve.types import Overrides
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf import body_tree as tree
 from thingc.targets.mjcf import emit
+from thingc.targets.mjcf.accepted_models import taken
 from thingc.targets.mjcf.compat import CONSUMERS
 from thingc.targets.mjcf.compat.contact_pairs import pairs
 from thingc.targets.mjcf.compat.mjx import LACKING, SIDES, prism
-from thingc.targets.mjcf.limits import taken
 from thingc.targets.request import EmitRequest
 from thingc.tools.cli.main import main
 

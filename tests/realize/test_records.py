@@ -18,7 +18,7 @@ from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
 from thingc.geometry.client import Workers
 from thingc.geometry.record import Mesh, PartFailure, PartRecord, PartSchema
-from thingc.geometry.record_json import blobs_of, failure_from_json, failure_to_json, record_from_json, record_to_json
+from thingc.geometry.record_json import blobs_of, from_json, record_from_json, record_to_json, to_json
 
 PARTS = """
     from typing import Literal
@@ -521,8 +521,8 @@ def test_records_survive_json(records: dict[str, PartRecord]) -> None:
         value = json.loads(json.dumps(record_to_json(record, "/ws")))
         assert record_from_json(value, "/ws") == replace(record, convex=())
     failure = PartFailure(subject="a:B", kind="raised", message="ValueError: x", file="/ws/parts/a.py", line=3, candidates=("C",))
-    assert failure_to_json(failure, "/ws")["file"] == "parts/a.py"
-    assert failure_from_json(failure_to_json(failure, "/ws"), "/ws") == failure
+    assert to_json(failure, "/ws")["file"] == "parts/a.py"
+    assert from_json(to_json(failure, "/ws"), "/ws", PartFailure) == failure
 
 
 def test_two_runs_give_the_same_bytes(records: dict[str, PartRecord], module_place: Any, tmp_path: Any, define: Any) -> None:

@@ -20,7 +20,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import Dimension, Quantity
 from thingc.batch.axes import Axis
 from thingc.batch.rules import Rule
-from thingc.batch.values import Paths, identity, unit_of
+from thingc.batch.values import Paths, identity
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, plain
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.expressions.value_text import text_of
@@ -210,7 +210,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
     @property
     def units(self) -> dict[str, str]:
         """The SI unit of every one that is a number."""
-        return {name: unit_of(dimension) for name, dimension in self.dimensions.items()}
+        return {name: dimension.symbol for name, dimension in self.dimensions.items()}
 
     def folder_in(self, output: str | None) -> str:
         """The absolute path of the batch's folder, in `output` or else in the workspace's build folder."""

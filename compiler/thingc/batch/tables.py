@@ -20,7 +20,6 @@ from thingc.batch.build_records import in_order, lengths_in
 from thingc.batch.journal import Line
 from thingc.batch.packed_layout import column
 from thingc.batch.rules import PARAMETERS, RESULTS, dimension_of
-from thingc.batch.values import unit_of
 
 BLOCK = 1024
 """Rows of one group in the Parquet file."""
@@ -55,7 +54,7 @@ def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Seque
         *(Column(name=name, kind="integer" if name == "index" else "text") for name in HEAD),
         *(replace(one, name=setting(one.name)) for one in parameters),
         *(Column(name=path, kind="text") for path in choices),
-        *(Column(name=name, kind="number", unit=unit_of(dimension_of(name))) for name in (*RESULTS, *lengths)),
+        *(Column(name=name, kind="number", unit=dimension_of(name).symbol) for name in (*RESULTS, *lengths)),
         Column(name=LOSSES, kind="integer"),
         *(Column(name=name, kind="text") for name in TAIL),
         *(Column(name=name, kind="number" if name == "seconds" else "integer", unit="s" if name == "seconds" else "") for name in RUN),

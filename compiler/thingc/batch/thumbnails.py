@@ -14,8 +14,7 @@ from typing import Any
 
 from thingc.base.filesystem import listing
 from thingc.batch.folder_layout import NEW
-from thingc.targets.render.picture import NoGraphics, ready
-from thingc.targets.render.thumbnail_series import extent, small_picture
+from thingc.targets.render.picture import NoGraphics, extent, ready, small_picture
 
 
 def load_pictures(path: str) -> tuple[str, dict[str, bytes]]:

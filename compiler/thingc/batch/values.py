@@ -13,7 +13,7 @@ from fractions import Fraction
 from typing import Any
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.units import Dimension, Quantity, UnitError, exact, parse_quantity, scan_number, scan_unit
+from thingc.base.units import Quantity, UnitError, exact, parse_quantity, scan_number, scan_unit
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, plain
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.load.documents import Documents
@@ -22,11 +22,6 @@ from thingc.documents.spec.variants import AxisSpec, VariantsSpec
 
 ID_DIGITS = 12
 """Hexadecimal digits of a variant's id."""
-
-
-def unit_of(dimension: Dimension) -> str:
-    """The SI unit of a column: `m`, `kg*m^2`; empty for a number."""
-    return dimension.symbol
 
 
 def unit_in(text: str) -> str:

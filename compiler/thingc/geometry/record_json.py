@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeVar
 
 from msgspec import convert, to_builtins
 from msgspec.structs import replace
@@ -28,30 +28,20 @@ def full(file: str | None, root: str) -> str | None:
     return None if file is None else os.path.normpath(os.path.join(root, file))
 
 
-# --- schemas ----------------------------------------------------------------------------------------------------------
+# --- schemas and failures ---------------------------------------------------------------------------------------------
 
 
-def schema_to_json(schema: PartSchema, root: str) -> Any:
-    """The inverse of `schema_from_json`."""
-    return {**to_builtins(schema), "file": shortened(schema.file, root)}
+Answer = TypeVar("Answer", PartSchema, PartFailure)
 
 
-def schema_from_json(value: Any, root: str) -> PartSchema:
-    """A part schema."""
-    return convert({**value, "file": full(value["file"], root) or ""}, PartSchema)
+def to_json(answer: PartSchema | PartFailure, root: str) -> Any:
+    """The inverse of `from_json`."""
+    return {**to_builtins(answer), "file": shortened(answer.file, root)}
 
 
-# --- failures ---------------------------------------------------------------------------------------------------------
-
-
-def failure_to_json(failure: PartFailure, root: str) -> Any:
-    """The inverse of `failure_from_json`."""
-    return {**to_builtins(failure), "file": shortened(failure.file, root)}
-
-
-def failure_from_json(value: Any, root: str) -> PartFailure:
-    """A failure."""
-    return convert({**value, "file": full(value["file"], root)}, PartFailure)
+def from_json(value: Any, root: str, kind: type[Answer]) -> Answer:
+    """A part schema or a failure."""
+    return convert({**value, "file": full(value["file"], root)}, kind)
 
 
 def with_left(answer: dict[str, Any], commands: Iterable[str]) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from thingc.geometry.part_requests import Likely, PartRequest, PartRequests
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
 from thingc.geometry.record_cache import ConvexAnswers, KeptRecords
-from thingc.geometry.record_json import failure_from_json, record_from_json, schema_from_json, with_left
+from thingc.geometry.record_json import from_json, record_from_json, with_left
 from thingc.geometry.store.build_locks import BuildLocks
 from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.geometry.store.slice_cache import SliceCache, lacking
@@ -252,8 +252,8 @@ class GeometryService:
 
     def _schema(self, reference: str, value: Any, code: CodeIngredients | None | PartFailure) -> PartSchema | PartFailure:
         if "failure" in value:
-            return self._parts.with_namesakes(failure_from_json(value["failure"], self.workspace.root))
-        schema = schema_from_json(value["schema"], self.workspace.root)
+            return self._parts.with_namesakes(from_json(value["failure"], self.workspace.root, PartFailure))
+        schema = from_json(value["schema"], self.workspace.root, PartSchema)
         if isinstance(code, CodeIngredients) and code.place is not None:  # comments move lines, and rebuild nothing
             schema = replace(schema, file=code.place[0], line=code.place[1])
         self._requests.schemas[reference] = schema
@@ -390,7 +390,7 @@ class GeometryService:
 
     def _record(self, value: Any, code: CodeIngredients | None) -> PartRecord | PartFailure:
         if "failure" in value:
-            return failure_from_json(value["failure"], self.workspace.root)
+            return from_json(value["failure"], self.workspace.root, PartFailure)
         record = record_from_json(value["record"], self.workspace.root)
         return replace(record, code=code.place) if code is not None and code.place is not None else record
 

@@ -8,7 +8,7 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 from thingc.geometry.record import ParameterSchema, PartSchema
-from thingc.geometry.record_json import failure_to_json, schema_to_json
+from thingc.geometry.record_json import to_json
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.part_session import NoPart, PartSession, RequestContext, kind_of
 
@@ -24,11 +24,11 @@ def describe(references: Sequence[str], placed: Collection[str], around: Request
         for reference in references:
             try:
                 schema = _schema(session, reference, placed=reference in placed)
-                answers[reference] = {"schema": schema_to_json(schema, around.root)}
+                answers[reference] = {"schema": to_json(schema, around.root)}
             except BaseException as fault:
                 failure = session.failure(reference, fault)
                 mentioned.append(failure.file)
-                answers[reference] = {"failure": failure_to_json(failure, around.root)}
+                answers[reference] = {"failure": to_json(failure, around.root)}
         session.stop()
         return {"answers": answers, "reads": session.reads(*mentioned)}
 

@@ -1,4 +1,5 @@
-"""What MuJoCo has accepted before, by content, so that it need not be asked again.
+"""What of a robot's geometry MuJoCo cannot take, or takes otherwise; and what it has accepted before, by content, so that it need not be
+asked again.
 
 Reading meshes takes most of MuJoCo's time with a model (200 of 220 ms for twelve parts), and one that it has taken once,
 it takes again: whether a mesh is fit depends on its bytes and on whether it is read as a surface, on nothing else. So a
@@ -15,11 +16,23 @@ import struct
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
 
+from thingc.base.diagnostics import Report
+from thingc.base.memo import Memo
+from thingc.base.primitives import Primitive
+from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
-from thingc.targets.geometry import MeshAsset
+from thingc.model.assembly.types import Assembly, Occurrence
+from thingc.targets.artifact import Loss
+from thingc.targets.geometry import Geometry, MeshAsset, geometry, has_inside, inputs_of
 from thingc.targets.manifest import versions
-from thingc.targets.mjcf.limits import is_shell
 from thingc.targets.xml_writer import Element
+
+LEAST_VOLUME = 1e-14
+"""Of a part [m^3]: MuJoCo refuses solid meshes of up to 1e-15 (mjMINVAL), and a mesh holds somewhat less than its part."""
+
+FOLDER = "mjcf/assets"
+"""Where the meshes of all models lie."""
+
 
 MODEL, MESH, START = "mujoco-model", "mujoco-mesh", "mujoco-start"
 """Kinds of documents in the store: a model, a mesh that a version of MuJoCo compiled without a word, a first instant
@@ -148,3 +161,43 @@ def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Se
         return "\n".join(lines).encode() + b"\n"
     triangles = (struct.pack("<12fH", 0, 0, 0, *(x for corner in side for x in corners[corner]), 0) for side in sides)
     return bytes(80) + struct.pack("<I", len(sides)) + b"".join(triangles)
+
+
+def taken(assembly: Assembly, report: Report, memo: Memo) -> tuple[Geometry, tuple[Loss, ...]]:
+    """The geometry of every occurrence; what MuJoCo cannot take is reported, what it takes differently is a loss."""
+    shapes, losses, said = memo("geometry", lambda _: _collected(assembly), inputs_of(assembly))
+    for diagnostic in said.diagnostics:
+        report.say(diagnostic)
+    return shapes, losses
+
+
+def is_shell(mesh: MeshAsset) -> bool:
+    """Whether MuJoCo must take a mesh as a surface (`inertia="shell"`): one that encloses no volume, or almost none."""
+    return mesh.mesh.flat or not mesh.mesh.closed or mesh.volume < LEAST_VOLUME
+
+
+def _collected(assembly: Assembly) -> tuple[Geometry, tuple[Loss, ...], Report]:
+    limits = _Limits()
+    shapes = geometry(assembly, FOLDER, limits.takes, limits.report, own=True)
+    return shapes, tuple(limits.losses), limits.report
+
+
+class _Limits:
+    def __init__(self) -> None:
+        self.report = Report()
+        self.losses: list[Loss] = []
+
+    def takes(self, occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
+        """Whether MuJoCo can touch with a shape; what is lost with it, or by it, is noted."""
+        choice = occurrence.overrides.collision
+        if has_inside(piece):
+            return True
+        self.flat(occurrence, (
+            f"the {choice} that encloses it has no volume" if isinstance(piece, Primitive)
+            else "the points of its collision mesh lie in one plane"
+        ))
+        return False
+
+    def flat(self, occurrence: Occurrence, why: str) -> None:
+        what = f"its contacts: {why}, and MuJoCo needs a solid to touch"
+        self.losses.append(Loss.of(occurrence.origin, "mjcf", None, occurrence.path, what, "omitted"))

@@ -16,8 +16,8 @@ from thingc.model.resolve.types import Material
 from thingc.model.robot.types import TreeJoint
 from thingc.targets import geometry
 from thingc.targets.geometry import MeshAsset, Shape, Shapes, channels, material_name, numbered
+from thingc.targets.mjcf.accepted_models import is_shell
 from thingc.targets.mjcf.drives import both_ways, drive_attributes, joint_range
-from thingc.targets.mjcf.limits import is_shell
 from thingc.targets.mjcf.lowering import MujocoJoint, lowered
 from thingc.targets.xml_writer import Element, XmlValue
 

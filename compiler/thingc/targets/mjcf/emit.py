@@ -16,8 +16,8 @@ from thingc.targets.custom_names import called
 from thingc.targets.geometry import Geometry
 from thingc.targets.mjcf import body_tree as tree
 from thingc.targets.mjcf import compat, raw, raw_elements, scene, verify
+from thingc.targets.mjcf.accepted_models import taken
 from thingc.targets.mjcf.capabilities import CAPABILITIES
-from thingc.targets.mjcf.limits import taken
 from thingc.targets.request import EmitRequest
 from thingc.targets.xml_writer import Element, write
 

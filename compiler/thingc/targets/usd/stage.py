@@ -35,7 +35,7 @@ from thingc.targets.name_mangling import MangledNames, frames, safe
 from thingc.targets.usd.capabilities import CAPABILITIES
 from thingc.targets.usd.chain import UsdJoint, chain, followers
 from thingc.targets.usd.drives import articulation, dynamics, equip, follow
-from thingc.targets.usd.usda import Prim, listed, quaternion, several
+from thingc.targets.usd.usda import Prim, listed, several
 
 Key = TypeVar("Key")
 
@@ -152,7 +152,7 @@ class _Builder:
         prim.say("float physics:mass", properties.mass or LEAST_MASS)
         prim.say("point3f physics:centerOfMass", several(properties.centre))
         prim.say("float3 physics:diagonalInertia", several(moments))
-        prim.say("quatf physics:principalAxes", quaternion(Pose(rotation=axes).quaternion()))
+        prim.say("quatf physics:principalAxes", several(Pose(rotation=axes).quaternion()))
         prim.place(pose)
         return prim
 
@@ -176,7 +176,7 @@ class _Builder:
             frame = pose @ joint.frame
             prim.say(f"rel physics:body{number}", f"<{path}>")
             prim.say(f"point3f physics:localPos{number}", several(frame.translation))
-            prim.say(f"quatf physics:localRot{number}", quaternion(frame.quaternion()))
+            prim.say(f"quatf physics:localRot{number}", several(frame.quaternion()))
         if joint.type in ("Revolute", "Prismatic"):
             prim.say("uniform token physics:axis", '"Z"')
         elif joint.type == "Spherical":

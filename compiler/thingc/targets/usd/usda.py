@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from thingc.base.pose import IDENTITY, Pose, Quaternion
+from thingc.base.pose import IDENTITY, Pose
 from thingc.targets.xml_writer import number
 
 INDENT = "    "
@@ -50,7 +50,7 @@ class Prim:
             self.say("double3 xformOp:translate", several(pose.translation))
             steps.append("translate")
         if pose.rotation != IDENTITY:
-            self.say("quatd xformOp:orient", quaternion(pose.quaternion()))
+            self.say("quatd xformOp:orient", several(pose.quaternion()))
             steps.append("orient")
         if scale:
             self.say("double3 xformOp:scale", several(scale))
@@ -65,13 +65,8 @@ def quoted(text: str) -> str:
 
 
 def several(values: Iterable[float]) -> str:
-    """A vector or a colour."""
+    """A vector, a colour or a quaternion (w, x, y, z)."""
     return f"({', '.join(number(value) for value in values)})"
-
-
-def quaternion(q: Quaternion) -> str:
-    """One of (w, x, y, z), as USD writes it too."""
-    return several(q)
 
 
 def listed(values: Iterable[str]) -> str:

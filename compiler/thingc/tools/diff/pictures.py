@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree
 
-from thingc.targets.render.thumbnail_series import body_poses, extent, small_picture
+from thingc.targets.render.picture import body_poses, extent, small_picture
 from thingc.tools.diff.snapshot import Change
 
 SIZE = (960, 720)

@@ -32,7 +32,7 @@ from thingc.geometry.record import (
     definition_text,
     written,
 )
-from thingc.geometry.record_json import failure_to_json, record_to_json
+from thingc.geometry.record_json import record_to_json, to_json
 from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.geometry.worker.kernel import convert, meshing
 from thingc.geometry.worker.kernel.bounding_primitives import fit_all
@@ -133,7 +133,7 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, around:
             failure = session.failure(text, fault)
             if failure.file is None and definition["kind"] == "code":
                 failure = replace(failure, **_code_location(definition["reference"], session))
-            return {"failure": failure_to_json(failure, around.root), "reads": session.reads(failure.file)}
+            return {"failure": to_json(failure, around.root), "reads": session.reads(failure.file)}
 
 
 def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
