@@ -74,19 +74,15 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
     if kinds == {"revision", "document"}:  # of one document its state there and here
         document = next(side for side in sides if side.kind == "document").place
         checkout = Side(kind="checkout", name=CHECKOUT)
-        one, other = (side if side.kind == "revision" else checkout for side in sides)
-        return ComparisonRequest(old=one, new=other, documents=(document,))
+        old, new = (side if side.kind == "revision" else checkout for side in sides)
+        return ComparisonRequest(old=old, new=new, documents=(document,))
     if "lock" in kinds and kinds != {"lock"} or "revision" in kinds and not kinds <= {"revision", "checkout"}:
+        one, other = ("build folder" if side.kind == "build" else side.kind for side in sides)
         raise UnknownComparison(
-            f"`{old.name}` and `{new.name}` cannot be compared: one is a {_CALLED[old.kind]}, the other a {_CALLED[new.kind]}",
+            f"`{old.name}` and `{new.name}` cannot be compared: one is a {one}, the other a {other}",
             "compare two revisions, two locks, or documents and build folders",
         )
     return ComparisonRequest(old=old, new=new, documents=tuple(documents))
-
-
-_CALLED: dict[SideKind, str] = {
-    "document": "document", "build": "build folder", "lock": "lock", "revision": "revision", "checkout": "checkout",
-}
 
 
 def _sides(word: str) -> list[Side]:
@@ -121,25 +117,15 @@ def _sides(word: str) -> list[Side]:
 def _revision(word: str) -> Side:
     try:
         commit = Repository.of(os.getcwd()).commit(word)
-    except NotARepository as fault:
-        if _looks_like_file(word):
-            raise _absent(word) from None
-        raise UnknownComparison(
-            f"`{word}` is no file or folder here, and no revision: {fault}", "name two documents, or run this in a git repository",
-        ) from fault
-    except UnknownRevision as fault:
-        if _looks_like_file(word):
-            raise _absent(word) from None
+    except (NotARepository, UnknownRevision) as fault:
+        if word.lower().endswith((*DOCUMENTS, ".json")):
+            folder = os.path.dirname(word)
+            names = [os.path.join(folder, name) for name in listing(folder or ".") if name.lower().endswith(DOCUMENTS)]
+            raise UnknownComparison(f"there is no document `{word}`", did_you_mean(word, names, what="documents")) from None
+        if isinstance(fault, NotARepository):
+            raise UnknownComparison(
+                f"`{word}` is no file or folder here, and no revision: {fault}", "name two documents, or run this in a git repository",
+            ) from fault
         hint = did_you_mean(word, [*fault.names, "HEAD"], what="revisions")
         raise UnknownComparison(f"there is no revision, document or build folder `{word}`", hint) from None
     return Side(kind="revision", name=word, place=commit)
-
-
-def _looks_like_file(word: str) -> bool:
-    return word.lower().endswith((*DOCUMENTS, ".json"))
-
-
-def _absent(word: str) -> UnknownComparison:
-    folder = os.path.dirname(word)
-    names = [os.path.join(folder, name) for name in listing(folder or ".") if name.lower().endswith(DOCUMENTS)]
-    return UnknownComparison(f"there is no document `{word}`", did_you_mean(word, names, what="documents"))

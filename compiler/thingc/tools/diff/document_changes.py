@@ -136,15 +136,17 @@ class StatedChanges:
             pair.new.path: pair for pair in pairing.pairs if pair.new.what == "parameter"
         }
         self._known: dict[str, tuple[str, ...]] = {}
-        for thing, how in (*((one, "removed") for one in pairing.gone), *((one, "added") for one in pairing.come)):
+        alone: list[tuple[SnapshotElement, How]] = [(one, "removed") for one in pairing.gone]
+        alone += [(one, "added") for one in pairing.come]
+        for thing, how in alone:
             if thing.what == "component":
-                self._alone(thing, how)  # type: ignore[arg-type]
+                self._alone(thing, how)
         for pair in pairing.pairs:
             if pair.new_path is not None:
                 self._renamed(pair)
-        for thing, how in (*((one, "removed") for one in pairing.gone), *((one, "added") for one in pairing.come)):
+        for thing, how in alone:
             if thing.what != "component":
-                self._alone(thing, how)  # type: ignore[arg-type]
+                self._alone(thing, how)
         for pair in pairing.pairs:
             self._facts(pair)
 

@@ -35,11 +35,7 @@ class Added:
 
     def _target(self, kind: Kind, number: int) -> SourceTarget | None:
         """The element of that number; None if it is not kept."""
-        of = self.original
-        names = {
-            "body": of.bodies, "joint": of.joints, "geom": of.geoms, "site": of.sites, "tendon": of.tendons, "actuator": of.actuators,
-        }
-        return SourceTarget(kind=kind, name=names[kind][number]) if number in self.kept[kind] else None
+        return SourceTarget(kind=kind, name=self.original.names[kind][number]) if number in self.kept[kind] else None
 
     def _add(
         self, section: Literal["contact", "equality", "actuator", "sensor"], tag: str, number: int,
@@ -50,10 +46,9 @@ class Added:
         if len(said) < len(attributes):
             return False
         original = self.original
-        names = {"equality": original.equalities, "actuator": original.actuators, "sensor": original.sensors}
         pair = original.spec.pairs[number] if section == "contact" else None
         self.elements.append(SourceAdded(
-            section=section, tag=tag, name=names[section][number] if pair is None else pair.name, attributes=said,
+            section=section, tag=tag, name=original.names[section][number] if pair is None else pair.name, attributes=said,
             where=original.where(section, number) if pair is None else original.flat.place(pair.info),
         ))
         return True

@@ -40,6 +40,7 @@ class CompiledSource:
         self.losses = Losses(flat.losses)
         self.geoms_of, self.sites_of = _by_body(model.geom_bodyid, model.nbody), _by_body(model.site_bodyid, model.nbody)
         self.written = {kind: {one.id: one for one in getattr(spec, MANY.get(kind, f"{kind}s"))} for kind in KINDS}
+        self.names: dict[str, dict[int, str]] = {}
         self.bodies = self._names("body", lambda one: "body")
         self.bodies[WORLD] = "world"
         self.joints = self._names("joint", lambda one: f"{one.parent.name or 'body'}_joint")
@@ -78,7 +79,7 @@ class CompiledSource:
     def _names(self, kind: str, made_up: Any) -> dict[int, str]:
         """The name of each thing of a kind."""
         taken = {one.name for one in self.written[kind].values()}
-        names: dict[int, str] = {}
+        names = self.names[kind] = dict[int, str]()
         counts: Counter[str] = Counter()
         for number, one in sorted(self.written[kind].items()):
             word = name = one.name or made_up(one)

@@ -71,13 +71,10 @@ class FlattenedSource(FrozenStruct):
         return element.where if attribute is None else element.place(attribute)
 
 
-def flattened(root: SourceElement, packages: Packages, report: Report, *, meshes: bool) -> FlattenedSource | None:
-    """The file with this root and everything that it includes; None if an included file or a mesh is missing or wrong, which is
-    reported. Without `meshes`, a small solid takes the place of each mesh that cannot be read."""
-    return _Flattening(root, packages, report, meshes).flat()
+class Flattening:
+    """Of the file with this root and everything that it includes. Without `meshes`, a small solid takes the place of each mesh that cannot
+    be read."""
 
-
-class _Flattening:
     def __init__(self, root: SourceElement, packages: Packages, report: Report, meshes: bool) -> None:
         self.root, self.packages, self.report, self.with_meshes = root, packages, report, meshes
         self.included: dict[str, Span] = {}
@@ -95,6 +92,7 @@ class _Flattening:
         self.sizes: dict[str, int] = {}
 
     def flat(self) -> FlattenedSource | None:
+        """The file; None if an included file or a mesh is missing or wrong, which is reported."""
         before = len(self.report.diagnostics)
         text = self._file(self.root)
         if len(self.report.diagnostics) > before:

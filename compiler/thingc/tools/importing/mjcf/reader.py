@@ -16,7 +16,7 @@ from thingc.tools.importing.mjcf.adding import Added
 from thingc.tools.importing.mjcf.compiled_source import WORLD, CompiledSource, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.drives import Actuators
 from thingc.tools.importing.mjcf.equalities import Equalities, free_joint, joint_of
-from thingc.tools.importing.mjcf.flattened_source import ABSENT, FlattenedSource, flattened
+from thingc.tools.importing.mjcf.flattened_source import ABSENT, FlattenedSource, Flattening
 from thingc.tools.importing.mjcf.sensing import sensors
 from thingc.tools.importing.mjcf.settings import options, poses, simulation, touching
 from thingc.tools.importing.mjcf.shapes import Geoms
@@ -33,7 +33,7 @@ _ALIKE = 1e-9
 def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes: bool = True) -> SourceRobot | None:
     """The robot of a file whose root is `<mujoco>`; None if MuJoCo cannot read it, which is reported. Without `meshes`, those
     that cannot be read weigh nothing."""
-    flat = flattened(root, packages, report, meshes=meshes)
+    flat = Flattening(root, packages, report, meshes).flat()
     original = None if flat is None else _compiled(flat, report)
     return None if original is None else _Reader(original, report).robot()
 
