@@ -152,15 +152,15 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
     return values
 
 
-def choices(words: Sequence[str]) -> Mapping[str, str]:
-    """`PATH=TEXT` words to a mapping. Raises `WrongCommandLine`."""
+def paths(words: Sequence[str], form: str, example: str, twice: str, name: Callable[[str], str] = str) -> dict[str, str]:
+    """`PATH=TEXT` words to a mapping. Raises `WrongCommandLine` for words of another `form`, and for two paths of one `name`."""
     texts: dict[str, str] = {}
     for word in words:
         path, equals, text = (piece.strip() for piece in word.partition("="))
         if not equals or not path or not text:
-            raise WrongCommandLine(f"expected --set PATH=TEXT, found `{word}`", "write for example --set components.foot.part=feet:Wide")
-        if path in texts:
-            raise WrongCommandLine(f"--set chooses `{path}` twice", "keep one of them")
+            raise WrongCommandLine(f"expected {form}, found `{word}`", f"write for example {example}")
+        if name(path) in map(name, texts):
+            raise WrongCommandLine(twice.format(path), "keep one of them")
         texts[path] = text
     return texts
 
@@ -191,9 +191,10 @@ def time_of(option: str, text: str) -> float:
 def options_of(arguments: argparse.Namespace) -> Options:
     """The compile options that the command line states. Raises `WrongCommandLine`."""
     timeout = None if arguments.part_timeout is None else time_of("--part-timeout", arguments.part_timeout)
+    choices, example = getattr(arguments, "choice", []), "--set components.foot.part=feet:Wide"
     return Options(
         parameters=parameters(getattr(arguments, "parameter", [])),
-        choices=choices(getattr(arguments, "choice", [])),
+        choices=paths(choices, "--set PATH=TEXT", example, "--set chooses `{}` twice"),
         store=arguments.store,
         jobs=arguments.jobs,
         part_timeout=timeout,

@@ -48,15 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def settings(words: Sequence[str]) -> dict[str, str]:
     """`PATH=VALUE` words to a mapping. Raises `WrongCommandLine`."""
-    values: dict[str, str] = {}
-    for word in words:
-        path, equals, value = (piece.strip() for piece in word.partition("="))
-        if not equals or not path or not value:
-            raise console.WrongCommandLine(f"expected PATH=VALUE, found `{word}`", "write for example 'joints.elbow.limit.upper=90 deg'")
-        if named(path) in map(named, values):
-            raise console.WrongCommandLine(f"`{path}` is set twice", "keep one of them")
-        values[path] = value
-    return values
+    return console.paths(words, "PATH=VALUE", "'joints.elbow.limit.upper=90 deg'", "`{}` is set twice", named)
 
 
 def write(document: str, given: Mapping[str, str], options: Options, arguments: argparse.Namespace, *, diff: bool = False) -> int:
