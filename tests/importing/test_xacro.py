@@ -14,7 +14,7 @@ import pytest
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.geometry.worker import children
 from thingc.tools.cli.main import main
-from thingc.tools.importing import xacro
+from thingc.tools.importing import urdf
 from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.xacro_worker import is_plausible
 
@@ -73,7 +73,7 @@ def test_an_argument_that_only_yaml_uses(bot: Path) -> None:
 def test_what_is_wrong_is_said_at_its_line(
     bot: Path, file: str, old: str, new: str, words: str, line: int, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(xacro, "SECONDS", 1 if "9**9" in new else 60)
+    monkeypatch.setattr(urdf, "SECONDS", 1 if "9**9" in new else 60)
     path = bot.with_name(file)
     path.write_text(path.read_text().replace(old, new))
     imported, said = read(bot)
@@ -85,7 +85,7 @@ def test_what_is_wrong_is_said_at_its_line(
 def test_without_the_extra_it_is_said_what_to_install(
     bot: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(xacro, "find_spec", lambda name: None)
+    monkeypatch.setattr(urdf, "find_spec", lambda name: None)
     assert main(["import", str(bot)]) == 2
     assert "pip install 'thingc[import]'" in capsys.readouterr().err
     assert main(["import", str(bot), "--arg", "arms"]) == 2

@@ -11,7 +11,7 @@ import pytest
 
 from thingc.base.filesystem import BadPath, check_tree, hash_name, write_tree
 from thingc.geometry.store.local import BlobMissing, Store
-from thingc.tools.affected.git_changes import NotARepository, changed_since
+from thingc.tools.affected.dependents import NotARepository, changed_since
 from thingc.tools.cli.main import main
 from thingc.tools.diff.revisions import Repository, Revision
 

@@ -65,7 +65,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0, or 1 where something changed that must not; 1 where a side does not compile."""
     from thingc.targets.render.picture import NoGraphics
-    from thingc.tools.affected.git_changes import NotARepository
+    from thingc.tools.affected.dependents import NotARepository
     from thingc.tools.diff.arguments import UnknownComparison, asked
     from thingc.tools.diff.checkouts import BrokenSide
     from thingc.tools.diff.results import as_json

@@ -57,8 +57,7 @@ def documents(
     Raises `WrongCommandLine` where nothing was asked, where a folder is named, or where git cannot answer.
     """
     from thingc.driver.environment import Options, store_of
-    from thingc.tools.affected.dependents import touched
-    from thingc.tools.affected.git_changes import NotARepository, changed_since
+    from thingc.tools.affected.dependents import NotARepository, changed_since, touched
 
     if not files and since is None and not everything:
         raise console.WrongCommandLine("expected files that have changed, or --since", "write for example --since origin/main")

@@ -9,7 +9,7 @@ from typing import Literal
 from thingc.base.filesystem import listing
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
-from thingc.tools.affected.git_changes import NotARepository
+from thingc.tools.affected.dependents import NotARepository
 from thingc.tools.diff.revisions import DOCUMENTS, LOCK_FILE, Repository, UnknownRevision
 
 SideKind = Literal["document", "build", "lock", "revision", "checkout"]

@@ -14,8 +14,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean
 from thingc.driver.environment import Options
-from thingc.tools.affected.dependents import touched
-from thingc.tools.affected.git_changes import changed_paths
+from thingc.tools.affected.dependents import changed_paths, touched
 from thingc.tools.diff.arguments import ComparisonRequest, Side, SideKind, UnknownComparison
 from thingc.tools.diff.build_folder_snapshot import UnreadableSide, outline, snapshot_of_build, snapshot_of_lock
 from thingc.tools.diff.cached_snapshots import BrokenDocument, Subject

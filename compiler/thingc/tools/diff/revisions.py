@@ -18,7 +18,7 @@ from thingc.base.filesystem import BadPath, check_tree, write_tree
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.documents.workspace import DEFAULT_PARTS, OWN_FILE, SHARED_FILE
-from thingc.tools.affected.git_changes import NotARepository, git, run_git
+from thingc.tools.affected.dependents import NotARepository, git, run_git
 
 LOCK_FILE = "parts.lock.json"
 DOCUMENTS = (".yaml", ".yml", ".toml")

@@ -26,9 +26,8 @@ from thingc.tools.importing.sdf import read_sdf
 from thingc.tools.importing.source_model import SourceLoss, SourceRobot
 from thingc.tools.importing.tree import warn_of_depth
 from thingc.tools.importing.update_import import RECORD, PreviousImport
-from thingc.tools.importing.urdf import read_urdf
+from thingc.tools.importing.urdf import expanded, read_urdf
 from thingc.tools.importing.write_document import DocumentWriter, document_of
-from thingc.tools.importing.xacro import expanded
 from thingc.tools.importing.xml_source import MOST_BYTES, read_xml
 
 _METRES = "mind the unit: lengths are in metres"
