@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Diagnostic, shown_path
+from thingc.base.diagnostics import shown_path
 from thingc.base.one_line_repr import counted
 from thingc.batch.folder import FOLDERS, PACKED
 from thingc.batch.packed_layout import CHUNK
@@ -103,10 +103,10 @@ def run(arguments: argparse.Namespace) -> int:
             return _page(arguments, options)
         summary = _build(arguments, options, targets, timeout)
     except PlanError as fault:
-        return _refuse(arguments, fault.diagnostics)
+        return console.print_found(fault.diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug)
     except BatchFault as fault:
         console.say_in_place()
-        return _refuse(arguments, [fault.diagnostic])
+        return console.print_found([fault.diagnostic], arguments.format, stream=sys.stderr, debug=arguments.debug)
     except Interrupted as fault:
         console.say_in_place()
         done = f"{fault.done} of {counted(fault.count, 'variant')} are done"
@@ -371,7 +371,3 @@ def _told(planned: Plan, forecast: DryRun) -> list[str]:
     if forecast.count > len(forecast.first):
         lines.append("  ...")
     return lines
-
-
-def _refuse(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic]) -> int:
-    return console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug)

@@ -11,7 +11,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Span
 from thingc.tools.diff.document_changes import DocumentChanges, StatedChanges, above_of
-from thingc.tools.diff.name_mapping import NameMapping, equal
+from thingc.tools.diff.name_mapping import NameMapping, equal, largest
 from thingc.tools.diff.snapshot import Change, DisplayValue, How, OccurrenceSnapshot, Row, Snapshot, What
 
 Farthest = Callable[[str, str], float | None]
@@ -379,21 +379,11 @@ def _reach(robot: Snapshot) -> float:
 def _near(old: DisplayValue, new: DisplayValue, scale: float = 0.0) -> bool:
     """`equal` at the precision of integrals over shapes."""
     if isinstance(old, tuple) and isinstance(new, tuple):
-        largest = max((abs(x) for one in (old, new) for x in _flat(one)), default=0.0)
-        return len(old) == len(new) and all(
-            _near(one, other, max(scale, largest)) for one, other in zip(old, new, strict=True)
-        )
+        scale = max(scale, largest(old), largest(new))
+        return len(old) == len(new) and all(_near(one, other, scale) for one, other in zip(old, new, strict=True))
     if isinstance(old, (int, float)) and isinstance(new, (int, float)):
         return abs(old - new) <= SHAPES * max(abs(old), abs(new), scale) or abs(old - new) < 1e-18
     return equal(old, new)
-
-
-def _flat(value: DisplayValue) -> Iterable[float]:
-    if isinstance(value, tuple):
-        for one in value:
-            yield from _flat(one)
-    elif isinstance(value, (int, float)):
-        yield value
 
 
 def _size(box: tuple[Sequence[float], Sequence[float]]) -> float:

@@ -133,18 +133,15 @@ class NameMapping:
         return self._paths["component"].get(old.of) == new.of
 
     def _says_the_same(self, old: SnapshotElement, new: SnapshotElement) -> bool:
-        return self._in_one_document(old, new) and bool(new.facts) and self._shared(old, new) == len(dict(self._values(old, new)))
+        return self._in_one_document(old, new) and bool(new.facts) and self._shared(old, new) == len([*self.facts(old, new)])
 
     def _says_nearly_the_same(self, old: SnapshotElement, new: SnapshotElement) -> bool:
-        return self._in_one_document(old, new) and 2 * self._shared(old, new) > len(dict(self._values(old, new)))
+        return self._in_one_document(old, new) and 2 * self._shared(old, new) > len([*self.facts(old, new)])
 
     def _connects_the_same(self, old: SnapshotElement, new: SnapshotElement) -> bool:
         return "parent" in old.facts and "parent" in new.facts and all(
             self.same(old.facts[key].value, new.facts[key].value) for key in ("parent", "child")
         )
-
-    def _values(self, old: SnapshotElement, new: SnapshotElement) -> Iterator[tuple[str, Value]]:
-        return ((key, after) for key, _, after in self.facts(old, new))
 
     def _shared(self, old: SnapshotElement, new: SnapshotElement) -> int:
         """How many facts of two things are the same."""
@@ -179,16 +176,17 @@ def _names(value: Value) -> bool:
 def equal(old: Value, new: Value, scale: float = 0.0) -> bool:
     """Whether two values are the same but for rounding; numbers of a tuple in proportion to its largest one."""
     if isinstance(old, tuple) and isinstance(new, tuple):
-        scale = max(scale, *(_largest(one) for one in (old, new)))
+        scale = max(scale, *(largest(one) for one in (old, new)))
         return len(old) == len(new) and all(equal(one, other, scale) for one, other in zip(old, new, strict=True))
     if not _is_number(old) or not _is_number(new):
         return old == new and type(old) is type(new)
     return math.isclose(old, new, rel_tol=RELATIVE, abs_tol=RELATIVE * scale or NOTHING)
 
 
-def _largest(value: Value) -> float:
+def largest(value: Value) -> float:
+    """The largest number of a value, without its sign; 0 if there is none."""
     if isinstance(value, tuple):
-        return max((_largest(one) for one in value), default=0.0)
+        return max((largest(one) for one in value), default=0.0)
     return abs(value) if _is_number(value) else 0.0
 
 

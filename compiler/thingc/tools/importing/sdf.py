@@ -255,17 +255,10 @@ class _Sdf:
         if form.tag not in INSIDE["geometry"]:
             self.losses.note(f"a `<{form.tag}>`", "shapes of that kind are not read", form.where)
             return None
-        sized, mesh = self.values.sized(form), self.values.word(form, "uri") if form.tag == "mesh" else None
-        if sized is None or form.tag == "mesh" and mesh is None:
-            return None
-        mesh, (kind, size) = None if mesh is None else self.includes.uri(mesh, form.where.file), sized
-        if 0.0 in size:
-            self.losses.note(f"a `<{form.tag}>`", "it has no volume", form.where)
-            return None
-        return SourceShape(
-            kind=kind, use="visual" if element.tag == "visual" else "collision", size=size, pose=pose, where=form.where, mesh=mesh,
-            color=self._color(element), friction=self._friction(element),
-            name=self.values.own_name(element, link, "_(visual|collision)"),
+        shape = self.values.shape(element, form, "uri", pose, self.losses)
+        return None if shape is None else replace(
+            shape, mesh=None if shape.mesh is None else self.includes.uri(shape.mesh, form.where.file), color=self._color(element),
+            friction=self._friction(element), name=self.values.own_name(element, link, "_(visual|collision)"),
         )
 
     def _color(self, visual: SourceElement) -> tuple[float, float, float, float] | None:

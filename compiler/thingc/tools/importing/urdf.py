@@ -191,23 +191,15 @@ class _Urdf:
             self.values.fault(geometry or element, None, f"this `<{element.tag}>` has no geometry", help)
         if not forms:
             return None
-        form = forms[0]
-        sized, mesh = self.values.sized(form), self.values.word(form, "filename") if form.tag == "mesh" else None
-        if sized is None or form.tag == "mesh" and mesh is None:
-            return None
-        kind, size = sized
-        if 0.0 in size:
-            self.losses.note(f"a `<{form.tag}>`", "it has no volume", form.where)
+        shape = self.values.shape(element, forms[0], "filename", pose, self.losses)
+        if shape is None:
             return None
         materials = [*element.all("material")]
         for other in materials[1:]:
             self.losses.note("a second `<material>` of a `<visual>`", "the first one counts", other.where)
         color = self._color(materials[0]) if materials else None
         name = self.values.own_name(element, link, "(:collision)?")
-        return SourceShape(
-            kind=kind, use="visual" if element.tag == "visual" else "collision", size=size, pose=pose, rpy=rpy, where=form.where,
-            mesh=mesh, color=color, name=name,
-        )
+        return replace(shape, rpy=rpy, color=color, name=name)
 
     def _color(self, material: SourceElement) -> Color | None:
         """The colour of a material: if it has a name, that of the first material that the file defines by that name."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from typing import Literal
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.inertia import MassProperties, symmetric
@@ -12,8 +13,8 @@ from thingc.base.numeric import hypot
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, placed, rotation_of, transpose
 from thingc.base.source import Span
 from thingc.tools.importing.document_names import plain_name
-from thingc.tools.importing.source_model import ShapeKind, Sizes
-from thingc.tools.importing.xml_source import SourceElement
+from thingc.tools.importing.source_model import ShapeKind, Sizes, SourceShape
+from thingc.tools.importing.xml_source import Losses, SourceElement
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 NOT_FINITE = {"nan", "inf", "infinity"}
@@ -147,7 +148,20 @@ class Values:
             self.fault(others[0], None, f"a second `<{tag}>` in this `<{element.tag}>`", "leave one of the two out")
         return first
 
-    def sized(self, form: SourceElement) -> tuple[ShapeKind, Sizes] | None:
+    def shape(self, element: SourceElement, form: SourceElement, file: str, pose: Pose, losses: Losses) -> SourceShape | None:
+        """A `<visual>` or `<collision>` whose geometry is the element `form`, in its link, with a mesh named by `file`; None where that is
+        wrong, and where it has no volume, which is lost."""
+        sized, mesh = self._sized(form), self.word(form, file) if form.tag == "mesh" else None
+        if sized is None or form.tag == "mesh" and mesh is None:
+            return None
+        kind, size = sized
+        if 0.0 in size:
+            losses.note(f"a `<{form.tag}>`", "it has no volume", form.where)
+            return None
+        use: Literal["visual", "collision"] = "visual" if element.tag == "visual" else "collision"
+        return SourceShape(kind=kind, use=use, size=size, pose=pose, where=form.where, mesh=mesh)
+
+    def _sized(self, form: SourceElement) -> tuple[ShapeKind, Sizes] | None:
         """What an element of `<geometry>` is, and how large [m], as formats after URDF have them; None where that is wrong, and for what
         they have not."""
         match form.tag:
