@@ -175,7 +175,6 @@ def _say(
     """Print what was added, or why nothing was; `texts` are those of documents as they would be."""
     if arguments.format == "text":
         console.say(*done)
-        console.print_text(diagnostics, stream=sys.stdout, debug=arguments.debug, texts=texts)
-    else:
-        console.print_json(diagnostics, added=list(done))
-    return console.exit_code(diagnostics)
+    return console.print_found(
+        diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=texts, added=list(done),
+    )

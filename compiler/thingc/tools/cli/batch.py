@@ -196,10 +196,8 @@ def _page(arguments: argparse.Namespace, options: Options) -> int:
     )
     console.say_in_place()
     diagnostics = [warning] if warning is not None else []
-    if arguments.format == "json":
-        console.print_json(diagnostics, page=shown_path(path))
-    else:
-        console.print_text(diagnostics, stream=sys.stderr, debug=False)
+    console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=False, page=shown_path(path))
+    if arguments.format == "text":
         console.say(shown_path(path), stream=sys.stderr)
     return 0
 

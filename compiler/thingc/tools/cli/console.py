@@ -368,13 +368,15 @@ def print_data(value: Mapping[str, object]) -> None:
     sys.stdout.write(json_text(json.dumps(value, indent=2, ensure_ascii=False)) + "\n")
 
 
-def print_found(diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO, debug: bool, **more: object) -> int:
+def print_found(
+    diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None, **more: object,
+) -> int:
     """Print what was found in one of the forms of `FINDINGS`: text to `stream`, the others alone to standard output. Returns the exit code.
 
     `more` are further keys of the JSON answer.
     """
     if form == "text":
-        print_text(diagnostics, stream=stream, debug=debug)
+        print_text(diagnostics, stream=stream, debug=debug, texts=texts)
     elif form == "json":
         print_json(diagnostics, **more)
     else:

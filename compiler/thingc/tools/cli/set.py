@@ -85,7 +85,5 @@ def _say(
             console.say(f"{path}: {'' if old is None else old + ' -> '}{new}")
         if done and diagnostics:
             console.say("")
-        console.print_text(diagnostics, stream=sys.stdout, debug=arguments.debug, texts=texts)
-    else:
-        console.print_json(diagnostics, set=[{"path": path, "before": old, "after": new} for path, old, new in done])
-    return console.exit_code(diagnostics)
+    changes = [{"path": path, "before": old, "after": new} for path, old, new in done]
+    return console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=texts, set=changes)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from msgspec.structs import replace
+
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose
 from thingc.tools.importing.mjcf.adding import Added
@@ -113,23 +115,20 @@ class Actuators:
             ("gear", numbers([gear])), ("kv", numbers([kv])), *_range_keys("ctrl", control).items(), *_range_keys("force", force).items(),
         ]
         otherwise = {"gear": "1", "kv": numbers([kv * gear * gear]), **_range_keys("force", None if effort is None else (-effort, effort))}
-        where, name = self.original.where("actuator", number), self.original.actuators[number]
+        drive = SourceDrive(
+            name=self.original.actuators[number], kind="position", where=self.original.where("actuator", number), kv=kv * gear * gear,
+            effort=effort,
+        )
         if position == -gain and dynamic in (NOT_DYNAMIC, EXACT):
             wanted.append(("kp", numbers([gain])))
             if dynamic == EXACT:
                 wanted.append(("timeconst", numbers([model.actuator_dynprm[number][0]])))
             otherwise |= {"kp": numbers([gain * gear * gear]), **_range_keys("ctrl", length.ends)}
-            return SourceDrive(
-                name=name, kind="position", where=where, kp=gain * gear * gear, kv=kv * gear * gear or None, effort=effort,
-                raw=differing(wanted, otherwise),
-            )
+            return replace(drive, kp=gain * gear * gear, kv=drive.kv or None, raw=differing(wanted, otherwise))
         if position == 0.0 and kv == gain and dynamic == NOT_DYNAMIC:
             fastest = None if control is None else max(map(abs, control)) / abs(gear)
             otherwise |= _range_keys("ctrl", None if fastest is None else (-fastest, fastest))
-            return SourceDrive(
-                name=name, kind="velocity", where=where, kv=kv * gear * gear, effort=effort, velocity=fastest,
-                raw=differing(wanted, otherwise),
-            )
+            return replace(drive, kind="velocity", velocity=fastest, raw=differing(wanted, otherwise))
         return None
 
     def _motor(
