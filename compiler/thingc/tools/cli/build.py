@@ -62,11 +62,12 @@ def run(arguments: argparse.Namespace) -> int:
             diagnostics, answer = _build(arguments, options, targets)
     except (UnknownChoice, OutputError, console.WrongCommandLine) as fault:
         diagnostics, answer = [console.of_exception(fault)], None
-    more: dict[str, list[str]] = {"artifacts": [], "modelled": [], "reused": []}
-    if answer is not None:
-        artifacts = [shown_path(os.path.join(answer["folder"], path)) for path in answer["artifacts"]]
-        more = {"artifacts": artifacts, "modelled": answer["modelled"], "reused": answer["reused"]}
-    console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug, **more)
+    said = answer or {"folder": "", "artifacts": [], "modelled": [], "reused": []}
+    artifacts = [shown_path(os.path.join(said["folder"], path)) for path in said["artifacts"]]
+    console.print_found(
+        diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug, artifacts=artifacts, modelled=said["modelled"],
+        reused=said["reused"],
+    )
     if answer is not None and arguments.format != "json":
         tell(answer, arguments)
     return console.exit_code(diagnostics)

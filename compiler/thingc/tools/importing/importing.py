@@ -27,7 +27,7 @@ from thingc.tools.importing.source_model import SourceLoss, SourceRobot
 from thingc.tools.importing.tree import warn_of_depth
 from thingc.tools.importing.update_import import RECORD, PreviousImport
 from thingc.tools.importing.urdf import expanded, read_urdf
-from thingc.tools.importing.write_document import DocumentWriter, document_of
+from thingc.tools.importing.write_document import DocumentWriter, WrittenDocument
 from thingc.tools.importing.xml_source import MOST_BYTES, read_xml
 
 _METRES = "mind the unit: lengths are in metres"
@@ -119,9 +119,8 @@ def import_robot(
     warn_of_units(robot, files, placed_meshes, report)
     if report.failed:
         return None
-    written = document_of(
-        robot, roots, escape_control(os.path.basename(path)), {one.link.name: one.how for one in mended}, placed_meshes, before
-    )
+    origin, hows = escape_control(os.path.basename(path)), {one.link.name: one.how for one in mended}
+    written = DocumentWriter(robot, roots, origin, hows, placed_meshes, before).written()
     document = f"{written.name}.yaml" if before is None else before.document
     renamed = {name: word for kind in ("links", "frames", "joints") for name, word in written.names[kind].items() if name != word}
     imported = Imported(
@@ -169,7 +168,7 @@ def _load_source(
     return read_urdf(path, data, report)
 
 
-def _record(imported: Imported, written: DocumentWriter, asked: Mapping[str, object], path: str, data: bytes) -> bytes:
+def _record(imported: Imported, written: WrittenDocument, asked: Mapping[str, object], path: str, data: bytes) -> bytes:
     """`import.json`: what was read, what everything is called now, and what is not in the document, with its line in the source; and the
     document as it is written, with which the next import compares it."""
     losses = [

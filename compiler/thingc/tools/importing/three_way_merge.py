@@ -66,17 +66,14 @@ def read_text(path: str, text: str, report: Report) -> Text | None:
     return Text(source=Source(path, text), tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
 
 
-def merged(base: Text, new: Text, ours: Text) -> Merged:
-    """The one text. Raises `MergeConflict`."""
-    return _Merging(base, new, ours).merged()
-
-
 def shortened(text: str) -> str:
     """At most eighty characters of a value."""
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-class _Merging:
+class Merge:
+    """Of two texts of one document that come from `base`."""
+
     def __init__(self, base: Text, new: Text, ours: Text) -> None:
         self.base, self.new, self.ours = base, new, ours
         self.edits: list[tuple[int, int, str]] = []
@@ -85,6 +82,7 @@ class _Merging:
         self.conflicts: list[Conflict] = []
 
     def merged(self) -> Merged:
+        """The one text. Raises `MergeConflict`."""
         expected = self._whole((), self.base.tree.plain(), self.new.tree.plain(), self.ours.tree.plain())
         text = self.ours.source.text
         parts, at, line_end = list[str](), 0, "\r\n" if "\r\n" in text else "\n"

@@ -15,7 +15,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.replacement import Change
 from thingc.base.source import dotted, span_at
 from thingc.tools.importing.inertias import Repair
-from thingc.tools.importing.three_way_merge import MergeConflict, Merged, Text, merged, read_text
+from thingc.tools.importing.three_way_merge import Merge, MergeConflict, Merged, Text, read_text
 
 RECORD = "import.json"
 
@@ -97,7 +97,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
     if len(texts) < 3:
         return None
     try:
-        one = merged(*texts)
+        one = Merge(*texts).merged()
         if ours == earlier.text:  # with the comments of now
             one = replace(one, text=new)
     except MergeConflict as fault:

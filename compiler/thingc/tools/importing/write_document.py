@@ -34,7 +34,7 @@ UNITS: dict[tuple[float, ...], str] = {(1.0, 1.0, 1.0): "m", (0.01, 0.01, 0.01):
 """Scales of a mesh, whose numbers a source takes for metres, that are a unit."""
 
 
-class DocumentWriter(FrozenStruct):
+class WrittenDocument(FrozenStruct):
     """A document: its name, its text, and what the things of the source are called in it, by their kinds."""
 
     name: str
@@ -42,17 +42,11 @@ class DocumentWriter(FrozenStruct):
     names: Mapping[str, Mapping[str, str]]
 
 
-def document_of(
-    robot: SourceRobot, roots: Sequence[str], origin: str, repaired: Mapping[str, str], meshes: Mapping[str, str],
-    earlier: PreviousImport | None = None,
-) -> DocumentWriter:
-    """The document of a robot, with a mode `source` and one for each link of `roots`, which are links of it; `origin` says where it is
+class DocumentWriter(DocumentNaming):
+    """Of the document of a robot, with a mode `source` and one for each link of `roots`, which are links of it; `origin` says where it is
     from, in its first line, `repaired` how the weight of some links was changed, and `meshes` where the files are that shapes name: those
     that are not there are left out. What an `earlier` import has named keeps its name."""
-    return _Document(robot, roots, origin, repaired, meshes, earlier).written()
 
-
-class _Document(DocumentNaming):
     def __init__(
         self, robot: SourceRobot, roots: Sequence[str], origin: str, repaired: Mapping[str, str], meshes: Mapping[str, str],
         earlier: PreviousImport | None,
@@ -60,7 +54,7 @@ class _Document(DocumentNaming):
         super().__init__(robot, meshes, earlier)
         self.roots, self.origin, self.repaired = roots, origin, repaired
 
-    def written(self) -> DocumentWriter:
+    def written(self) -> WrittenDocument:
         """The text in canonical layout."""
         text = "\n".join((
             f"# From {self.origin}. What is not in it is listed in import.json.", "thingc: assembly/1", f"name: {self.name}", "",
@@ -71,7 +65,7 @@ class _Document(DocumentNaming):
         formatted = format_document(f"{self.name}.yaml", text.encode(), report)
         assert formatted is not None, report.diagnostics
         names = {"links": self.links, "frames": self.frames, "joints": self.joints, **self.others()}
-        return DocumentWriter(name=self.name, text=formatted.decode(), names=names)
+        return WrittenDocument(name=self.name, text=formatted.decode(), names=names)
 
     def _components(self) -> Iterator[str]:
         yield "components:"
