@@ -14,6 +14,7 @@ from typing import TextIO
 from thingc.base.diagnostic_output import as_json, as_text, summary
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.base.filesystem import NO_ROOM, listing, working_folder
+from thingc.base.pose import Matrix, Vector
 from thingc.base.replacement import ReplacementRefused
 from thingc.base.safe_text import escape_control, json_text, shown_line
 from thingc.base.suggestions import did_you_mean, file_meant, nearest
@@ -462,3 +463,30 @@ USAGE_CODES = frozenset({
     Code.COMMAND_LINE, Code.WORKING_FOLDER, Code.NO_DOCUMENT, Code.PARAMETER_OPTION, Code.CHOICE_OPTION, Code.UNEXPECTED, Code.OUTPUT,
     Code.NO_GRAPHICS, Code.BATCH_LOCKED, Code.BATCH_UNFINISHED, Code.BATCH_CHANGED, Code.NO_BATCH,
 })
+
+
+def table(rows: Sequence[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:
+    """The lines of rows of as many cells each; columns `right` are set to the right."""
+    rows = [tuple(map(escape_control, row)) for row in rows]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return [
+        "  ".join(cell.rjust(w) if k in right else cell.ljust(w) for k, (cell, w) in enumerate(zip(row, widths))).rstrip()
+        for row in rows
+    ]
+
+
+def millimetres(place: Vector) -> str:
+    """A place [m] in mm, to a tenth of a micrometre: `0 120 30.5`."""
+    return " ".join(f"{round(1000.0 * x, 4) + 0.0:g}" for x in place)
+
+
+def axes(rotation: Matrix) -> str:
+    """The axes x, y, z of a frame, each as the axis of its parent that it lies along, or as a direction in it: `+x, -y, -z`."""
+    return ", ".join(_axis((rotation[0][k], rotation[1][k], rotation[2][k])) for k in range(3))
+
+
+def _axis(v: Vector) -> str:
+    for k, name in enumerate("xyz"):
+        if abs(abs(v[k]) - 1.0) < 1e-9:
+            return f"{'+' if v[k] > 0 else '-'}{name}"
+    return "(" + " ".join(f"{x:z.3f}" for x in v) + ")"

@@ -13,7 +13,6 @@ from thingc.driver.pipeline import compile
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.robot.types import Robot
 from thingc.tools.cli import console
-from thingc.tools.cli.tables import axes, millimetres, table
 
 if TYPE_CHECKING:
     from thingc.targets.networkx_export import Loop
@@ -112,11 +111,11 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
          assembly.links[assembly.link_of[o.index]].name)
         for o in assembly.occurrences
     ]
-    lines += table(rows, right=(2,))
+    lines += console.table(rows, right=(2,))
     for robot in robots:
         data = mode_data(robot)
         lines.append("")
-        stands = f", on the floor with its root at {millimetres(robot.mode.at.translation)} mm" if robot.mode.on_floor else ""
+        stands = f", on the floor with its root at {console.millimetres(robot.mode.at.translation)} mm" if robot.mode.on_floor else ""
         lines.append(f"mode {robot.mode.name}: root {data['root']}, base {robot.base}{stands}")
         for body in robot.bodies:
             name = assembly.links[body.link].name
@@ -186,8 +185,8 @@ def mates_text(assembly: Assembly) -> list[str]:
         parent, child = assembly.occurrences[mate.parent], assembly.occurrences[mate.child]
         rotation = (assembly.rest[mate.parent].inverse() @ assembly.rest[mate.child]).rotation
         by = mate.name or "rigid"
-        rows.append((child.path, mate.child_mount, parent.path, mate.parent_mount, by, axes(rotation)))
-    return table(rows)
+        rows.append((child.path, mate.child_mount, parent.path, mate.parent_mount, by, console.axes(rotation)))
+    return console.table(rows)
 
 
 def _grams(mass: float) -> str:

@@ -14,7 +14,6 @@ from thingc.base.suggestions import did_you_mean
 from thingc.geometry.key.catalogue import classes_installed, installed_modules
 from thingc.geometry.record import NO_PARTS, MountRecord, ParameterSchema, PartFailure, PartRecord, PartSchema
 from thingc.tools.cli import console
-from thingc.tools.cli.tables import axes, millimetres, table
 
 if TYPE_CHECKING:
     from thingc.geometry.service import GeometryService
@@ -175,10 +174,10 @@ def _mounts(mounts: Mapping[str, MountRecord]) -> list[str]:
     """A table of mounts by name: where they are, which way they look, and their interfaces, if any has one."""
     rows = [("mount", "at [mm]", "x, y, z along", "interface")]
     rows += [
-        (name, millimetres(mount.pose.translation), axes(mount.pose.rotation), mount.interface or "")
+        (name, console.millimetres(mount.pose.translation), console.axes(mount.pose.rotation), mount.interface or "")
         for name, mount in sorted(mounts.items(), key=lambda entry: _in_order(entry[0]))
     ]
-    return table(rows if any(row[3] for row in rows[1:]) else [row[:3] for row in rows])
+    return console.table(rows if any(row[3] for row in rows[1:]) else [row[:3] for row in rows])
 
 
 def _in_order(name: str) -> tuple[str, int]:
