@@ -156,14 +156,16 @@ def _snake(name: str) -> str:
 
 def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
     """A component that is another document: one that is there, or one to begin with."""
+    from thingc.tools.templates import new_assembly
+
     path = _nested_path(arguments.name, None if documents is None else documents.root.path)
     there = os.path.lexists(path)
     if documents is None and there:
         hint = "choose another name, or name the document that it is for: --to robot.yaml"
         raise console.WrongCommandLine(f"`{shown_path(path)}` is there already", hint)
     name = _identifier(os.path.splitext(os.path.basename(path))[0])
-    text = ASSEMBLY_TOML if path.lower().endswith(".toml") else ASSEMBLY
-    files: dict[str, Change] = {} if there else {path: (None, text.replace("NAME", name).encode())}
+    text = new_assembly(name, ".toml" if path.lower().endswith(".toml") else ".yaml")
+    files: dict[str, Change] = {} if there else {path: (None, text.encode())}
     if documents is None:
         return DocumentEdit(values={}, files=files)
     root, component = documents.root, arguments.component or name
@@ -191,32 +193,6 @@ def _own_mount(path: str) -> str:
     except OSError:
         tree = None
     return _sole_mount(shown_path(path), list(_section(tree, "mounts")), "base")
-
-
-ASSEMBLY = """\
-thingc: assembly/1
-name: NAME
-
-components:
-  frame:                            # a mass at a place, until there are parts
-    frame: true
-    mass: {value: 20 g, source: estimated}
-
-mounts:
-  base: frame.origin
-"""
-ASSEMBLY_TOML = """\
-thingc = "assembly/1"
-name = "NAME"
-
-# a mass at a place, until there are parts
-[components.frame]
-frame = true
-mass = {value = "20 g", source = "estimated"}
-
-[mounts]
-base = "frame.origin"
-"""
 
 
 def _mode(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:

@@ -1,5 +1,5 @@
 """What `thingc new` begins a workspace with: one folder here for each template, and `common/` for what all of them have. `stubs/` has
-what `thingc add` begins a part with.
+what `thingc add` begins a part or an assembly with.
 
 In a template the robot is called `my_robot`, in names of files and in texts; so each of them is a workspace as it lies here. A name that
 begins with `dot_` begins with a dot in the workspace.
@@ -40,3 +40,8 @@ def new_part(name: str, material: str | None) -> str:
     text = (_HERE / "stubs" / "part.py").read_text(encoding="utf-8")
     stated = "" if material is None else f'material="{material}"'
     return text.replace("MyPart", name).replace('material="pla"', stated)
+
+
+def new_assembly(name: str, suffix: str) -> str:
+    """A document of an assembly of that name that has one frame: `.yaml` or `.toml`."""
+    return (_HERE / "stubs" / f"assembly{suffix}.txt").read_text(encoding="utf-8").replace("NAME", name)
