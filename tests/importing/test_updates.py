@@ -12,7 +12,7 @@ import pytest
 from thingc.base.diagnostics import Report
 from thingc.tools.cli.main import main
 from thingc.tools.importing.importing import import_robot
-from thingc.tools.importing.three_way_merge import MergeConflict, merged, read_text
+from thingc.tools.importing.three_way_merge import Merge, MergeConflict, read_text
 
 URDF = """<robot name="lamp">
   <link name="foot"><inertial><mass value="2"/><inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
@@ -207,7 +207,7 @@ def test_without_a_record_nothing_is_updated(lamp: Path, capsys: Said, record: s
 ])
 def test_texts_are_merged(base: str, new: str, ours: str, whole: str) -> None:
     texts = [read_text("/d.yaml", text, Report()) for text in (base, new, ours)]
-    assert merged(*texts).text == whole
+    assert Merge(*texts).merged().text == whole
 
 
 def test_every_number_is_the_one_that_was_changed_last() -> None:
@@ -222,7 +222,7 @@ def test_every_number_is_the_one_that_was_changed_last() -> None:
             dict.fromkeys(theirs, "11"), dict.fromkeys(mine, "777777"), dict.fromkeys(theirs, "11") | dict.fromkeys(mine, "777777"),
         ))
         texts = [read_text("/d.yaml", text, Report()) for text in (base, new, ours)]
-        one = merged(*texts)
+        one = Merge(*texts).merged()
         assert one.text == whole or one.conflicts, "a vector is one value: the person's, where both have changed it"
         assert one.text.count("777777") == ours.count("777777") and len(one.conflicts) + len(one.taken) <= len(theirs)
 
@@ -235,11 +235,11 @@ def changed(text: str, numbers: list[re.Match[str]], picked: dict[int, str]) -> 
 
 def test_halves_of_two_axes_are_no_axis() -> None:
     texts = [read_text("/d.yaml", text, Report()) for text in ("axis: [0, 1, 0]", "axis: [1, 0, 0]", "axis: [0, 0, 1]")]
-    one = merged(*texts)
+    one = Merge(*texts).merged()
     assert one.text == "axis: [0, 0, 1]" and [(conflict.ours, conflict.new) for conflict in one.conflicts] == [("[0, 0, 1]", "[1, 0, 0]")]
 
 
 def test_what_is_used_elsewhere_is_not_merged() -> None:
     texts = [read_text("/d.yaml", text, Report()) for text in ("a: 1\nb: 1", "a: 2\nb: 1", "a: &one 1\nb: *one\nc: 1")]
     with pytest.raises(MergeConflict, match="`b` would not be what it should"):
-        merged(*texts)
+        Merge(*texts).merged()
