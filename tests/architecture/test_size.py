@@ -31,16 +31,16 @@ def lines() -> dict[str, int]:
 def test_a_room_is_as_large_as_it_may_be(lines: dict[str, int], room: str) -> None:
     allowed = SIZES["rooms"][room]
     assert lines[room] <= allowed, f"`{room}` has {lines[room]} code lines, {allowed} are allowed: shorten it, or raise it with a reason"
-    assert lines[room] >= allowed - SLACK, f"`{room}` has {lines[room]} code lines: write this number into size.toml in place of {allowed}"
+    assert lines[room] >= allowed - SLACK, f"`{room}` has {lines[room]} code lines: lower its number in size.toml from {allowed}"
 
 
 def test_every_room_has_a_number(lines: dict[str, int]) -> None:
     assert set(SIZES["rooms"]) == {room for room in lines if not room.endswith(".py")}
 
 
-def test_the_compiler_proper_is_small() -> None:
-    proper = sum(count for room, count in SIZES["rooms"].items() if room not in OUTSIDE)
-    assert proper <= SIZES["proper"], f"the numbers of rooms without `batch` and `tools` add up to {proper}, {SIZES['proper']} are allowed"
+def test_the_compiler_proper_is_small(lines: dict[str, int]) -> None:
+    proper = sum(count for room, count in lines.items() if room not in OUTSIDE)
+    assert proper <= SIZES["proper"], f"without `batch` and `tools` there are {proper} code lines, {SIZES['proper']} are allowed"
 
 
 def test_a_raise_has_a_reason() -> None:

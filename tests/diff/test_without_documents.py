@@ -77,6 +77,17 @@ def test_two_locks(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
     assert "error[TC342]: `parts.lock.json` is broken" in capsys.readouterr().out
 
 
+def test_locks_with_another_gear(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    old, new = (folder / "parts.lock.json" for folder in locked)
+    values = json.loads(old.read_text())
+    for lock, ratio in ((old, 4.0), (new, 5.0)):
+        values["things"]["blocks:Block"]["records"]["blocks:Block"]["actuator"] = {"kind": "motor", "gear_ratio": ratio}
+        lock.write_text(json.dumps(values))
+    found = answer(capsys, old, new)
+    changed = {key: (change["old"], change["new"]) for key, change in found.items()}
+    assert changed == {("component", "changed", "blocks:Block", "drive.gear_ratio"): (4.0, 5.0)}
+
+
 def test_build_folders(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     old = write(tmp_path / "old")
     new = write(tmp_path / "new", ("value: 120 g", "value: 300 g"), ("base: fixed, pose: up", "base: held, pose: up"))

@@ -130,8 +130,8 @@ def _said(record: PartRecord) -> dict[str, Value]:
         if stated is not None:
             said |= {f"{key}.value": stated.value, f"{key}.source": stated.source}
     if record.actuator is not None:
-        actuator = record.actuator
-        said |= {f"drive.{key}": getattr(actuator, key) for key in ("kind", "stall_torque", "no_load_speed", "rotor_inertia", "kp", "kv")}
+        fields = record.actuator.__struct_fields__
+        said |= {f"drive.{key}": getattr(record.actuator, key) for key in fields if key != "sources"}
     return said
 
 
