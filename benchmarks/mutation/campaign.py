@@ -114,7 +114,7 @@ def parsed() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--number", type=int, default=300, help="how many mutants (default: 300)")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--rooms", nargs="+", default=list(ROOMS), help="folders of compiler/thingc to change")
+    parser.add_argument("--rooms", nargs="+", choices=ROOMS, default=list(ROOMS), help="folders of compiler/thingc to change")
     parser.add_argument("--minutes", type=float, default=240.0, help="start no further mutant after this time (default: 240)")
     parser.add_argument("--seconds", type=float, default=8.0, help="processor time of the tests that a mutant must survive (default: 8)")
     parser.add_argument("--longest", type=float, default=8.0, help="use no test file that takes more processor time [s] (default: 8)")
@@ -136,7 +136,7 @@ def main() -> None:
         paths = [tree / "compiler", tree / "parts", PLUGINS]
         os.environ.update(PYTHONPATH=os.pathsep.join(map(str, paths)), THINGC_STORE=f"{folder}/store", OMP_NUM_THREADS="1")
         sys.path[:0] = map(str, paths)
-        tests = read_map(tree, path, arguments.keep_map, arguments.map_minutes, arguments.longest)
+        tests = read_map(tree, path, arguments.rooms, arguments.keep_map, arguments.map_minutes, arguments.longest)
         functions = warmed(tree / PACKAGE, IMPORTED)
         end = time.monotonic() + 60.0 * arguments.minutes
         judgements = []

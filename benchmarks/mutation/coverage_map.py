@@ -51,12 +51,15 @@ def digest(paths: Iterable[Path]) -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in paths if path.exists())).hexdigest()
 
 
-def missing(tree: Path, known: dict[str, Any], keep: bool) -> dict[str, dict[str, Any]]:
-    """Entries, without lines, of the test files that have no valid one in a map: first one file of each folder, then another of each."""
+def missing(tree: Path, known: dict[str, Any], rooms: Iterable[str], keep: bool) -> dict[str, dict[str, Any]]:
+    """Entries, without lines, of the test files that have no valid one in a map: one file of each folder of the rooms first."""
     compiler = digest(sorted((tree / PACKAGE).rglob("*.py")))
-    folders = [sorted((tree / "tests" / name).glob("test_*.py")) for name in (*chain(*ROOMS.values()), *OTHERS)]
+    own, others = (
+        zip_longest(*(sorted((tree / "tests" / name).glob("test_*.py")) for name in names))
+        for names in ([name for room in rooms for name in ROOMS[room]], OTHERS)
+    )
     entries = {}
-    for file in filter(None, chain(*zip_longest(*folders))):
+    for file in filter(None, chain(*own, *others)):
         text = digest([file, file.parent / "conftest.py", tree / "tests" / "conftest.py"])
         entries[str(file.relative_to(tree))] = {"test": text, "compiler": compiler}
     compared = ["test"] if keep else ["test", "compiler"]
@@ -89,17 +92,17 @@ def add_to_map(tree: Path, known: dict[str, Any], entries: dict[str, dict[str, A
             print(f"{test}: {seconds:.1f} s{verdict}", flush=True)
 
 
-def read_map(tree: Path, path: Path, keep: bool, minutes: float, longest: float) -> list[TestFile]:
+def read_map(tree: Path, path: Path, rooms: Iterable[str], keep: bool, minutes: float, longest: float) -> list[TestFile]:
     """All test files with their lines, from an earlier run as far as they are valid."""
     known = json.loads(path.read_text()) if path.exists() else {}
-    entries = missing(tree, known, keep)
+    entries = missing(tree, known, rooms, keep)
     if entries and minutes:
         # In a process of its own, whose modules have the marks.
         process = get_context("fork").Process(target=add_to_map, args=(tree, known, entries, path, minutes, longest))
         process.start()
         process.join()
         known = json.loads(path.read_text())
-        entries = missing(tree, known, keep)
+        entries = missing(tree, known, rooms, keep)
     compiler = digest(sorted((tree / PACKAGE).rglob("*.py")))
     used = {test: one for test, one in known.items() if test == IMPORT or test not in entries and (tree / test).exists() and one["lines"]}
     stale = sum(one["compiler"] != compiler for test, one in used.items() if test != IMPORT)
