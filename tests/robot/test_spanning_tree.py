@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from graph.builder import (
+    FILE,
     MATE,
     ActuatorRecord,
     Drive,
@@ -24,11 +25,13 @@ from graph.builder import (
     linked,
     mimic,
     mode,
+    notes,
     pose,
     ref,
     rx,
     ry,
     rz,
+    said,
     t,
     whole,
 )
@@ -152,6 +155,30 @@ def test_a_mode_without_a_pose_starts_with_joints_at_zero(lower: float | None, u
     report = Report()
     check_starts(tuple(robots(linked(model, BASE, ARM)).values()), None, report, Memo())
     assert [d.code for d in report.diagnostics] == ([Code.START_LIMITS] if outside else [])
+
+
+def test_one_warning_names_the_modes_that_start_alike_and_the_first_joints() -> None:
+    """Five joints in a row that cannot be at 0, in three modes of which the last has a pose: one warning, about the first two."""
+    arms = [f"arm{k}" for k in range(5)]
+    joints = [
+        joint(f"j{k}", parent, f"{arm}.hole", lower=math.radians(10.0 + k), upper=math.radians(90.0), line=20 + k)
+        for k, (parent, arm) in enumerate(zip(["base.seat", *(f"{arm}.tip" for arm in arms)], arms, strict=False))
+    ]
+    model = assembly(
+        "row", [component("base", "p:Base"), *(component(arm, "p:Arm") for arm in arms)], joints,
+        poses=[pose("up", **{f"j{k}": 0.5 for k in range(5)})],
+        modes=[
+            mode("m", whole("base"), line=200), mode("n", whole("base"), at=AT, line=201),
+            mode("posed", whole("base"), poses=("up",), pose="up", line=202),
+        ],
+    )
+    report = Report()
+    check_starts(tuple(robots(linked(model, BASE, ARM)).values()), None, report, Memo())
+    [(code, message, _, line)] = said(report)
+    assert (code, line) == ("START_LIMITS", 200)
+    assert message == "mode `m` starts without a pose, so with `j0` at 0, outside its limits 10 deg to 90 deg"
+    more = [(f"so it is with `{name}`", None, None) for name in ("j1", "j2", "j3")]
+    assert notes(report) == [("`j0` is here", FILE, 20), *more, ("so it is in `n`", None, None)]
 
 
 def test_world_poses_start_from_another_base_pose_when_asked() -> None:
