@@ -33,12 +33,15 @@ from graph.builder import (
     rz,
     said,
     t,
+    where,
     whole,
 )
 from thingc.base.diagnostics import Code, Report
 from thingc.base.memo import Memo
 from thingc.base.pose import Vector
+from thingc.geometry.record import Mesh
 from thingc.model.assembly.types import Assembly
+from thingc.model.resolve.types import Standing
 from thingc.model.robot.kinematics import body_poses, link_names, mass_properties, occurrence_poses
 from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.start_pose_checks import check_starts
@@ -179,6 +182,31 @@ def test_one_warning_names_the_modes_that_start_alike_and_the_first_joints() -> 
     assert message == "mode `m` starts without a pose, so with `j0` at 0, outside its limits 10 deg to 90 deg"
     more = [(f"so it is with `{name}`", None, None) for name in ("j1", "j2", "j3")]
     assert notes(report) == [("`j0` is here", FILE, 20), *more, ("so it is in `n`", None, None)]
+
+
+@pytest.mark.parametrize("number", [1, 3, 4])
+def test_one_warning_names_the_modes_that_do_not_stand_on_their_feet(number: int) -> None:
+    """A hub 100 mm high between legs 40 mm high whose centres are 20 mm above its own: it is 50 mm lower than they are."""
+    seen = dict.fromkeys(("visual", "hull"), Mesh(sha256="0" * 64, size=1, vertices=8, faces=12, closed=True, flat=False))
+    sides = {f"side{k}": t(x, y, 0.02) for k, (x, y) in enumerate([(1, 1), (1, -1), (-1, 1), (-1, -1)])}
+    hub = box("p:Hub", (0.2, 0.2, 0.1), meshes=seen, mounts=sides)
+    leg = box("p:Leg", (0.02, 0.02, 0.04), meshes=seen, mounts={"tip": t(0, 0, 0.02)})
+    feet = Standing(mounts=tuple(ref(f"leg{k}.tip") for k in range(number)), friction=None, origin=where(1))
+    model = assembly(
+        "stool", [component("hub", "p:Hub", line=10), *(component(f"leg{k}", "p:Leg") for k in range(4))],
+        [joint(f"j{k}", f"hub.side{k}", f"leg{k}.origin", "fixed" if k >= number else "revolute") for k in range(4)],
+        modes=[
+            mode(name, whole("hub"), "free", at=t(0, 0, 1), standing=feet, line=line, gravity=gravity)
+            for name, line, gravity in (("m", 200, (0, 0, -9.81)), ("n", 201, (0, 0, 9.81)), ("o", 202, (-9.81, 0, 0)))
+        ],
+    )
+    report = Report()
+    check_starts(tuple(robots(linked(model, hub, leg)).values()), None, report, Memo())
+    [(code, message, _, line)] = said(report)
+    assert (code, line) == ("OFF_FEET", 200)
+    names = ", ".join(f"`leg{k}/tip`" for k in range(min(number, 3))) + (" and others" if number == 4 else "")
+    assert message == f"mode `m` stands on {names}, and `hub` is at least 50 mm lower with all joints at 0"
+    assert notes(report) == [("`hub` is here", FILE, 10), ("so it is in `n`, `o`", None, None)]
 
 
 def test_world_poses_start_from_another_base_pose_when_asked() -> None:
