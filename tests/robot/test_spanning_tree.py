@@ -52,6 +52,8 @@ HOLE = t(-0.05, 0.01, 0.0) @ rx(1.2)
 SOLE = t(0.0, 0.0, -0.02) @ rx(math.pi)
 BASE = box("p:Base", mounts={"seat": SEAT, "sole": SOLE})
 ARM = box("p:Arm", (0.2, 0.03, 0.03), centre=(0.1, 0.0, 0.0), mounts={"hole": HOLE, "tip": t(0.2, 0, 0) @ ry(math.pi / 2)})
+SEEN = dict.fromkeys(("visual", "hull"), Mesh(sha256="0" * 64, size=1, vertices=8, faces=12, closed=True, flat=False))
+"""Meshes that nobody reads, without which a part is not seen."""
 AT = t(0.3, -0.2, 0.1) @ rz(0.5) @ ry(-0.2) @ rx(0.1)
 
 
@@ -187,10 +189,9 @@ def test_one_warning_names_the_modes_that_start_alike_and_the_first_joints() -> 
 @pytest.mark.parametrize("number", [1, 3, 4])
 def test_one_warning_names_the_modes_that_do_not_stand_on_their_feet(number: int) -> None:
     """A hub 100 mm high between legs 40 mm high whose centres are 20 mm above its own: it is 50 mm lower than they are."""
-    seen = dict.fromkeys(("visual", "hull"), Mesh(sha256="0" * 64, size=1, vertices=8, faces=12, closed=True, flat=False))
     sides = {f"side{k}": t(x, y, 0.02) for k, (x, y) in enumerate([(1, 1), (1, -1), (-1, 1), (-1, -1)])}
-    hub = box("p:Hub", (0.2, 0.2, 0.1), meshes=seen, mounts=sides)
-    leg = box("p:Leg", (0.02, 0.02, 0.04), meshes=seen, mounts={"tip": t(0, 0, 0.02)})
+    hub = box("p:Hub", (0.2, 0.2, 0.1), meshes=SEEN, mounts=sides)
+    leg = box("p:Leg", (0.02, 0.02, 0.04), meshes=SEEN, mounts={"tip": t(0, 0, 0.02)})
     feet = Standing(mounts=tuple(ref(f"leg{k}.tip") for k in range(number)), friction=None, origin=where(1))
     model = assembly(
         "stool", [component("hub", "p:Hub", line=10), *(component(f"leg{k}", "p:Leg") for k in range(4))],
@@ -207,6 +208,28 @@ def test_one_warning_names_the_modes_that_do_not_stand_on_their_feet(number: int
     names = ", ".join(f"`leg{k}/tip`" for k in range(min(number, 3))) + (" and others" if number == 4 else "")
     assert message == f"mode `m` stands on {names}, and `hub` is at least 50 mm lower with all joints at 0"
     assert notes(report) == [("`hub` is here", FILE, 10), ("so it is in `n`, `o`", None, None)]
+
+
+@pytest.mark.parametrize(("z", "base", "others", "depth"), [
+    (0.03, "free", 0, "20 mm"), (0.03, "free", 1, "20 mm"), (0.03, "free", 2, "20 mm"), (0.0494, "free", 0, "0.6 mm"),
+    (0.0496, "free", 0, None), (0.03, "fixed", 0, None), (-0.07, "fixed", 0, "120 mm"), (0.03, "held", 0, None),
+    (-0.07, "held", 0, "120 mm"),
+])
+def test_one_warning_names_the_modes_that_start_under_the_plane(z: float, base: str, others: int, depth: str | None) -> None:
+    """A part 100 mm high around its root, of which only the box is known. A root that is fixed may reach into the ground."""
+    block = box("p:Block", (0.2, 0.2, 0.1), meshes=SEEN)
+    ways = (("m", (0, 0, -9.81)), ("n", (0, 0, 9.81)), ("o", (-9.81, 0, 0)))[: others + 1]
+    modes = [mode(name, whole("b"), base, at=t(0, 0, z), line=200 + k, gravity=gravity) for k, (name, gravity) in enumerate(ways)]
+    model, report = assembly("one", [component("b", "p:Block", line=10)], modes=modes), Report()
+    check_starts(tuple(robots(linked(model, block)).values()), None, report, Memo())
+    assert [(code, line, message) for code, message, _, line in said(report)] == [
+        ("START_BELOW", 200, f"mode `m` starts with `b` at least {depth} under the plane z = 0 of its scene") for _ in [depth] if depth
+    ]
+    if depth:
+        more = ["", "so does mode `n`", "so do modes `n`, `o`"][others]
+        assert notes(report) == [("`b` is here", FILE, 10), *((text, None, None) for text in [more] if text)]
+        [help] = [one.help or "" for one in report.diagnostics]
+        assert help.startswith("`at` is at z = -70 mm" if z < 0 else "write for example `at: {xyz: 0 0 50 mm}`")
 
 
 def test_world_poses_start_from_another_base_pose_when_asked() -> None:
