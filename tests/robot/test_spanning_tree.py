@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -40,8 +41,9 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.memo import Memo
 from thingc.base.pose import Vector
 from thingc.geometry.record import Mesh
-from thingc.model.assembly.types import Assembly
+from thingc.model.assembly.types import Assembly, Listed, Surface
 from thingc.model.resolve.types import Standing
+from thingc.model.robot.floor_height import stand
 from thingc.model.robot.kinematics import body_poses, link_names, mass_properties, occurrence_poses
 from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.start_pose_checks import check_starts
@@ -188,14 +190,18 @@ def test_one_warning_names_the_modes_that_start_alike_and_the_first_joints() -> 
 
 @pytest.mark.parametrize("number", [1, 3, 4])
 def test_one_warning_names_the_modes_that_do_not_stand_on_their_feet(number: int) -> None:
-    """A hub 100 mm high between legs 40 mm high whose centres are 20 mm above its own: it is 50 mm lower than they are."""
+    """A hub 100 mm high between legs 40 mm high whose centres are 20 mm above its own: it is 50 mm lower than they are.
+    Of what is as low the first is named."""
     sides = {f"side{k}": t(x, y, 0.02) for k, (x, y) in enumerate([(1, 1), (1, -1), (-1, 1), (-1, -1)])}
     hub = box("p:Hub", (0.2, 0.2, 0.1), meshes=SEEN, mounts=sides)
     leg = box("p:Leg", (0.02, 0.02, 0.04), meshes=SEEN, mounts={"tip": t(0, 0, 0.02)})
     feet = Standing(mounts=tuple(ref(f"leg{k}.tip") for k in range(number)), friction=None, origin=where(1))
     model = assembly(
-        "stool", [component("hub", "p:Hub", line=10), *(component(f"leg{k}", "p:Leg") for k in range(4))],
-        [joint(f"j{k}", f"hub.side{k}", f"leg{k}.origin", "fixed" if k >= number else "revolute") for k in range(4)],
+        "stool", [component("hub", "p:Hub", line=10), *(component(f"leg{k}", "p:Leg") for k in range(4)), component("twin", "p:Hub")],
+        [
+            joint("as_low", "hub.origin", "twin.origin", "fixed"),
+            *(joint(f"j{k}", f"hub.side{k}", f"leg{k}.origin", "fixed" if k >= number else "revolute") for k in range(4)),
+        ],
         modes=[
             mode(name, whole("hub"), "free", at=t(0, 0, 1), standing=feet, line=line, gravity=gravity)
             for name, line, gravity in (("m", 200, (0, 0, -9.81)), ("n", 201, (0, 0, 9.81)), ("o", 202, (-9.81, 0, 0)))
@@ -230,6 +236,24 @@ def test_one_warning_names_the_modes_that_start_under_the_plane(z: float, base: 
         assert notes(report) == [("`b` is here", FILE, 10), *((text, None, None) for text in [more] if text)]
         [help] = [one.help or "" for one in report.diagnostics]
         assert help.startswith("`at` is at z = -70 mm" if z < 0 else "write for example `at: {xyz: 0 0 50 mm}`")
+
+
+def test_meshes_of_a_link_stand_where_the_link_has_them() -> None:
+    """A mesh that is turned and moved in its link, in a mode that is turned, too: its lowest corner by numpy."""
+    corners = [(0.1, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.3), (-0.1, -0.05, -0.02)]
+    inner, at = t(0.02, -0.3, 0.07) @ rx(0.8), t(0.4, 0.5, 0.9) @ ry(0.3) @ rz(0.2)
+    placed = np.array([(inner @ [*corner, 1.0])[:3] for corner in corners])
+    low, high = (tuple(map(float, ends)) for ends in (placed.min(axis=0), placed.max(axis=0)))
+    mesh = Mesh(sha256="0" * 64, size=1, vertices=4, faces=4, closed=True, flat=False)
+    touching = (Surface(solid=mesh, material=None, color=None, pose=as_pose(inner)),)
+    model = assembly("one", [component("b", "p:Block")], modes=[mode("m", whole("b"), at=at)])
+    found, report = linked(model, box("p:Block")), Report()
+    [part] = found.occurrences
+    part = replace(part, listed=Listed(drawn=(), touching=touching, solids=(), box=(low, high)))
+    found = replace(found, occurrences=(part,), modes=(replace(found.modes[0], on_floor=True),))
+    stood = stand(found, lambda mesh: corners, report).modes[0].at
+    assert stood.translation == (0.4, 0.5, pytest.approx(-(at[:3, :3] @ placed.T)[2].min(), abs=1e-6))
+    assert report.diagnostics == []
 
 
 def test_world_poses_start_from_another_base_pose_when_asked() -> None:
