@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from graph.builder import as_matrix, as_pose
+from graph.builder import as_matrix, as_pose, assembly, box, component, joint, linked, mimic, mode, rx, t, whole
 from robot.test_spanning_tree_properties import Tree, build, robots
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.robot.kinematics import body_poses
@@ -110,6 +110,26 @@ def test_a_robot_finds_back_to_where_it_was(tree: Tree, seed: int) -> None:
         assert solution.closed, solution.residuals
         reached = as_matrix(body_poses(robot, solution.state.q)[body]) @ X_LM
         assert reached == pytest.approx(X_WM, abs=1e-9)
+
+
+@pytest.mark.parametrize("multiplier", [-0.5, 2.0])
+def test_a_joint_that_follows_keeps_following(multiplier: float) -> None:
+    """Two hinges in a row, of which the second follows the first: the pose of both at known angles is found."""
+    arm = box("p:Arm", mounts={"near": np.eye(4), "far": t(0.2, 0.0, 0.0) @ rx(0.4)})
+    model = assembly(
+        "row", [component(name, "p:Arm") for name in ("base", "upper", "lower")],
+        [
+            joint("lead", "base.far", "upper.near"),
+            joint("led", "upper.far", "lower.near", mimic=mimic("lead", multiplier, 0.1)),
+        ],
+        modes=[mode("m", whole("base"))],
+    )
+    [robot] = robots(linked(model, arm)).values()
+    q = {"lead": 0.6, "led": multiplier * 0.6 + 0.1}
+    loops = held(robot, 2, as_matrix(body_poses(robot, q)[2]), np.eye(4))
+    solution = loops.close(state(robot, {"lead": 0.0, "led": 0.1}), None, base_moves=False)
+    assert solution.closed, solution.residuals
+    assert solution.state.q == pytest.approx(q, abs=1e-9)
 
 
 @settings(max_examples=25)
