@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from graph.builder import (
     FILE,
@@ -436,7 +436,6 @@ def test_a_long_chain_needs_no_recursion() -> None:
 
 
 def test_a_link_out_of_reach_is_a_diagnostic() -> None:
-    from msgspec.structs import replace
 
     found = replace(hinge(), mates=())
     report = Report()
