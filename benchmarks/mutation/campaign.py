@@ -4,7 +4,8 @@
 
 The tests run in a copy of the working tree. First each test file runs once, which gives the map: how much processor time the file takes and
 which statements it executes. Then each mutant runs test files that execute its line until one fails: those of its own room first, then the
-fastest, as many as take `--seconds` together. Tests that are marked `slow` never run.
+fastest, as many as take `--seconds` together. Tests that are marked `slow` never run. A test that did not run may still notice a
+survivor: with the change made by hand, run `tests/cases` and whatever else is about it before you write a test.
 
 Tests run in forks of this process, which has imported the compiler; the fork then changes the code of functions. Only where a mutant
 changes what is executed at import do they run in a new Python process.
