@@ -367,6 +367,15 @@ def test_every_pose_goes_to_the_place_that_is_held(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.parametrize(("away", "kept"), [(29, True), (31, False)])
+def test_a_pose_that_moves_by_more_than_30_deg_is_no_keyframe(away: int, kept: bool, tmp_path: Path) -> None:
+    """That of the mode itself (30 deg) stays one, however far it moves."""
+    text = LEVER.replace("down: {hinge: -30 deg}", f"down: {{hinge: {away - 10} deg}}")
+    found = compiled(tmp_path, text + f"  m: {{root: post, pose: up, hold: {{arm.tip: {written(tip_at(np.radians(-10.0)) @ MATE)}}}}}\n")
+    assert [frame.name for frame in found.robot("m").keyframes] == (["up", "down"] if kept else ["up"])
+    assert all(frame.q["hinge"] == pytest.approx(np.radians(-10.0), abs=1e-9) for frame in found.robot("m").keyframes)
+
+
 def test_a_component_is_held_by_its_origin_laid_plainly(tmp_path: Path) -> None:
     held = turn("z", 0.3) @ MATE @ np.linalg.inv(HUB)
     found = compiled(tmp_path, LEVER + f"  m: {{root: post, pose: up, hold: {{arm: {written(held)}}}}}\n")
