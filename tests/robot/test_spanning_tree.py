@@ -436,7 +436,6 @@ def test_a_long_chain_needs_no_recursion() -> None:
 
 
 def test_a_link_out_of_reach_is_a_diagnostic() -> None:
-
     found = replace(hinge(), mates=())
     report = Report()
     assert root(found, found.modes[0], report) is None
