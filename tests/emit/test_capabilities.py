@@ -192,7 +192,7 @@ def test_what_a_table_leaves_out_is_not_written(
 
 @pytest.mark.parametrize(("target", "says", "kind", "form", "word"), [
     ("urdf", URDF, "screw", "each", "j7_slide"), ("sdf", SDF, "universal", "each", 'type="universal"'),
-    ("usd", USD, "planar", "single", "limit:transX"), ("mjcf", MJCF, "screw", "each", "j7:slide"),
+    ("usd", USD, "several", "single", "limit:transX"), ("mjcf", MJCF, "screw", "each", "j7:slide"),
 ])
 def test_a_joint_is_written_as_its_cell_has_it(
     robot: Any, monkeypatch: pytest.MonkeyPatch, target: str, says: Any, kind: str, form: str, word: str,

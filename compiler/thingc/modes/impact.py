@@ -14,7 +14,7 @@ from thingc.modes.state import RobotState
 from thingc.modes.tree import Cut, Hold, Inertias, Mode
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Impact(OneLineRepr):
     """What became of a link that is held: `removed` (6,) is the twist [m/s, rad/s] that it could not keep (where it may turn about
     its mount the velocity of the mount's origin, and no turn), `impulse` (6,) what an inelastic catch took: linear [N s] in world

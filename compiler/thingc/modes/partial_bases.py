@@ -16,7 +16,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.modes.frames import Array, inverse, pose, quaternion_of, rotation_of, turned
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PartBase(OneLineRepr):
     """How the root link of a mode moves: `kind` is `planar` or `ball`, `X_WA` and `X0_WR` (4, 4) as above."""
 

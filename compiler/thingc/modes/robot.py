@@ -25,7 +25,7 @@ OnMotion = Literal["raise", "drop", "impact"]
 CHOICES: tuple[OnMotion, ...] = get_args(OnMotion)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SwitchResult(OneLineRepr):
     """What a switch has come to.
 

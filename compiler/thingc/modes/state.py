@@ -14,7 +14,7 @@ from thingc.modes.errors import ModesError
 from thingc.modes.frames import Array
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class RobotState(OneLineRepr):
     """Where the root link of `mode` is, how it moves, and q and v of every joint.
 

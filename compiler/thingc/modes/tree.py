@@ -17,7 +17,7 @@ from thingc.modes.partial_bases import PartBase
 from thingc.modes.state import RobotState
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Ball(OneLineRepr):
     """A ball of a mode's tree: its `name` in the model, its three `coordinates` in the document's order, whether the tree crosses it
     backwards (`reversed`), and `R` (3, 3), which takes its q to MuJoCo's."""
@@ -64,7 +64,7 @@ def rotation(vector: Array) -> Array:
     return np.eye(3) if angle == 0.0 else turned(vector / angle, angle)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Inertias(OneLineRepr):
     """Of n links: `mass` (n,) [kg], `centre` (n, 3) [m] in the link's frame, `inertia` (n, 3, 3) [kg m^2] about the centre in
     the link's axes. Of its m joints: `armature` (m,) [kg m^2, of a slide kg], the inertia of what turns behind the gears."""
@@ -75,7 +75,7 @@ class Inertias(OneLineRepr):
     armature: Array
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Link(OneLineRepr):
     """A body. `X_root_link` (4, 4) is its frame in the root link's at q = 0; `mass` [kg], `centre` (3,) [m] and `inertia` (3, 3)
     [kg m^2, about the centre] are in its own frame."""
@@ -87,7 +87,7 @@ class Link(OneLineRepr):
     inertia: Array
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Mimic(OneLineRepr):
     """A joint that follows another: q = offset + multiplier x + higher[0] x^2 + ... with x the q of `joint`."""
 
@@ -101,7 +101,7 @@ class Mimic(OneLineRepr):
         return self.multiplier + sum_of(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Joint(OneLineRepr):
     """A coordinate of a joint from link `parent` to link `child` (indices into `Mode.links`), the `first` of them or one behind others.
 
@@ -153,7 +153,7 @@ class Joint(OneLineRepr):
         return self.ball.qvel(q, v) if self.first else np.zeros(0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Hold(OneLineRepr):
     """A mount `path` on `link` (an index) that the mode holds still besides its root: `X_LM` (4, 4) in the link, `X_WM` (4, 4) its pose in
     the world in the document. `anchor` is the mocap body of the model that holds it. One that `turns` carries force alone: its origin is
@@ -167,7 +167,7 @@ class Hold(OneLineRepr):
     turns: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Cut(OneLineRepr):
     """A joint that closes a loop and is none of this mode's tree: frames A on link `parent` (index, `X_PA`) and B on link `child`
     (`X_CB`) meet, where A has been moved by its `coordinates` (names) one after the other, as their `twists` (n, 6) say, angular over
@@ -183,7 +183,7 @@ class Cut(OneLineRepr):
     twists: Array
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Mode(OneLineRepr):
     """A mode of a robot. `root` is the path of the site that it stands on, `base` `fixed | held | free | planar | ball` (of the last two
     `part` says how it moves), `gravity` (3,) [m/s^2] in the world, `X_world_root` (4, 4) where the mode puts its root link; `links`
