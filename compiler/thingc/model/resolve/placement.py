@@ -11,7 +11,7 @@ from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.spec.assembly import AttachSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun
-from thingc.model.resolve.types import At, Attach
+from thingc.model.resolve.types import At, Attach, Joint
 
 Places = dict[str, list[tuple[str, Span]]]
 """By component name: how it is placed (`` `attach` ``, `` joint `yaw` ``) and where that is written."""
@@ -102,10 +102,7 @@ def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
         if node.doubtful and any(table.doubts.touch((*node.path, key)) for key in ("attach", "at"))
     }
     free = [name for name in table.nodes if name not in places and name not in vague]
-    swapped = {
-        joint.child.path[0]: joint for joint in table.joints.values()
-        if joint is not None and not joint.loop and joint.parent.path[:1] in [(one,) for one in free[1:]]
-    }
+    swapped = _perhaps_swapped(table, free)
     for name, ways in places.items():
         node = table.nodes[name]
         if len(ways) < 2 or name in vague:
@@ -133,18 +130,26 @@ def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
             table.nodes[name].unplaced = True
         return
     if not free and table.nodes and not vague:
-        first_name = next(iter(table.nodes))
-        table.scope.error(
-            Code.NO_BASE, "every component is placed on another one: the assembly has no base", ("components",), key=True,
-            help=f"take the placement of one of them away, for example that of `{first_name}`" + _closes(
-                next((way for ways in reversed(places.values()) for way, _ in ways if way.startswith("joint")), "")
-            ),
-            notes=[Note(message=f"`{name}` is placed by {ways[0][0]}", span=ways[0][1]) for name, ways in [*places.items()][:4]],
-        )
+        _report_no_base(table, places)
     if len(free) > 1:
         _report_bases(table, free)
         for name in free[1:]:
             table.nodes[name].unplaced = True
+
+
+def _report_no_base(table: DocumentScope, places: Places) -> None:
+    joint = next((way for ways in reversed(places.values()) for way, _ in ways if way.startswith("joint")), "")
+    table.scope.error(
+        Code.NO_BASE, "every component is placed on another one: the assembly has no base", ("components",), key=True,
+        help=f"take the placement of one of them away, for example that of `{next(iter(table.nodes))}`{_closes(joint)}",
+        notes=[Note(message=f"`{name}` is placed by {ways[0][0]}", span=ways[0][1]) for name, ways in [*places.items()][:4]],
+    )
+
+
+def _perhaps_swapped(table: DocumentScope, free: list[str]) -> dict[str, Joint]:
+    """Joints by their child, where nothing places the parent: parent and child may have been swapped."""
+    joints = [joint for joint in table.joints.values() if joint is not None and not joint.loop]
+    return {joint.child.path[0]: joint for joint in joints if joint.parent.path and joint.parent.path[0] in free[1:]}
 
 
 def _closes(way: str) -> str:

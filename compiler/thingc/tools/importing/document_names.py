@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from thingc.base.export_names import TAKEN, is_file_name
 from thingc.base.pose import Pose
@@ -67,13 +67,7 @@ class DocumentNaming:
         names = distinct([robot.root, *(one.child for one in self.order)], "link", earlier=None if earlier is None else earlier.links)
         self.links = {name: word for name, word in names.items() if name not in mounts}
         self.frames = {name: names[name] for name in mounts}
-        points = [
-            link.name for link in robot.links
-            if link.weight is not None and not any(map(any, link.weight.properties.inertia)) and any(map(self.is_shown, link.shapes))
-        ]
-        self.points = {
-            name: distinct([f"{self.links[name]}_mass"], "link", taken=names.values())[f"{self.links[name]}_mass"] for name in points
-        }
+        self.points = self._points(names.values())
         sites = [site.name for link in robot.links for site in link.sites]
         self.sites = distinct(sites, "mount", taken=names.values(), earlier=self._paths(sites))
         moving = [joint.name for one in self.order for joint in one.joints]
@@ -104,16 +98,30 @@ class DocumentNaming:
         self.driven = [(word, one.name, one.drive) for word, one in both if one.drive is not None]
         drives = [word for name, word in (*self.joints.items(), *self.tendons.items()) if name != word]
         drives += [word for word, _, _ in self.driven]
-        self.added: dict[tuple[str, str], str] = {}
-        for element in robot.added:
-            name, taken = element.name, drives if element.section == "actuator" else []  # whose words mean their drives
-            plain = distinct([name], element.section, taken=[*taken, *self.added.values()])[name]
-            self.added[element.section, name] = name if not name or is_file_name(name) and name not in taken else plain
+        self.added = self._added(drives)
         self.poses = distinct([one.name for one in robot.poses], "pose")
         named = Counter((link.name, shape.use, shape.name) for link in robot.links for shape in link.shapes)
         owners = Counter(name for _, name in {(link, name) for link, _, name in named})
         self.repeated = {name for (_, _, name), count in named.items() if count > 1 or owners[name] > 1}
         self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
+
+    def _points(self, taken: Collection[str]) -> dict[str, str]:
+        """Components for the masses of links that have shapes, but no inertia."""
+        named: dict[str, str] = {}
+        for link in self.robot.links:
+            if link.weight is not None and not any(map(any, link.weight.properties.inertia)) and any(map(self.is_shown, link.shapes)):
+                word = f"{self.links[link.name]}_mass"
+                named[link.name] = distinct([word], "link", taken=taken)[word]
+        return named
+
+    def _added(self, drives: list[str]) -> dict[tuple[str, str], str]:
+        """Elements of MuJoCo that are added as they are, by section and name. An actuator has no word of `drives`, which is taken."""
+        added: dict[tuple[str, str], str] = {}
+        for element in self.robot.added:
+            name, taken = element.name, drives if element.section == "actuator" else []
+            plain = distinct([name], element.section, taken=[*taken, *added.values()])[name]
+            added[element.section, name] = name if not name or is_file_name(name) and name not in taken else plain
+        return added
 
     def _paths(self, names: Sequence[str]) -> dict[str, str]:
         """What is called, of these names, by the path of a mount, as models of ours do: `hand/tip` on the link `hand` as that mount, where
