@@ -32,6 +32,8 @@ from loops.robots import (
     turn,
     worm_links,
 )
+from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import compile
 from thingc.tools.cli import info
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
@@ -437,3 +439,28 @@ def test_holds_are_merged_key_by_key_over_what_a_mode_extends(tmp_path: Path) ->
     assert np.array(found.modes["c"]["holds"]["front/sole"]["X_WM"]) == pytest.approx(moved, abs=1e-12)
     for mode in "abc":
         assert equality_residual(at_key(found.model(mode), "arched")) < EXACT
+
+
+def test_a_mount_that_is_the_origin_of_a_component_is_mated(tmp_path: Path) -> None:
+    """As a root and held: `hand.tip` is a mount of the assembly `hand`, although it lies on the origin of `hand.cap`, which is laid."""
+    weight = "{frame: true, mass: 100 g, inertia: {ixx: 9 kg*mm^2, iyy: 9 kg*mm^2, izz: 9 kg*mm^2}}"
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (tmp_path / "inner.yaml").write_text(
+        f"thingc: assembly/1\nname: inner\ncomponents:\n  cap: {weight}\nmounts: {{tip: cap.origin}}\n",
+    )
+    (tmp_path / "top.yaml").write_text(
+        f"thingc: assembly/1\nname: top\ncomponents:\n  hand: {{assembly: inner.yaml}}\n  arm: {weight}\n"
+        "joints:\n  wrist: {type: ball, parent: hand.tip, child: arm.origin}\n"
+        "modes:\n  laid: {root: hand.cap, base: fixed}\n  mated: {root: hand.tip, base: fixed}\n"
+        "  laid_hold: {root: arm, base: fixed, hold: {hand.cap: {xyz: 0 0 0}}}\n"
+        "  mated_hold: {root: arm, base: fixed, hold: {hand.tip: {xyz: 0 0 0}}}\n",
+    )
+    with Environment(str(tmp_path / "top.yaml"), Options()) as environment:
+        compilation = compile(environment)
+    assert not compilation.report.failed
+    laid, mated, laid_hold, mated_hold = compilation.robots
+    for pose, expected in (
+        (laid.bodies[0].X_PL, np.eye(4)), (mated.bodies[0].X_PL, MATE),
+        (laid_hold.closures[0].X_PA, np.eye(4)), (mated_hold.closures[0].X_PA, MATE),
+    ):
+        assert np.array(pose.rotation) == pytest.approx(expected[:3, :3], abs=1e-12)

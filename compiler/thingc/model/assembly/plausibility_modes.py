@@ -126,9 +126,10 @@ def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
 def _content(mode: LinkedMode) -> object:
     """All that a mode says but its name and where it is written."""
     return (
-        (mode.root.occurrence, mode.root.mount), mode.base, mode.at, mode.on_floor, mode.gravity, mode.pose, mode.poses, mode.actuators,
+        (mode.root.occurrence, mode.root.mount, mode.root.of_component), mode.base, mode.at, mode.on_floor, mode.gravity, mode.pose,
+        mode.poses, mode.actuators,
         frozenset(mode.exclude), frozenset(mode.adhesion.items()), frozenset(mode.simulation.items()),
-        frozenset((hold.mount.occurrence, hold.mount.mount, hold.pose, hold.turns) for hold in mode.holds),
+        frozenset((hold.mount.occurrence, hold.mount.mount, hold.mount.of_component, hold.pose, hold.turns) for hold in mode.holds),
         frozenset((foot.mount.occurrence, foot.mount.mount, foot.friction) for foot in mode.feet),
         frozenset(cut.joint for cut in mode.cut),
     )

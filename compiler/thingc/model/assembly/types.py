@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from thingc.base.export_names import JointPath, LinkPath, SensorPath, SitePath, TendonPath
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.inertia import MassProperties
+from thingc.base.inertia import MassProperties, total
 from thingc.base.joints.twist import Twist
 from thingc.base.numeric import sum_of
 from thingc.base.one_line_repr import OneLineRepr
@@ -224,6 +224,14 @@ class LinkedMount(MountAt):
 
     path: SitePath
 
+    @property
+    def of_component(self) -> bool:
+        """Whether a component is named, whose origin is laid on a pose, and not a mount, which is mated to it.
+
+        A mount of an assembly may be the origin of one of its components, so `mount` does not tell.
+        """
+        return self.path.rpartition("/")[2] == "origin"
+
 
 class ExportedMount(LinkedMount):
     """A mount that an assembly exports, by its path there (`tip`, `hand/tip`)."""
@@ -405,6 +413,4 @@ class Assembly(Connected):
     @property
     def properties(self) -> MassProperties:
         """The whole robot at q = 0, in the base component's frame."""
-        from thingc.base.inertia import total
-
         return total(o.properties.seen_from(self.rest[o.index]) for o in self.occurrences)

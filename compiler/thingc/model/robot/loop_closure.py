@@ -96,7 +96,7 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Repo
 def _target(hold: LinkedHold, where: Mapping[int, Pose] | None, body: int, X_LM: Pose) -> Pose:
     """The frame of the mount in the world: mated to the hold's pose, as a root's to `at`; or where it is (`here`)."""
     if hold.pose is not None:
-        return hold.pose @ MATE if hold.mount.mount != "origin" else hold.pose
+        return hold.pose if hold.mount.of_component else hold.pose @ MATE
     return (where or {})[body] @ X_LM
 
 

@@ -60,7 +60,7 @@ def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
     """The root link in the world: a component root laid with its origin on `at`, a mount root mated to it."""
     choice = mode.root
     X_WO = mode.at
-    if choice.mount != "origin":
+    if not choice.of_component:
         X_WO = mode.at @ MATE @ assembly.occurrences[choice.occurrence].mounts[choice.mount].pose.inverse()
     return X_WO @ in_link(assembly)[choice.occurrence].inverse()
 

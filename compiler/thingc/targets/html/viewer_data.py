@@ -168,7 +168,7 @@ def _joint_data(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Place
 
 
 def _mount(mount: LinkedMount) -> Data:
-    return {"path": mount.path, "occurrence": mount.occurrence, "mount": None if mount.mount == "origin" else mount.mount}
+    return {"path": mount.path, "occurrence": mount.occurrence, "mount": None if mount.of_component else mount.mount}
 
 
 def _mode(robot: Robot, places: _Places) -> Data:
