@@ -409,10 +409,12 @@ def test_schemas_are_kept_by_code(place: Any, tmp_path: Path) -> None:
     assert json.dumps(third["arm:Derived"].doc) == '""'
 
 
-def test_another_compiler_is_another_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("changed", ["geometry/worker/kernel/integrals.py", "base/inertia.py"])
+def test_another_compiler_is_another_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str) -> None:
     monkeypatch.setattr(versions, "OWN_FOLDER", str(tmp_path))
-    shutil.copytree(Path(thingc.__file__).parent / "geometry", tmp_path / "geometry")
+    for room in ("base", "geometry"):
+        shutil.copytree(Path(thingc.__file__).parent / room, tmp_path / room)
     before = versions.compiler_version.__wrapped__()
-    kernel = tmp_path / "geometry/worker/kernel/integrals.py"
-    kernel.write_text(kernel.read_text() + "# another one\n")
+    module = tmp_path / changed
+    module.write_text(module.read_text() + "# another one\n")
     assert versions.compiler_version.__wrapped__() != before

@@ -57,17 +57,19 @@ _KINDS = {
 
 @functools.cache
 def changeable_fields() -> KeysView[str]:
-    """The names of the fields that variants of one model may have of their own: arrays and options that hold floating-point numbers, which
-    a simulation reads afresh at every step or which the compiler worked out of such numbers, and `SHORTCUTS`."""
+    """The names of the fields that variants of one model may have of their own: `SHORTCUTS`, and arrays and options of floating-point
+    numbers, which a simulation reads at every step or which follow from such numbers. Not `SHAPES`, `BUFFERS`, and what is only drawn."""
     import mujoco
     import numpy as np
 
     model = mujoco.MjSpec().compile()
-    numbers = [name for name in names(model) if np.asarray(getattr(*owner_of(model, name))).dtype.kind == "f"]
-    return dict.fromkeys(
-        name for name in names(model)
-        if name in SHORTCUTS or name in numbers and name not in BUFFERS and not name.startswith((*SHAPES, "vis."))
-    ).keys()
+
+    def changeable(name: str) -> bool:
+        if name in BUFFERS or name.startswith((*SHAPES, "vis.")):
+            return False
+        return name in SHORTCUTS or np.asarray(getattr(*owner_of(model, name))).dtype.kind == "f"
+
+    return dict.fromkeys(filter(changeable, names(model))).keys()
 
 
 class StructuresDiffer(FamilyError):
@@ -206,9 +208,10 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
         if isinstance(a, int | bytes) and a != b:
             shown = f": {a} and {b}" if isinstance(a, int) else ""
             raise StructuresDiffer(name, f"`{name}` differs {both}{shown}")
-    for name in arrays:
+    changeable = changeable_fields()
+    for name in (one for one in arrays if one not in changeable):
         a, b = getattr(model, name), getattr(other, name)
-        if name not in changeable_fields() and not _equal(a, b):
+        if not _equal(a, b):
             raise StructuresDiffer(name, f"`{name}` differs {both}{_where(model, name, a, b)}, and it cannot be changed in place")
     for option in dir(model.opt):
         value = getattr(model.opt, option)

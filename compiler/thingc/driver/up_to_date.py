@@ -12,6 +12,7 @@ import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 import msgspec
@@ -100,10 +101,14 @@ def packed(d: Diagnostic) -> dict[str, object]:
     return plain
 
 
+@cache
+def _types() -> dict[str, Any]:
+    return get_type_hints(Diagnostic)
+
+
 def unpacked(kept: Mapping[str, object]) -> Diagnostic:
     """The inverse of `packed`."""
-    types = get_type_hints(Diagnostic)
-    fields = {name: msgspec.convert(value, types[name]) for name, value in kept.items() if name != "code"}
+    fields = {name: msgspec.convert(value, _types()[name]) for name, value in kept.items() if name != "code"}
     return Diagnostic(code=Code[str(kept["code"])], **fields)
 
 
@@ -112,7 +117,6 @@ def inputs(environment: Environment, compilation: Compilation) -> dict[str, str 
 
     None where a file changed while it was being read: nobody knows which content the answer is of.
     """
-
     workspace, documents = environment.workspace, compilation.documents
     assert workspace is not None and documents is not None
     states = {**workspace.inputs, **{document.path: document.sha256 for document in documents.by_path.values()}}

@@ -1,4 +1,5 @@
-"""The client's end of the pipe: starts worker processes, sends requests, gathers answers, and leaves nothing alive."""
+"""The client's end of the pipe: starts worker processes, sends requests, gathers answers, reads traces of crashes, and leaves
+nothing alive."""
 
 from __future__ import annotations
 

@@ -18,13 +18,11 @@ from thingc.geometry.key.result_cache import CANDIDATES, CachedResult, Results
 from thingc.geometry.record import Mesh, PartDefinition, PartFailure, PartRecord
 from thingc.geometry.record_json import blobs_of
 from thingc.geometry.store.local import Store, StoreUnusable
+from thingc.geometry.store.shared_store import CONVEX
 from thingc.geometry.store.slice_cache import Records, Run
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
-
-CONVEX = "convex-meshes"
-"""The kind of document in the store of convex pieces."""
 
 Ran = Mapping[str, Sequence[int] | None]
 """By module's label, the numbers of the functions that ran; None for all."""

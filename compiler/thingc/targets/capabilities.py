@@ -410,6 +410,8 @@ def drive_cell(joint: TreeJoint | JointEdge, drive: ActuatorModel) -> Literal["p
 
 def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "screw", "ball"]:
     """The cell of a kind of joint that moves: how many coordinates it has, and whether formats know its motion."""
+    if not kind.moves:
+        raise ValueError("a fixed joint moves nothing")
     if kind.at_once:
         return "ball"
     if kind.leads:

@@ -44,6 +44,8 @@ def names(model: mujoco.MjModel) -> Iterator[str]:
 
 def owner_of(model: Any, name: str) -> tuple[Any, str]:
     """The structure that has a field (`model.vis.map` of `vis.map.znear`), and the name of the field there."""
+    if "." not in name:  # nearly all, and each model of a batch asks for each
+        return model, name
     *groups, field = name.split(".")
     for group in groups:
         model = getattr(model, group)

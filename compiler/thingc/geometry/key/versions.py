@@ -64,16 +64,20 @@ def platform_versions() -> dict[str, str]:
 
 @cache
 def compiler_version() -> dict[str, str]:
-    """The state of thingc's own code that makes records: a digest of its files, and for people its version."""
+    """The state of thingc's own code that makes records: a digest of its files, and for people its version.
+
+    `base` counts, too: records are written in the form of its structs.
+    """
     import thingc
 
     digest = hashlib.sha256()
-    for folder, below, names in os.walk(os.path.join(OWN_FOLDER, "geometry")):
-        below.sort()
-        for file in (os.path.join(folder, name) for name in sorted(names) if name.endswith(".py")):
-            digest.update(os.path.relpath(file, OWN_FOLDER).encode())
-            with open(file, "rb") as stream:
-                digest.update(hashlib.sha256(stream.read()).digest())
+    for room in ("base", "geometry"):
+        for folder, below, names in os.walk(os.path.join(OWN_FOLDER, room)):
+            below.sort()
+            for file in (os.path.join(folder, name) for name in sorted(names) if name.endswith(".py")):
+                digest.update(os.path.relpath(file, OWN_FOLDER).encode())
+                with open(file, "rb") as stream:
+                    digest.update(hashlib.sha256(stream.read()).digest())
     return {"version thingc": f"{getattr(thingc, '__version__', '0')} {digest.hexdigest()[:16]}"}
 
 

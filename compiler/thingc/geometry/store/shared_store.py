@@ -16,7 +16,9 @@ from typing import Any
 
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable, cache_root
 
-SHARED = frozenset(("record", "schema", "convex-meshes", "slices", "step"))
+CONVEX = "convex-meshes"
+"""The kind of document of convex pieces. Their key has no version of thingc: rename the kind when the fields of `Mesh` change."""
+SHARED = frozenset(("record", "schema", CONVEX, "slices", "step"))
 """The kinds of JSON documents that mean the same on every machine, and are worth a journey."""
 
 WHOLE = frozenset(("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "oss", "memory"))

@@ -149,6 +149,8 @@ def _write(path: str, text: str) -> None:
         if stream.read() == text.encode():
             return
     beside = f"{path}.{os.getpid()}.tmp"
+    with contextlib.suppress(FileNotFoundError):  # of a run that was killed
+        os.remove(beside)
     try:
         write_new(beside, text.encode())
         os.replace(beside, path)

@@ -69,6 +69,7 @@ class Analysis(FrozenStruct, eq=False):
     looked_at: frozenset[str] = frozenset()
     in_reach: AvailableNames | None = None
     _kept: dict[str, Any] = {}
+    """What was worked out of these texts: a copy with other texts needs an empty one."""
 
     @property
     def known(self) -> Analysis:
@@ -144,7 +145,7 @@ def analyse(
     """What `check` finds out of the document at an absolute path, with these texts in the place of those on the disk.
 
     `options` say whether code may run and where the store is; `lend` who answers for parts (None: as for a check of its own; what it
-    says of parts that are waited for is left out, see `at_hand`); `memo` has the
+    says of parts that are waited for is left out, see `cached_parts`); `memo` has the
     answers of the analysis before, `last` is that analysis. Whatever is wrong is among the findings.
     """
     if not is_document_path(path):

@@ -250,7 +250,7 @@ class _Answering:
                 analysis = self._opened.analysis(path)
                 break
         if feature.everywhere:
-            analysis = replace(analysis, open=self._opened.texts)
+            analysis = replace(analysis, open=self._opened.texts, _kept={})
         place = analysis.lines().place(params["position"]) if "position" in params else TextPlace(line=1, column=1)
         try:
             return answer(analysis, analysis.text, place, params)

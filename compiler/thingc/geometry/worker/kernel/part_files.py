@@ -1,4 +1,5 @@
-"""Parts that are files: STEP and BREP as they are, meshes as solids of flat facets. Lengths in mm."""
+"""Parts that are files: STEP and BREP as they are, meshes as solids of flat facets. Lengths in mm. And colours
+of parts."""
 
 from __future__ import annotations
 
@@ -47,7 +48,6 @@ def kernel_shape(shape: Any) -> TopoDS_Shape | None:
 
 def _from_step(path: str) -> tuple[list[TopoDS_Shape], set[str]]:
     from build123d import import_step
-
 
     try:
         whole = import_step(path)
