@@ -29,7 +29,7 @@ from thingc.tools.diff.take_snapshot import take_snapshot
 
 
 def drawn(document: Path) -> Snapshot | None:
-    """The snapshot of a document; None where it does not compile."""
+    """The snapshot of a document; None if it does not compile."""
     with Environment(str(document), Options()) as environment:
         compilation = compile(environment)
         return None if compilation.report.failed or compilation.assembly is None else take_snapshot(compilation)

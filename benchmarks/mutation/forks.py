@@ -7,9 +7,9 @@ import math
 import os
 import re
 import resource
+import select
 import signal
 import sys
-import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -85,13 +85,12 @@ def run(tree: Path, tests: list[str], most: float, prepare: Callable[[], None]) 
             code = 1
         sys.stdout.flush()
         os._exit(code)
-    end = time.monotonic() + WAITING * most
-    while (ended := os.wait4(child, os.WNOHANG))[0] == 0 and time.monotonic() < end:
-        time.sleep(0.05)
+    ended = os.pidfd_open(child)
+    late = not select.select([ended], [], [], WAITING * most)[0]
+    os.close(ended)
     with suppress(ProcessLookupError):
         os.killpg(child, signal.SIGKILL)
-    late = ended[0] == 0
-    _, status, usage = os.wait4(child, 0) if late else ended
+    _, status, usage = os.wait4(child, 0)
     seconds = usage.ru_utime + usage.ru_stime
     if late or os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGXCPU:
         return "time", seconds

@@ -24,12 +24,13 @@ ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(ROOT / "compiler")]
 
-from prusa import NotSliced, Printed, Settings, printed, program, version  # noqa: E402
+import prusa  # noqa: E402
+from prusa import NotSliced, Printed, printed, program, version  # noqa: E402
 
 from thingc.base.inertia import MassProperties  # noqa: E402
 from thingc.driver.environment import Options  # noqa: E402
 from thingc.driver.session import Session  # noqa: E402
-from thingc.model.resolve.resolver import Settings as Said  # noqa: E402
+from thingc.model.resolve.resolver import Settings  # noqa: E402
 
 PAGE = ROOT / "docs" / "prints.md"
 KEPT = ROOT / "build" / "prints"
@@ -62,7 +63,7 @@ class Case:
 
     part: str
     up: str
-    settings: Settings
+    settings: prusa.Settings
     ours: float
     theirs: float
     mass: float
@@ -81,11 +82,11 @@ def session(folder: Path, store: str) -> Iterator[Session]:
         yield opened
 
 
-def said(opened: Session, part: str, up: Sequence[float], settings: Settings) -> tuple[MassProperties, bytes]:
+def said(opened: Session, part: str, up: Sequence[float], settings: prusa.Settings) -> tuple[MassProperties, bytes]:
     """What thingc says of a print, and its print file. Raises `RuntimeError` with its words where it refuses it."""
     parameters = {"infill": f"{100 * settings.infill:g} %", "walls": str(settings.walls), "lids": str(settings.lids)}
     parameters |= {axis: f"{value:g}" for axis, value in zip("xyz", up, strict=True)}
-    found = opened.compile(Said(parameters=parameters, choices={"components.part.part": part}))
+    found = opened.compile(Settings(parameters=parameters, choices={"components.part.part": part}))
     if found.assembly is None or found.report.diagnostics:
         raise RuntimeError("\n".join(diagnostic.message for diagnostic in found.report.diagnostics))
     (occurrence,) = found.assembly.occurrences
@@ -103,7 +104,7 @@ def turned(stl: bytes, turn: np.ndarray[Any, np.dtype[np.float64]]) -> bytes:
     return stl[:84] + triangles.tobytes()
 
 
-def case(opened: Session, part: str, name: str, settings: Settings, kept: Path | None) -> Case:
+def case(opened: Session, part: str, name: str, settings: prusa.Settings, kept: Path | None) -> Case:
     """One comparison, in the frame of the printer."""
     up = UPS[name]
     ours, stl = said(opened, part, up, settings)
@@ -115,7 +116,8 @@ def case(opened: Session, part: str, name: str, settings: Settings, kept: Path |
 
 
 def compared(
-    part: str, up: str, settings: Settings, ours: MassProperties, theirs: Printed, turn: np.ndarray[Any, np.dtype[np.float64]], stl: bytes,
+    part: str, up: str, settings: prusa.Settings, ours: MassProperties, theirs: Printed,
+    turn: np.ndarray[Any, np.dtype[np.float64]], stl: bytes,
 ) -> Case:
     """The errors of thingc's properties (SI, part's frame) against the slicer's (mm, the frame of the printer)."""
     corners = np.frombuffer(stl, offset=84, dtype=np.dtype([("n", "<f4", 3), ("p", "<f4", (3, 3)), ("a", "<u2")]))["p"].reshape(-1, 3)
@@ -135,7 +137,7 @@ def cases(parts: Iterable[str], kept: Path | None, progress: Callable[[str], Non
     with tempfile.TemporaryDirectory() as folder, session(Path(folder), str(KEPT / "store")) as opened:
         for part in parts:
             for up, (walls, lids), infill in product(UPS, SHELLS, INFILLS):
-                settings = Settings(walls=walls, lids=lids, infill=infill)
+                settings = prusa.Settings(walls=walls, lids=lids, infill=infill)
                 name = f"{part} {up}, {walls} walls, {lids} lids, {infill:.0%}"
                 try:
                     found = case(opened, part, up, settings, kept)

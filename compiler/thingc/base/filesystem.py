@@ -1,4 +1,5 @@
-"""What lies on the disk, as everybody may find it: files that are no files, folders that are not there."""
+"""What lies on the disk, as everybody may find it: files that are no files, folders that are not there.
+And two folders that change places in one step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The base class of the compiler's data: a msgspec struct that nobody can change."""
+"""The base class of the compiler's data: an immutable msgspec struct."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Rigid poses in plain Python: `X_AB` is the pose of frame B in frame A, and `X_AC = X_AB @ X_BC`.
 
-Plain tuples of floats, because `check` must not pay for numpy; lengths in metres, angles in radians.
+Plain tuples of floats, because `check` must not pay for numpy; lengths in metres, angles in radians. `Mirror` reflects them at a plane.
 """
 
 from __future__ import annotations
@@ -234,7 +234,11 @@ def rpy_of(rotation: Matrix) -> Vector:
 
 
 class Mirror:
-    """The mirror at the plane through the origin that is normal to `axis` (`x | y | z`)."""
+    """The mirror at the plane through the origin that is normal to `axis` (`x | y | z`).
+
+    With S the reflection at the plane in a component's frame, and D the one that reverses y of a mount's own frame, a mount at X is at
+    `S X D` in the image: its origin, x and z are mirrored, and y follows, so that frames stay right-handed.
+    """
 
     def __init__(self, axis: str) -> None:
         x, y, z = (-1.0 if axis == name else 1.0 for name in "xyz")

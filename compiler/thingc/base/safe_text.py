@@ -1,4 +1,5 @@
-"""How text that somebody else wrote is shown: names, file names and values in messages, tables and pictures.
+"""How text that somebody else wrote is shown: names, file names and values in messages, tables, cells of CSV, pictures and
+scripts of pages.
 
 A document may hold anything, and so may whatever a part says, a lock, a file name, the environment or the command line: escape
 sequences that a terminal obeys, marks that turn the direction of the text after them, characters that are not seen at all, line

@@ -26,7 +26,7 @@ ReadingName = Literal[
 SensorKey = Literal["at", "in", "joint", "tendon", "of", "with", "volume", "range", "fovy", "noise", "cutoff"]
 """What else a document may say of a sensor."""
 
-Coordinate = Literal["lower", "velocity", "effort"]
+CoordinateKey = Literal["lower", "velocity", "effort"]
 """In place of a dimension that of such a value of the coordinate that is measured."""
 
 
@@ -35,7 +35,7 @@ class SensorReading(FrozenStruct):
     such as a quaternion, none can be said."""
 
     name: ReadingName
-    unit: Dimension | Coordinate | None = None
+    unit: Dimension | CoordinateKey | None = None
 
 
 class SensorKind(FrozenStruct):
@@ -72,7 +72,7 @@ class Measurement(OneLineRepr, FrozenStruct):
 
 
 def _kind(
-    name: SensorType, readings: Mapping[ReadingName, Dimension | Coordinate | None], *needs: tuple[SensorKey, ...],
+    name: SensorType, readings: Mapping[ReadingName, Dimension | CoordinateKey | None], *needs: tuple[SensorKey, ...],
     may: tuple[SensorKey, ...] = (),
 ) -> SensorKind:
     read = tuple(SensorReading(name=one, unit=unit) for one, unit in readings.items())
@@ -80,7 +80,7 @@ def _kind(
 
 
 _AT: tuple[SensorKey, ...] = ("at",)
-_MOVED: Mapping[ReadingName, Coordinate] = {"position": "lower", "velocity": "velocity", "effort": "effort"}
+_MOVED: Mapping[ReadingName, CoordinateKey] = {"position": "lower", "velocity": "velocity", "effort": "effort"}
 
 _KINDS = (
     _kind("imu", {"accelerometer": ACCELERATION, "gyro": ANGULAR_VELOCITY, "quat": None}, _AT),

@@ -102,7 +102,7 @@ class SequenceNode(FrozenStruct):
         return [item.plain() for item in self.items]
 
     def index(self, step: int | str) -> int | None:
-        """The index, from 0, that a step of a path gives as a number or as text; None if there is no such item."""
+        """The index, from 0, that a step of a path gives as a number or as text; None if it is out of range."""
         return next((index for index in range(len(self.items)) if step in (index, str(index))), None)
 
 

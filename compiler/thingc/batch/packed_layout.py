@@ -430,7 +430,7 @@ def in_order(folder: str) -> Iterator[Line]:
 
 
 def column(values: Sequence[Any], type: Any) -> Any:
-    """`pyarrow.array(values, type)` for `int64`, `float64`, `bool_`, `string` and `binary`; None where there is no value. Raises what
+    """`pyarrow.array(values, type)` for `int64`, `float64`, `bool_`, `string` and `binary`; None for a missing value. Raises what
     `array` raises for a value that is none of its type.
 
     `pyarrow.array` imports pandas if that is installed, to ask whether its values are of pandas, which takes as long as a dozen variants.

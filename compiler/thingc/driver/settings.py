@@ -11,7 +11,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.source import SET, Document, MappingNode, Node
+from thingc.base.source import SET, Document, MappingNode, Node, entries_of
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate
@@ -240,7 +240,7 @@ def _everywhere(documents: Documents, document: Document, words: Sequence[str], 
     """The paths that words with stars stand for, in a document and in those that it nests: `joints.*` are the joints of all of them."""
     found = _matching(documents, document, document.tree, words, before)
     components = document.tree.entries.get("components") if words[0] in EVERYWHERE else None
-    for name in components.entries if isinstance(components, MappingNode) else ():
+    for name in entries_of(components):
         inner = nested_document(documents, document, name)
         if inner is not None:
             found += _everywhere(documents, inner, words, (*before, "components", name))

@@ -1,4 +1,4 @@
-"""The joint kinds: how each moves, as a sequence of twists."""
+"""The joint kinds: how each moves, as a sequence of twists; and as which of them a base moves."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ BaseType = Literal["fixed", "held", "free", "planar", "ball"]
 
 
 def moving_as(base: BaseType) -> JointKind | None:
-    """The joint kind as which a base moves; None where it stays, or floats, which is no joint of ours."""
+    """The joint kind that describes the motion of a base; None for a fixed, held or free base."""
     match base:
         case "planar" | "ball":
             return KINDS[base]
@@ -52,7 +52,7 @@ def moving_as(base: BaseType) -> JointKind | None:
 
 
 def stays(base: BaseType) -> bool:
-    """Whether the root link stays where the mode puts it, as long as nobody moves it at run time."""
+    """Whether the root link keeps the pose of the mode, unless a program moves it at run time."""
     match base:
         case "fixed" | "held":
             return True

@@ -1,4 +1,4 @@
-"""Twists: what one coordinate of a joint does. Every joint moves by a sequence of these.
+"""Twists: what one coordinate of a joint does, and the dimensions of its values. Every joint moves by a sequence of these.
 
 By Chasles' theorem any rigid motion of one coordinate at a constant rate is a turn about a line together with a slide along it, so
 one form serves turns, slides and screws alike. For the exponential, and for how a twist is seen from another frame, see Lynch and

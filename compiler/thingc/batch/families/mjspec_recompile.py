@@ -15,6 +15,7 @@ from thingc.batch.plans.trace_compilation import TraceResult
 if TYPE_CHECKING:
     import mujoco
 
+
 class ModelTemplate:
     """The text of a model with slots. `outputs` are the numbers for them, in the order in which `text` takes their values; `why` it is not
     `Arrays`. Where parts are exchanged there are slots for the names of their `meshes`, too, which change from model to model. `slotted` is

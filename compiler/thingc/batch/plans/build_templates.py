@@ -1,4 +1,5 @@
-"""Whole builds of many settings: their files are made once, and the texts of other numbers are put into them."""
+"""Whole builds of many settings: their files are made once, and the texts of other numbers are put into them.
+`TextTemplate` is a text with slots for numbers."""
 
 from __future__ import annotations
 

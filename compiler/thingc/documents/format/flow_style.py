@@ -52,7 +52,7 @@ def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, FieldType]]
 
 
 def root_shape(kind: str | None) -> FieldType | None:
-    """The shape of a document of a kind; None where no model is known."""
+    """The shape of a document of a kind; None if the kind is unknown."""
     model = model_of(kind or "")
     return None if model is None else shape_of(model)
 

@@ -96,7 +96,7 @@ class Trivia(FrozenStruct):
 def gap(text: str, start: int, end: int, *, compact: bool = False) -> Trivia:
     """Read the gap from `start` to `end`; with `compact` what follows may stand on the same line (`- key: value`).
 
-    Raises Unusual where anything but comments and empty lines stands there.
+    Raises `UnsupportedStyle` where anything but comments and empty lines stands there.
     """
     lines = text[start:end].split("\n")
     comment: EndComment | None = None

@@ -67,7 +67,7 @@ class _Names:
 
 
 def toml_layout(text: str, shape: FieldType | None) -> str:
-    """The text in canonical layout (lines end with a line feed, as those of `text` do). Raises Unusual."""
+    """The text in canonical layout (lines end with a line feed, as those of `text` do). Raises `UnsupportedStyle`."""
     sections, foot = _Cutter(text).sections()
     names = _Names()
     for section in sections:

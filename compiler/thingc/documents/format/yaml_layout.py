@@ -1,4 +1,4 @@
-"""The canonical layout of a YAML document."""
+"""The canonical layout of a YAML document, put together from pieces that libyaml's events delimit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _BLOCK_ANCHOR = re.compile(r"&\S+")
 def yaml_pieces(text: str) -> tuple[Segment, int, list[str | None]]:
     """The root of a well-formed YAML text, where the document begins (behind `---`), and the comments above its first key.
 
-    Raises Unusual for texts with explicit keys (`?`), texts that keep their last line breaks (`|+`), an end mark (`...`), or
+    Raises `UnsupportedStyle` for texts with explicit keys (`?`), texts that keep their last line breaks (`|+`), an end mark (`...`), or
     lists with empty items: rare forms, which are left alone.
     """
     import yaml
@@ -61,7 +61,7 @@ class _Cutter:
         return self.sequence(event, anchors)
 
     def block_end(self, start: int, end: int) -> int:
-        """The end of a block text: of its last line that is no mere empty line."""
+        """The end of the last line of a block text that is not empty."""
         written = self.text[start:end]
         header, _, rest = written.partition("\n")
         header = header.partition("#")[0]
@@ -271,7 +271,7 @@ INDENT = 2
 
 
 def yaml_layout(text: str, shape: FieldType | None) -> str:
-    """The text in canonical layout (lines end with a line feed, as those of `text` do). Raises Unusual."""
+    """The text in canonical layout (lines end with a line feed, as those of `text` do). Raises `UnsupportedStyle`."""
     root, start, head = yaml_pieces(text)
     printer = _Printer(text)
     lines: list[str] = []

@@ -1,4 +1,5 @@
-"""What an assembly says where something may be set or chosen in its place, asked by whoever is about to."""
+"""What an assembly says where something may be set or chosen in its place, asked by whoever is about to; and the paths
+of such places (`joints.elbow.limit.upper`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Occurrences joined rigidly are one link: which they are, their names and frames, and their mass properties."""
+"""Occurrences joined rigidly are one link: which they are, their names and frames, their mass properties,
+and their neighbours."""
 
 from __future__ import annotations
 

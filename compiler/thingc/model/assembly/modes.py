@@ -1,4 +1,4 @@
-"""Modes, poses, exported mounts and raw attributes of the top document with their references worked out."""
+"""Modes, poses, tests, exported mounts and raw attributes of the top document with their references worked out."""
 
 from __future__ import annotations
 

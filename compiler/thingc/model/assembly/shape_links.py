@@ -1,4 +1,4 @@
-"""The geometry of a link, whose shapes are listed, and what it weighs."""
+"""The geometry of a link, whose shapes are listed: what it weighs, and which mesh files have to be read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Modes: `extends` merged, names worked out, numbers in SI. `model/assembly/modes.py` finds the link of a root."""
+"""Modes: `extends` merged, names worked out, numbers in SI; what they hold, cut and stand on. `model/assembly/modes.py` finds the link of a
+root."""
 
 from __future__ import annotations
 

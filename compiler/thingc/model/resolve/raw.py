@@ -1,4 +1,5 @@
-"""Raw attributes: handed on to one target as they are, with the place where they are written."""
+"""Raw attributes: handed on to one target as they are, with the place where they are written; and the elements that are added to
+MuJoCo's model (`raw: {mjcf: {add: ...}}`)."""
 
 from __future__ import annotations
 

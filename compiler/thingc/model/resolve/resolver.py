@@ -1,4 +1,5 @@
-"""The pass from checked documents to the model: parameters, expressions, units, references, defaults, repeats, patterns."""
+"""The pass from checked documents to the model: parameters, expressions, units, references, defaults, repeats, patterns.
+`Settings` and `Sources` are what it is asked with."""
 
 from __future__ import annotations
 

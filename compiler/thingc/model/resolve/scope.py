@@ -1,4 +1,5 @@
-"""How one document is read while it is resolved: expressions over its parameters, dimensions, bounds and places."""
+"""How one document is read while it is resolved: expressions over its parameters, dimensions, bounds and places;
+and the layers of defaults."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from msgspec import structs
 
 from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span, closest, option_span
+from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span, closest, entries_of, option_span
 from thingc.base.suggestions import did_you_mean, nearest
 from thingc.base.units import shortened
 from thingc.documents.load.text import forbidden
@@ -130,7 +130,7 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
             assert inner.model is not None
             shape = model_keys(inner.model)[key][0]
         elif (named := next((branch for branch in branches if branch.kind == "dict"), None)) is not None:
-            written = node.entries if isinstance(node, MappingNode) else {}
+            written = entries_of(node)
             shape = shape_of(named.members[0])
             if shape.kind in ("model", "dict") and key not in written:
                 return _no_such(document, keys, depth, written, whole)
@@ -167,7 +167,7 @@ def _unfinished(path: str, shape: FieldType, node: Node | None) -> PathNotFound 
     if not kinds & {"model", "dict"} or kinds - {"model", "dict", "list"}:
         return None
     inside = [key for branch in branches if branch.model is not None for key in model_keys(branch.model)]
-    inside += node.entries if isinstance(node, MappingNode) else ()
+    inside += entries_of(node)
     named = [f"`{path}.{key}`" for key in dict.fromkeys(inside[:6])]
     help = f"name one of them: {', '.join(named)}; or set all of it: `{path}={{...}}`" if named else f"set all of it: `{path}={{...}}`"
     return PathNotFound(f"`{path}` is no value, but has values inside", help)

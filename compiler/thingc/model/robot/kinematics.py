@@ -1,4 +1,5 @@
-"""What a robot with a root says of itself: poses of its bodies and parts at given coordinates, and its mass."""
+"""What a robot with a root says of itself: poses of its bodies and parts at given coordinates, its mass, and
+the paths of its tendons."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`thingc build`: the whole way, from a document to a folder of artifacts."""
+"""`thingc build`: the whole way, from a document to a folder of artifacts; and the options of builds, which `watch` and `why` have, too."""
 
 from __future__ import annotations
 

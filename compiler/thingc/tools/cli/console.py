@@ -1,4 +1,4 @@
-"""What commands share: their options, how they print diagnostics, and the exit code that follows."""
+"""What commands share: their options, how they print diagnostics, tables and lengths, and the exit code that follows."""
 
 from __future__ import annotations
 

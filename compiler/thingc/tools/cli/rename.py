@@ -70,14 +70,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _named(sight: WorkspaceIndex, document: str, path: str) -> Name:
     """What a document declares at a path. Raises `common.WrongCommandLine`."""
-    from thingc.base.source import node_at
+    from thingc.base.source import entries_of, node_at
     from thingc.base.suggestions import did_you_mean
 
     keys = tuple(path.split("."))
     written = sight.documents.get(os.path.abspath(document))
     if written is None:
         raise console.WrongCommandLine(f"`{document}` cannot be read", f"`thingc check {document}` says why")
-    names = getattr(node_at(written.document.tree, keys[:-1]), "entries", {})
+    names = entries_of(node_at(written.document.tree, keys[:-1]))
     if keys[-1] not in names:
         raise console.WrongCommandLine(
             f"`{document}` has no `{path}`", did_you_mean(keys[-1], names, what="names") if names else "",

@@ -13,9 +13,19 @@ from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.source import line_of
 from thingc.documents.workspace import Workspace
 from thingc.geometry.lock.lock import read_lock
-from thingc.geometry.record import PartRecord
+from thingc.geometry.record import ActuatorRecord, PartRecord
 from thingc.tools.diff.arguments import MANIFEST
-from thingc.tools.diff.snapshot import ComponentNode, Fact, OccurrenceSnapshot, PartShape, Row, Snapshot, SnapshotElement, Value
+from thingc.tools.diff.snapshot import (
+    ComponentNode,
+    Fact,
+    OccurrenceSnapshot,
+    PartShape,
+    Row,
+    Snapshot,
+    SnapshotElement,
+    Value,
+    field_values,
+)
 
 OF_BUILDS = "parameters, mates, limits, drives, poses, materials, sensors, mounts, geometry and tests, which no build folder holds"
 OF_LOCKS = "what documents say, which no lock holds"
@@ -130,8 +140,7 @@ def _said(record: PartRecord) -> dict[str, Value]:
         if stated is not None:
             said |= {f"{key}.value": stated.value, f"{key}.source": stated.source}
     if record.actuator is not None:
-        fields = record.actuator.__struct_fields__
-        said |= {f"drive.{key}": getattr(record.actuator, key) for key in fields if key != "sources"}
+        said |= field_values("drive", ActuatorRecord, record.actuator)
     return said
 
 

@@ -133,7 +133,7 @@ def compared(
         sides: list[Subject | Snapshot] = []
         for laid, name in ((both.old, names[0]), (both.new, names[1])):
             try:
-                sides.append(_portrait(laid) if laid.kind != "document" else stack.enter_context(_subject(laid, options)))
+                sides.append(_snapshot(laid) if laid.kind != "document" else stack.enter_context(_subject(laid, options)))
             except BrokenDocument as broken:
                 return _broken(laid, name, broken)
         old, new = sides
@@ -157,7 +157,7 @@ def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options
     return compare(old.tested(), new.tested(), farthest) if tests and comparison.changes else comparison
 
 
-def _portrait(laid: Checkout) -> Snapshot:
+def _snapshot(laid: Checkout) -> Snapshot:
     """Of a build folder or a lock. Raises `UnknownComparison`, and `BrokenDocument` where a lock is."""
     try:
         return snapshot_of_build(laid.path) if laid.kind == "build" else snapshot_of_lock(laid.path)

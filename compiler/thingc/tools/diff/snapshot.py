@@ -51,8 +51,10 @@ class Change(OneLineRepr, FrozenStruct):
         return any(word != PERHAPS for word in self.because)
 
 
-NOT_COMPARED = frozenset({"name", "origin", "origins", "sources", "span", "spans", "wrong"})
-"""Fields of structs that say where something is written, or what it is called."""
+PLACES = frozenset({"origin", "origins", "span", "spans"})
+"""Fields of structs that say where something is written."""
+NOT_COMPARED = PLACES | {"name", "sources", "wrong"}
+"""These, and fields that say what something is called, where its numbers come from, or that it could not be read."""
 
 
 class Named(OneLineRepr, FrozenStruct):

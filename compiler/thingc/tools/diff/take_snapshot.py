@@ -17,7 +17,7 @@ from thingc.model.resolve.coordinates import Dynamics, Limit
 from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, JointRange, Mode, Overrides, Process, Reference
 from thingc.tools.diff.assembly_facts import edges_of, links_of, occurrences_of, rows_of, sensor_values, tendon_facts
-from thingc.tools.diff.snapshot import ComponentNode, Fact, Named, Snapshot, SnapshotElement, Value, What, field_values
+from thingc.tools.diff.snapshot import PLACES, ComponentNode, Fact, Named, Snapshot, SnapshotElement, Value, What, field_values
 from thingc.tools.diff.source_locations import DocumentTrees
 
 if TYPE_CHECKING:
@@ -269,7 +269,7 @@ class _Reader:
         if isinstance(value, FrozenStruct):
             return tuple(
                 (name, self._plain(definition, getattr(value, name)))
-                for name in value.__struct_fields__ if name not in ("origin", "origins", "spans", "span")
+                for name in value.__struct_fields__ if name not in PLACES
             )
         return value if isinstance(value, (bool, int, float, str)) else None
 

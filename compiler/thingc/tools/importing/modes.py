@@ -1,4 +1,4 @@
-"""How the robot of a document is used, as lines: tendons, poses, modes, what is simulated, sensors."""
+"""How the robot of a document is used, as lines: what acts along joints and tendons, poses, modes, what is simulated, sensors."""
 
 from __future__ import annotations
 

@@ -131,12 +131,12 @@ class Merge:
 
     def _rewrite(self, path: Path, node: Node, keys: Sequence[Any], changed: Sequence[Any]) -> None:
         """A mapping in braces, anew: values that stay as they are written."""
-        whole, inner = _text_range(self.ours, node), []
+        whole, inner = self.ours.source.range(node.span), []
         for key in keys:
             of = self.new if key in changed else self.ours
             one = node_at(of.tree, (*path, key))
             assert one is not None
-            start, end = _text_range(of, one)
+            start, end = of.source.range(one.span)
             text = of.source.text[start:end] if of is self.ours else inline(of, one)
             if of is self.ours:  # with what has been changed further inside
                 edits = [edit for edit in self.edits if start <= edit[0] and edit[1] <= end]
@@ -163,8 +163,8 @@ class Merge:
             _is_block(self.ours, parent, key) or _is_block(self.new, node_at(self.new.tree, path), key)
         ):
             assert theirs is not None
-            start, end = _text_range(self.ours, mine)
-            plain = self.new.source.text[slice(*_text_range(self.new, theirs))]
+            start, end = self.ours.source.range(mine.span)
+            plain = self.new.source.text[slice(*self.new.source.range(theirs.span))]
             self.edits.append((start, end, plain if "\n" not in plain else inline(self.new, theirs)))
         else:
             first, last = _lines(self.ours, parent, key)
@@ -204,7 +204,7 @@ def inline(text: Text, node: Node) -> str:
     """A value on one line, its scalars as they are written."""
     match node:
         case ScalarNode():
-            return text.source.text[slice(*_text_range(text, node))]
+            return text.source.text[slice(*text.source.range(node.span))]
         case SequenceNode():
             return f"[{', '.join(inline(text, one) for one in node.items)}]"
         case MappingNode():
@@ -245,13 +245,8 @@ def _changed(path: Path, base: Any, ours: Any) -> Iterator[Path]:
             yield from _changed((*path, key), one, other)
 
 
-def _text_range(text: Text, node: Node) -> tuple[int, int]:
-    span, starts = node.span, text.source.starts
-    return starts[span.line - 1] + span.column - 1, starts[span.end_line - 1] + span.end_column - 1
-
-
 def _is_flow(text: Text, node: Node) -> bool:
-    return not isinstance(node, ScalarNode) and text.source.text[_text_range(text, node)[0]] in "{["
+    return not isinstance(node, ScalarNode) and text.source.text[text.source.range(node.span)[0]] in "{["
 
 
 def _is_block(text: Text, parent: Node | None, key: Any) -> bool:
@@ -264,7 +259,7 @@ def _is_block(text: Text, parent: Node | None, key: Any) -> bool:
 def _last_line(text: Text, node: Node) -> int:
     """The line, from 0, on which a value ends."""
     if isinstance(node, ScalarNode) or _is_flow(text, node):
-        start, end = _text_range(text, node)
+        start, end = text.source.range(node.span)
         return text.source.line_at(start + len(text.source.text[start:end].rstrip()))
     inner = node.entries.values() if isinstance(node, MappingNode) else node.items
     return max(_last_line(text, one) for one in inner)

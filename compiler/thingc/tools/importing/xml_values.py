@@ -1,4 +1,4 @@
-"""Numbers, vectors and words in attributes of XML: what is none is said at its place, with what was expected."""
+"""Numbers, vectors and words in attributes of XML, and the shapes that they make. A wrong value is reported at its place."""
 
 from __future__ import annotations
 

@@ -166,15 +166,15 @@ class _Parts:
         self._wake = wake
 
     def catalogue(self) -> list[str]:
-        """See `PartsInReach`."""
+        """See `AvailableParts`."""
         return [] if self._at_hand is None else self._at_hand.service.catalogue()
 
     def not_python(self) -> list[PartFailure]:
-        """See `PartsInReach`."""
+        """See `AvailableParts`."""
         return [] if self._at_hand is None else self._at_hand.service.not_python()
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """See `PartsInReach`. Those that are waited for are left out."""
+        """See `AvailableParts`. Those that are waited for are left out."""
         answers = {} if self._at_hand is None else self._at_hand.describe(references)
         known = {name: one for name, one in answers.items() if not isinstance(one, PartFailure) or one.kind != WAITED_FOR}
         if len(known) < len(answers):
@@ -182,7 +182,7 @@ class _Parts:
         return known
 
     def realize(self, definitions: Sequence[PartDefinition]) -> Mapping[str, PartRecord | PartFailure]:
-        """See `PartsInReach`."""
+        """See `AvailableParts`."""
         return {} if self._at_hand is None else self._at_hand.service.realize(definitions)
 
 

@@ -1,7 +1,8 @@
 """Where a cursor stands in a document that need not parse at this moment, and what is written of that document as far as can be told.
 
 Half a key, half a value, an open bracket or quote, an empty line at some depth: of each the path of keys that leads there, whether a
-key or a value stands there, what is typed of it already, and which characters a completion replaces.
+key or a value stands there, what is typed of it already, and which characters a completion replaces. Here are the readers of YAML and
+TOML; `scan.py` has what they share.
 """
 
 from __future__ import annotations

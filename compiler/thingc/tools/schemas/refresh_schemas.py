@@ -1,4 +1,5 @@
-"""The schemas of a workspace: all written to files, or that of one document as it is being typed."""
+"""The schemas of a workspace: all written to the folder `.thingc/schema/`, or that of one document as it is being typed; and the parts that
+they list."""
 
 from __future__ import annotations
 

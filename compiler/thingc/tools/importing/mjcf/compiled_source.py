@@ -1,4 +1,4 @@
-"""A model as MuJoCo has compiled it, with what its things are called and where the source says them."""
+"""A model as MuJoCo has compiled it: what its things are called, where the source says them, and which sites say nothing of their own."""
 
 from __future__ import annotations
 
@@ -164,7 +164,9 @@ def _alike(one: str, other: str) -> bool:
     return len(these) == len(those) and all(abs(a - b) <= near for a, b in zip(these, those, strict=True))
 
 
-# --- sites that say nothing of their own: models that thingc has written have them wherever something sits, at the ends of loops, ... ----
+# --- sites that say nothing of their own ---------------------------------------------------------------------------------------------
+# Models that thingc has written have a site at every joint, root and end of a loop, beside the mount that the document shows there. If they
+# were imported as mounts, each round trip would add more of them.
 
 
 def _doubles(

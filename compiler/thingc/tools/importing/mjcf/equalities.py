@@ -11,12 +11,11 @@ from msgspec.structs import replace
 from thingc.base.numeric import sum_of
 from thingc.base.pose import NO_POSE, Pose, shifted
 from thingc.tools.importing.mjcf.adding import Added
-from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, CompiledSource, differing, floats, numbers, pose_of
+from thingc.tools.importing.mjcf.compiled_source import SITE, SOLIMP, SOLREF, CompiledSource, differing, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.drives import Actuators
 from thingc.tools.importing.source_model import FAR, Kind, Raw, SourceJoint, SourceLimits, SourceLoop, SourceMimic
 
 CONNECT, WELD, JOINT = 0, 1, 2
-SITE = 6
 STIFF = {"solref": SOLREF, "solimp": "0.9999 0.9999 0.001 0.5 2"}
 """How MJCF is written of a joint that follows (`emit.mjcf.model.STIFF`)."""
 

@@ -9,11 +9,10 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose, turned_y
 from thingc.base.sensor_kinds import ReadingName, SensorType
 from thingc.tools.importing.mjcf.adding import Added
-from thingc.tools.importing.mjcf.compiled_source import CompiledSource, pose_of
+from thingc.tools.importing.mjcf.compiled_source import SITE, CompiledSource, pose_of
 from thingc.tools.importing.mjcf.shapes import KINDS, sizes_of
 from thingc.tools.importing.source_model import ShapeKind, Sizes, SourceSensor, SourceTarget
 
-SITE = 6
 AT_SITE: dict[str, tuple[SensorType, ReadingName]] = {
     "force": ("force", "force"), "torque": ("force", "torque"),
     "accelerometer": ("accelerometer", "accelerometer"), "gyro": ("gyro", "gyro"), "magnetometer": ("magnetometer", "magnetometer"),
