@@ -1,4 +1,4 @@
-"""Writes the pages of the diagnostics, what `thingc explain` shows of them, what `language.md` says of kinds of tests, and the table of
+"""Writes the pages of the diagnostics, what `thingc explain` shows of them, the kinds of tests in `language/tests.md`, and the table of
 `formats.md`: `python docs/generate.py`.
 
 From the closed set of codes, the sentences of `docs/codes/meanings.toml` and the examples of `tests/cases/codes` it makes
@@ -7,8 +7,8 @@ From the closed set of codes, the sentences of `docs/codes/meanings.toml` and th
 The wrong example of a code is a case: `TC302.yaml` with what is said of it in `TC302.txt`. The right one is `TC302.right.yaml`.
 Where an example needs a workspace of its own they are `TC120/wrong/robot.yaml` and `TC120/right/robot.yaml`.
 
-What stands between `<!-- generated: ... -->` and `<!-- /generated -->` in `docs/language.md` comes from the files of `documents/checks/`,
-in `docs/formats.md` from the capabilities of the targets.
+The text between `<!-- generated: ... -->` and `<!-- /generated -->` comes from the files of `documents/checks/` in
+`docs/language/tests.md`, and from the capabilities of the targets in `docs/formats.md`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 PAGE = DOCS / "diagnostics.md"
 FORMATS = DOCS / "formats.md"
-LANGUAGE = DOCS / "language.md"
+TESTS = DOCS / "language" / "tests.md"
 MEANINGS = DOCS / "codes" / "meanings.toml"
 CASES = ROOT / "tests" / "cases" / "codes"
 EXAMPLES = ROOT / "compiler" / "thingc" / "tools" / "reporting" / "examples.json"
@@ -202,7 +202,7 @@ def generated() -> dict[Path, str]:
     """Every file that is made here, with its text."""
     told = meanings()
     pages = {DOCS / "codes" / f"{code.code}.md": code_page(code, told.get(code.code)) for code in Code}
-    return {PAGE: page(), EXAMPLES: examples(), LANGUAGE: language(), FORMATS: formats(), **pages}
+    return {PAGE: page(), EXAMPLES: examples(), TESTS: tests(), FORMATS: formats(), **pages}
 
 
 def formats() -> str:
@@ -227,13 +227,28 @@ def _said(cell: Cell[Any]) -> str:
     return f"*{cell.how}*{_cell(cell.words)}"
 
 
-def language() -> str:
-    """The page of the language, with what the kinds of tests say of themselves."""
-    rows = ["<!-- keys: TestSpec -->", "| key | value | without it | |", "|---|---|---|---|"]
+TEST_LINKS = {
+    "#collision": "shapes.md#collision", "#links-of-shapes": "shapes.md#links-of-shapes", "#feet": "modes.md#feet",
+    "codes/TC520.md": "../codes/TC520.md",
+}
+"""Targets of links in the texts of `documents/checks/`, which were written for one page of the whole language."""
+
+
+def tests() -> str:
+    """The page of tests, with the texts of all kinds of tests."""
+    rows = ["<!-- keys: TestSpec -->", "| Key | Type | Default | Description |", "|---|---|---|---|"]
     for kind in kinds().values():
         rows.append(f"| `{kind.name}` | mapping | | {_cell(kind.summary[0].lower() + kind.summary[1:].removesuffix('.'))} |")
-    parts = {"kinds of tests": "\n".join(rows), "pages of tests": "\n\n".join(kind.page.strip("\n") for kind in kinds().values())}
-    return _marked(_read(LANGUAGE), parts)
+    parts = {"kinds of tests": "\n".join(rows), "pages of tests": "\n\n".join(_test_page(kind.page) for kind in kinds().values())}
+    return _marked(_read(TESTS), parts)
+
+
+def _test_page(text: str) -> str:
+    """Return the text of a kind of test with the links and column heads of `docs/language/`."""
+    for old, new in TEST_LINKS.items():
+        text = text.replace(f"]({old})", f"]({new})")
+    text = text.replace("| key | value | without it | |", "| Key | Type | Default | Description |")
+    return text.replace("| an error |", "| required |").strip("\n")
 
 
 def _marked(text: str, parts: Mapping[str, str]) -> str:

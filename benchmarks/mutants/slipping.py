@@ -72,7 +72,10 @@ def workspace(root: Path, folder: Path) -> None:
         shutil.copytree(root / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(root / "thingc.toml", folder)
     walker = folder / "walker"
-    blocks = re.findall(r"^```\w+\n# ([\w/]+\.(?:yaml|py))\n(.*?)^```$", (root / "docs" / "language.md").read_text(), re.M | re.S)
+    docs = root / "docs"
+    pages = sorted(docs.glob("language/*.md")) or [docs / "language.md"]  # the version of `COMMIT` has one page
+    text = "\n".join(page.read_text() for page in pages)
+    blocks = re.findall(r"^```\w+\n# ([\w/]+\.(?:yaml|py))\n(.*?)^```$", text, re.M | re.S)
     for name, text in blocks:
         if name in ("walker.yaml", "leg.yaml", "materials.yaml", "parts/toy.py"):
             (walker / name).parent.mkdir(parents=True, exist_ok=True)

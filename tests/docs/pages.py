@@ -17,7 +17,8 @@ from pathlib import Path
 from thingc.tools.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = (ROOT / "docs", ROOT / "docs" / "howto", ROOT / "docs" / "from")
+LANGUAGE = ROOT / "docs" / "language"
+FOLDERS = (ROOT / "docs", LANGUAGE, ROOT / "docs" / "howto", ROOT / "docs" / "from")
 PAGES = (*(page for folder in FOLDERS for page in sorted(folder.glob("*.md"))), ROOT / "README.md", ROOT / "CONTRIBUTING.md")
 DECISIONS = ROOT / "docs" / "decisions"
 WITH_LINKS = (*PAGES, *sorted(DECISIONS.glob("*.md")), ROOT / "ARCHITECTURE.md")
@@ -72,8 +73,11 @@ def paragraphs(page: Path) -> list[str]:
 
 
 def table(page: Path, marker: str) -> list[list[str]]:
-    """The rows (without the heading) of the table that follows the comment `<!-- marker -->`."""
-    text = page.read_text()
+    """Return the rows (without the heading) of the table that follows the comment `<!-- marker -->` on a page.
+
+    For a folder, exactly one of its pages must have the table.
+    """
+    text = page.read_text() if page.is_file() else "\n".join(one.read_text() for one in sorted(page.glob("*.md")))
     comment = f"<!-- {marker} -->\n"
     assert text.count(comment) == 1, f"{page.name} has {text.count(comment)} x {comment!r}"
     lines = text.partition(comment)[2].split("\n")
@@ -92,17 +96,21 @@ def anchors(page: Path) -> set[str]:
 
 
 def unpack(page: Path, folder: Path) -> Path:
-    """The files that the page shows before it leaves, in a folder that has the repository's documents and its `arm.py`, too."""
+    """Write the files that a page shows before it leaves to a folder, beside copies of the repository's documents and of its `arm.py`.
+
+    The pages of the language share their files: a document on one page may use a part or a document that another page shows.
+    """
     shutil.copytree(ROOT / "assemblies", folder / "assemblies")
     if any(" gallery/" in command for command, _ in commands(page)):
         shutil.copytree(ROOT / "gallery", folder / "gallery", ignore=shutil.ignore_patterns("build", "__pycache__"))
     (folder / "parts").mkdir()
     shutil.copy(ROOT / "parts" / "arm.py", folder / "parts")
     shutil.copy(ROOT / "thingc.toml", folder)
-    for block in blocks(page):
-        if block.file is not None and block.line < leaves(page):
-            (folder / block.file).parent.mkdir(parents=True, exist_ok=True)
-            (folder / block.file).write_text(block.text)
+    for shown in sorted(LANGUAGE.glob("*.md")) if page.parent == LANGUAGE else [page]:
+        for block in blocks(shown):
+            if block.file is not None and block.line < leaves(shown):
+                (folder / block.file).parent.mkdir(parents=True, exist_ok=True)
+                (folder / block.file).write_text(block.text)
     return folder
 
 

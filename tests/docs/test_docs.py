@@ -12,6 +12,7 @@ import pytest
 
 from docs.pages import (
     DECISIONS,
+    LANGUAGE,
     PAGES,
     ROOT,
     WITH_LINKS,
@@ -35,9 +36,8 @@ from thingc.documents.workspace import Workspace
 
 pytestmark = pytest.mark.slow
 
-LANGUAGE = ROOT / "docs" / "language.md"
 OUTPUTS = ROOT / "docs" / "outputs.md"
-IDS = [page.name for page in PAGES]
+IDS = [page.relative_to(ROOT).as_posix().removeprefix("docs/") for page in PAGES]
 
 
 @pytest.fixture
@@ -85,7 +85,7 @@ def test_every_part_that_a_page_shows_compiles_and_is_used(page: Path) -> None:
             assert re.search(rf"\b{name}:\w|python {re.escape(block.file)}", text), f"{page.name}: nothing uses {block.file}"
 
 
-@pytest.mark.parametrize("page", WITH_LINKS, ids=[page.name for page in WITH_LINKS])
+@pytest.mark.parametrize("page", WITH_LINKS, ids=[page.relative_to(ROOT).as_posix() for page in WITH_LINKS])
 def test_links_resolve(page: Path) -> None:
     for target in re.findall(r"\]\(([^)\s]+)\)", re.sub("`[^`\\n]*`", "", without_fences(page))):
         if target.startswith("https://"):
@@ -101,7 +101,16 @@ def test_the_comparison_of_output_means_something() -> None:
     assert not shows("a\n...\nd\n", "a\nb\n") and not shows("a", "ab") and not shows("a ... c", "a\nc")
 
 
-# --- language.md ---------------------------------------------------------------------------------------------------
+# --- language/ -----------------------------------------------------------------------------------------------------
+
+
+def _language() -> str:
+    """Return the text of all pages of the language."""
+    return "\n".join(page.read_text() for page in sorted(LANGUAGE.glob("*.md")))
+
+
+def _language_paragraphs() -> list[str]:
+    return [line for page in sorted(LANGUAGE.glob("*.md")) for line in paragraphs(page)]
 
 
 def test_tables_of_keys_have_every_field_and_no_other() -> None:
@@ -131,7 +140,7 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
         for name, value in vars(module).items()
         if isinstance(value, type) and issubclass(value, BaseModel) and value.__module__ == module.__name__ and not name.startswith("_")
     }
-    text = LANGUAGE.read_text()
+    text = _language()
     said: set[str] = set()
     for marker in re.findall(r"<!-- (keys: [\w ]+) -->", text):
         rows = table(LANGUAGE, marker)
@@ -141,7 +150,7 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
             assert [row[0].strip("`") for row in rows] == own, name
             for row in rows:
                 required = model.model_fields[_field(model, row[0].strip("`"))].is_required()
-                assert required == (row[2] == "an error") or (name, row[0]) in IN_OTHER_WORDS, (name, row)
+                assert required == (row[2] == "required") or (name, row[0]) in IN_OTHER_WORDS, (name, row)
             said.add(name)
     assert said == set(models)
 
@@ -168,7 +177,7 @@ def test_choices_in_tables_are_those_of_the_models() -> None:
     elsewhere = {("JointSpec", "type"), ("ComponentDefaults", "collision"), ("ModeSpec", "hold"), ("ModeSpec", "base")}
     elsewhere |= {("SensorSpec", key) for key in ("type", "noise", "cutoff")}
     for module in (assembly, drives, link_shapes, materials, sensors, mass, variants):
-        for marker in re.findall(r"<!-- (keys: [\w ]+) -->", LANGUAGE.read_text()):
+        for marker in re.findall(r"<!-- (keys: [\w ]+) -->", _language()):
             for name in marker.removeprefix("keys: ").split():
                 model = getattr(module, name, None)
                 if model is None or model.__module__ != module.__name__:
@@ -197,7 +206,7 @@ def test_units() -> None:
 
     said = {unit: row[0].partition(" (")[0] for row in table(LANGUAGE, "units") for unit in re.findall(r"`([^`]+)`", row[1])}
     assert said == {unit: dimension.words for unit, (_, _, dimension) in UNITS.items()}
-    line = next(line for line in paragraphs(LANGUAGE) if line.startswith("- `1 in` is"))
+    line = next(line for line in _language_paragraphs() if line.startswith("- `1 in` is"))
     pairs = re.findall(r"(?:^- |, )`(1 \w+)` (?:is )?([\d.]+ \w+)", line)
     assert len(pairs) == 6
     for one, other in pairs:
@@ -207,7 +216,7 @@ def test_units() -> None:
 def test_functions_of_expressions() -> None:
     from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
 
-    line = next(line for line in paragraphs(LANGUAGE) if line.startswith("- Functions are"))
+    line = next(line for line in _language_paragraphs() if line.startswith("- Functions are"))
     link_shapes, _, constants = line.partition("; the only constant is")
     assert set(re.findall(r"`(\w+)`", link_shapes)) == set(FUNCTIONS)
     assert re.findall(r"`(\w+)`", constants)[:1] == list(CONSTANTS)
@@ -278,15 +287,15 @@ def test_gravity_and_raw_kinds_and_bounds() -> None:
     expected += [MAX_ALL_BYTES, MAX_DEFINITIONS, MAX_EXTENDED, MAX_EXCLUDED, workspace.MAX_BYTES]
     expected += [mesh_bounds.LARGEST, mesh_bounds.MOST, MOST_OF_PART, mesh_bounds.INSTANCES]
     assert numbers == expected
-    assert f"At most {MAX_FACTORS} factors" in "\n".join(paragraphs(LANGUAGE))
+    assert f"At most {MAX_FACTORS} factors" in "\n".join(_language_paragraphs())
 
 
-@pytest.mark.parametrize("page", [LANGUAGE], ids=["language.md"])
+@pytest.mark.parametrize("page", [LANGUAGE / "index.md"], ids=["index.md"])
 def test_yaml_and_toml_of_the_small_example_are_one_document(page: Path, here: Path) -> None:
     assert run("thingc info crane.yaml --format json") == run("thingc info crane.toml --format json")
 
 
-@pytest.mark.parametrize("page", [LANGUAGE], ids=["language.md"])
+@pytest.mark.parametrize("page", [LANGUAGE / "nested.md"], ids=["nested.md"])
 def test_a_nested_assembly_takes_no_override(page: Path, here: Path) -> None:
     values = {
         "material": "pla", "mass": "1 kg", "com": "0 0 0", "inertia": "{ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}",

@@ -15,7 +15,7 @@ X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def test_fixed_alone_does_not_move() -> None:
-    """What coordinates and limits a kind has is in the table of `docs/language.md`, with which `tests/docs` compares it."""
+    """What coordinates and limits a kind has is in the table of `docs/language/joints.md`, with which `tests/docs` compares it."""
     assert [name for name, kind in KINDS.items() if not kind.moves] == ["fixed"]
 
 

@@ -241,8 +241,8 @@ def test_position_drives_at_rest_are_between_no_friction_and_least_squares(hexap
 
 
 def test_the_table_of_the_language(hexapod: Hexapod, simulated: dict[str, float]) -> None:
-    """docs/language.md says these figures, to three digits."""
-    text = (Path(__file__).parents[2] / "docs" / "language.md").read_text().partition("<!-- hexapod -->\n")[2].partition("\n\n")[0]
+    """docs/language/tests.md says these figures, to three digits."""
+    text = (Path(__file__).parents[2] / "docs/language/tests.md").read_text().partition("<!-- hexapod -->\n")[2].partition("\n\n")[0]
     said = [float(row.split("|")[2]) for row in text.split("\n")[2:]]
     modes = ("three", "slippery", None, "points", "clamps")
     found = [simulated["three"] if mode is None else hexapod.efforts(mode).least_margin or 0.0 for mode in modes]
