@@ -66,7 +66,8 @@ def test_links_out_of_the_pages_lead_to_pages_of_the_site(website: ModuleType) -
     seen = website.linked(text, "howto/x.md", ROOT / "docs" / "x.md", sources)
     assert seen == (
         "[`a`](../language/joints.md#axis) [b](../readme.md) [c\nd](../source/assemblies/arm.yaml.md) `[e](../f)` "
-        "![g](../pictures/mate.svg) [h](https://x.y)\n| [![i](../pictures/mate.svg)](../source/thingc.toml.md) | <code>k&#124;l</code> |\n```\n[m](../n)\n```\n"
+        "![g](../pictures/mate.svg) [h](https://x.y)\n"
+        "| [![i](../pictures/mate.svg)](../source/thingc.toml.md) | <code>k&#124;l</code> |\n```\n[m](../n)\n```\n"
     )
     assert sources == {"source/assemblies/arm.yaml.md": ROOT / "assemblies/arm.yaml", "source/thingc.toml.md": ROOT / "thingc.toml"}
 
