@@ -126,7 +126,7 @@ $(VENV)/.thingc-dev: pyproject.toml
 docs: $(VENV)/.thingc-dev
 	$(BIN)/python docs/generate.py
 	$(BIN)/python docs/mate_picture.py
-	$(BIN)/python docs/semantics_pictures.py
+	$(BIN)/python docs/concept_pictures.py
 
 # The documentation as a site, build/site/index.html, with the robots in it.
 site: $(VENV)/.thingc-dev

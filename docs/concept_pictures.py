@@ -1,4 +1,4 @@
-"""Draws the figures of `docs/semantics.md`: `python docs/semantics_pictures.py` writes
+"""Draws the figures of `docs/concepts/`: `python docs/concept_pictures.py` writes
 
 - `pictures/joint.svg`: the frames between a parent and a child that a joint moves, posed by `thingc.base.pose` and `thingc.base.joints`;
 - `pictures/roots.svg`: one robot at one q with two roots, and its two trees;

@@ -428,7 +428,7 @@ def test_generated_pictures_are_what_is_committed() -> None:
 
     docs = ROOT / "docs"
     drawn = {"mate.svg": runpy.run_path(str(docs / "mate_picture.py"))["picture"]}
-    drawn |= runpy.run_path(str(docs / "semantics_pictures.py"))["DRAWN"]
+    drawn |= runpy.run_path(str(docs / "concept_pictures.py"))["DRAWN"]
     for name, draw in drawn.items():
         assert (docs / "pictures" / name).read_text() == draw(), f"{name}: run make docs"
 
