@@ -52,7 +52,10 @@ MOVED = {
         "several-joints-on-one-body": "joints.md#several-joints-on-one-body",
         "tendons": "tendons.md",
     }.items()
-} | {"import.md#again": "import.md#import-again", "import.md#mjcf": "import/mjcf.md", "import.md#sdf": "import/sdf.md"}
+} | {
+    "import.md#again": "import.md#import-again", "import.md#mjcf": "import/mjcf.md", "import.md#sdf": "import/sdf.md",
+    "variants.md#very-many": "variants.md#packed-batches",
+}
 """New places of sections to which entries of the changelog link."""
 SKIPPED = ("readme.md", "architecture.md", "contributing.md", "changelog.md", "decisions/index.md", "api.md")
 """Pages that `llms-full.txt` leaves out: repetitions, internals of the project, and docstrings, which exist only in the built site."""
