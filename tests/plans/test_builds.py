@@ -17,6 +17,7 @@ from families.documents import EVERYTHING, INERTIA, TOOL
 from thingc.base import numeric
 from thingc.base.numeric import Recorded
 from thingc.base.pose import shifted
+from thingc.batch.measurements import measure
 from thingc.batch.plans import build_templates
 from thingc.batch.plans.build_templates import Builds
 from thingc.batch.plans.tape import Tape
@@ -41,6 +42,17 @@ joints: {{turn: {{type: continuous, parent: base.side, child: arm.origin}}}}
 modes: {{standing: {{root: base}}}}
 """
 
+SWING = f"""\
+thingc: assembly/1
+name: swing
+components:
+  base: {{link: true, mass: 1 kg, {INERTIA}, shapes: [{{box: 100 100 100 mm}}]}}
+  arm: {{link: true, mass: 1 kg, {INERTIA}, shapes: [{{box: 400 20 20 mm}}]}}
+joints: {{turn: {{type: revolute, parent: base.origin, child: arm.origin, limit: {{lower: -3 rad, upper: 3 rad}}}}}}
+poses: {{home: {{turn: 1 deg}}}}
+modes: {{standing: {{root: base, pose: home}}}}
+"""
+
 KNOB = "thingc: assembly/1\nname: knob\nparameters: {mass: 1 g}\ncomponents: {knob: {frame: true, mass: =mass}}\n"
 
 
@@ -48,7 +60,7 @@ KNOB = "thingc: assembly/1\nname: knob\nparameters: {mass: 1 g}\ncomponents: {kn
 def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("builds")
     (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
-    for name, text in {"everything": EVERYTHING, "tool": TOOL, "pair": PAIR, "knob": KNOB}.items():
+    for name, text in {"everything": EVERYTHING, "tool": TOOL, "pair": PAIR, "swing": SWING, "knob": KNOB}.items():
         (folder / f"{name}.yaml").write_text(text)
     return folder
 
@@ -135,6 +147,19 @@ def test_pieces_of_equal_mass_are_one_row_again(workspace: Path) -> None:
         assert own.planned(alike) is None
         files, _ = own.passed(alike)
         assert [row["quantity"] for row in json.loads(files["bom.json"])] == [1, 2, 1]  # type: ignore[arg-type]
+
+
+def test_one_plan_measures_whatever_reaches_out_farthest(workspace: Path) -> None:
+    """The box around a thin arm of 400 mm that turns in a cube of 100 mm, at 0 along y: mated mounts swap x and y."""
+    with Session(str(workspace / "swing.yaml"), Options()) as session:
+        own = made(session, modes=(), measured=lambda compilation: measure(compilation.robots[0], None, None))
+        angles = [2, 5, 30, 60, 88, -10, -80]
+        builds = [own.planned(Settings(choices={"poses.home.turn": f"{angle} deg"})) for angle in angles]
+    assert builds[0] is None and all(builds[1:])
+    for angle, build in zip(angles[1:], builds[1:], strict=True):
+        sine, cosine = abs(math.sin(math.radians(angle))), math.cos(math.radians(angle))
+        sides = (max(0.1, 0.4 * sine + 0.02 * cosine), max(0.1, 0.4 * cosine + 0.02 * sine), 0.1)
+        assert build is not None and [build.results[f"box.{axis}"] for axis in "xyz"] == pytest.approx(sides, rel=1e-12)
 
 
 def test_what_a_plan_is_not_of_goes_through_every_pass(session: Session) -> None:

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
 from thingc.base.inertia import total
-from thingc.base.numeric import dist, inf
+from thingc.base.numeric import dist, inf, maximum, minimum
 from thingc.base.pose import Pose, Vector
 from thingc.base.suggestions import did_you_mean
 from thingc.model.assembly.kinematics import coordinates, joints_of
@@ -116,7 +116,7 @@ def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vec
         if box is None:
             continue
         lowest, highest = pose.around(box)
-        low, high = list(map(min, low, lowest)), list(map(max, high, highest))
+        low, high = list(map(minimum, low, lowest)), list(map(maximum, high, highest))
     if low[0] > high[0]:
         return None
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])
