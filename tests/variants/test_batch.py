@@ -19,8 +19,9 @@ import pytest
 from thingc.base.diagnostics import Code
 from thingc.batch import BatchFault, Summary, plan, run
 from thingc.batch.batch_json import job_of
+from thingc.batch.build_records import in_order
 from thingc.batch.job import Task
-from thingc.batch.journal import Journal, in_order, lines
+from thingc.batch.journal import Journal, lines
 from thingc.batch.runner import Runner
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
@@ -143,7 +144,7 @@ def test_somebody_elses_processes_build_the_same(tmp_path: Path, shared_store: s
     with concurrent.futures.ProcessPoolExecutor(2) as executor:
         summary = batch(here, shared_store, executor=executor, jobs=2)
     assert summary.statuses == {"built": 12}
-    assert [line["index"] for line in in_order(str(here / "build" / "sweep" / "journal.jsonl"))] == list(range(12))
+    assert [line["index"] for line in in_order(str(here / "build" / "sweep"))] == list(range(12))
 
 
 PATHS = """
@@ -594,7 +595,7 @@ def test_of_two_lines_the_later_one_counts(tmp_path: Path) -> None:
     with Journal(str(path)) as journal:
         for index, status in ((2, "built"), (0, "failed"), (2, "refused"), (5, "built")):
             journal.append({"index": index, "status": status})
-    assert [(line["index"], line["status"]) for line in in_order(str(path))] == [(0, "failed"), (2, "refused"), (5, "built")]
+    assert [(line["index"], line["status"]) for line in in_order(str(tmp_path))] == [(0, "failed"), (2, "refused"), (5, "built")]
 
 
 # --- memory ----------------------------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from thingc.batch import BatchFault, FamilyError, UnknownVariant, build_records,
 from thingc.batch.adopt_variant import find_variant
 from thingc.batch.build_records import in_order
 from thingc.batch.journal import Journal
-from thingc.batch.packed_layout import Chunk, seal
+from thingc.batch.packed_layout import Chunk, PackedWriter, seal
 from thingc.batch.page import show_again
 from thingc.driver.environment import Options
 from thingc.tools.cli.main import main
@@ -133,10 +133,20 @@ def journalled(folder: Path, number: int) -> None:
     chunk = Chunk(str(folder), number)
     with Journal(str(folder / f"chunks/{number:06d}.jsonl")) as journal:
         for index in reversed(chunk.indices):
-            row = chunk.row(index)
-            files = {path: base64.b64encode(data).decode() for path, data in row.files.items()}
+            files = {path: base64.b64encode(data).decode() for path, data in chunk.files(index).items()}
             journal.append({**chunk.line(index), **({"files": files, "shared": chunk.shared(index)} if files else {})})
     chunk.close()
+
+
+def test_a_sealed_chunk_takes_files_that_it_has_no_column_for(tmp_path: Path) -> None:
+    (tmp_path / "chunks").mkdir()
+    for index, files in enumerate(({}, {"files": {"modes.json": base64.b64encode(b"{}").decode()}, "shared": {}})):
+        with PackedWriter(str(tmp_path), bytearray(2)) as writer:
+            status = "built" if files else "failed"
+            writer.append({"index": index, "id": f"{index:012x}", "name": f"one_{index}", "status": status, **files})
+            writer.sync()
+    chunk = Chunk(str(tmp_path), 0)
+    assert [chunk.files(index) for index in chunk.indices] == [{}, {"modes.json": b"{}"}]
 
 
 @pytest.mark.parametrize("sealed_before", [False, True], ids=["before the chunk is there", "before its journal is gone"])
@@ -256,7 +266,7 @@ def test_a_chunk_of_somebody_else_writes_and_reads_nothing_outside(
     shutil.copytree(here, tmp_path / "copy")
     out = tmp_path / "copy" / "build" / "some"
     (tmp_path / "secret").write_text("mine")
-    batch = build_records.load_records(str(out))
+    batch = build_records.BuildRecords(str(out))
     index, name = batch.built[0], batch.line(batch.built[0])["name"]
     file = out / "chunks" / f"{index // 5:06d}.parquet"
     table = pyarrow.parquet.read_table(file)

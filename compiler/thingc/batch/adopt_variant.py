@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from thingc.base.diagnostics import Code, shown_path
-from thingc.batch.build_records import load_records
+from thingc.batch.build_records import BuildRecords
 from thingc.batch.folder import BatchFault, in_words, read_batch, whole
 from thingc.batch.journal import Line
 from thingc.batch.planning import Plan, Variant
@@ -37,7 +37,7 @@ def _told(plan: Plan, wanted: str, folder: str) -> Line | None:
         return None
     try:
         whole(folder, described)
-        done = load_records(folder)
+        done = BuildRecords(folder)
         index = done.find(wanted)
         return None if index is None else done.line(index)
     except OSError as fault:

@@ -10,13 +10,12 @@ from array import array
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Protocol
+from typing import Any
 
-from thingc.base.filesystem import listing
-from thingc.batch import folder_layout, journal, packed_layout
+from thingc.base.filesystem import hash_name, listing
+from thingc.batch import folder_layout
 from thingc.batch.journal import Line
-from thingc.batch.packed_layout import Chunk, Chunks, packed
-from thingc.batch.rules import LENGTHS
+from thingc.batch.packed_layout import Chunk, Chunks, numbers, packed
 from thingc.targets.artifact import Content, StoredArtifact
 
 MESHES = "mjcf/assets/"
@@ -28,98 +27,39 @@ File = tuple[Any, ...]
 """What a file is: equal where it is the same file."""
 
 
-class VariantFiles(Protocol):
-    """The files of a built variant."""
-
-    def read(self, path: str) -> bytes:
-        """One of them, by path in the build folder. Raises `FileNotFoundError`."""
-
-    def models(self) -> list[str]:
-        """The names of the files in `mjcf/`, sorted."""
-
-    def meshes(self) -> dict[str, tuple[File, str]]:
-        """Those of its models by name: what the file is, and its path on the disk."""
-
-
-class BuildRecords(Protocol):
-    """What a batch has done, by place in the plan."""
-
-    @property
-    def done(self) -> Sequence[int]:
-        """The variants that are done, ascending."""
-
-    @property
-    def built(self) -> Sequence[int]:
-        """Those that are built, and there."""
-
-    def line(self, index: int) -> Line:
-        """What is told of one. Raises `KeyError` for one that is not done."""
-
-    def find(self, key: str) -> int | None:
-        """The variant of this id, or else of this name."""
-
-    def files(self, index: int) -> VariantFiles:
-        """Its files, if it is built."""
-
-
-def load_records(folder: str) -> BuildRecords:
-    """What the batch in this folder has done until now."""
-    return _Packed(folder) if packed(folder) else _Folders(folder)
-
-
 def in_order(folder: str) -> Iterator[Line]:
-    """The lines of all variants that are done, by index, one in memory at a time."""
-    return packed_layout.in_order(folder) if packed(folder) else journal.in_order(os.path.join(folder, folder_layout.JOURNAL))
+    """The lines of all variants that are done, by index, each variant once; one line is in memory at a time."""
+    for chunk in _chunks(folder):
+        yield from map(chunk.line, chunk.indices)
 
 
 def spread(folder: str, most: int) -> tuple[int, Iterator[Line]]:
     """How many of these lines there are, and at most so many of them, evenly spread; one is in memory at a time."""
-    if packed(folder):
-        records = _Packed(folder)
-        return len(records.done), (records.line(index) for index in _spread(records.done, most))
-    path = os.path.join(folder, folder_layout.JOURNAL)
-    begins = [at for at in journal.places(path) if at >= 0]
-    return len(begins), (journal.line_at(path, at) for at in _spread(begins, most))
-
-
-def _spread(numbers: Sequence[int], most: int) -> Iterator[int]:
-    count = len(numbers)
-    return (numbers[k * count // most] for k in range(most)) if count > most else iter(numbers)
+    records = BuildRecords(folder)
+    count = len(records.done)
+    places = range(count) if count <= most else (k * count // most for k in range(most))
+    return count, (records.line(records.done[place]) for place in places)
 
 
 def outcomes(folder: str, chance: Callable[[Line], bool] | None = None) -> Iterator[tuple[int, str, bool]]:
     """Of each variant that is done its place in the plan, its status, and whether that holds: not where it is said to be built and is
     not there, nor where another attempt has a `chance`."""
-    if packed(folder):
-        for chunk in _chunks(folder):
-            for index, _, _, status in chunk.heads():
-                yield index, status, status == "built" or chance is None or not chance(chunk.line(index))
-        return
-    for line in in_order(folder):
-        there = os.path.isfile(folder_layout.manifest_of(folder, line["id"])) if line["status"] == "built" else True
-        yield int(line["index"]), line["status"], there and not (chance is not None and chance(line))
+    for chunk in _chunks(folder):
+        for index, id, _, status in chunk.heads():
+            there = _is_there(folder, id) if status == "built" else chance is None or not chance(chunk.line(index))
+            yield index, status, there
 
 
 def lengths_in(folder: str) -> list[str]:
     """The results `length.JOINT` that any variant has, sorted."""
-    names: set[str] = set()
-    if packed(folder):
-        for chunk in _chunks(folder):
-            names.update(chunk.lengths)
-    else:
-        for line in in_order(folder):
-            names.update(name for name in line.get("results", ()) if name.startswith(LENGTHS))
-    return sorted(names)
+    return sorted({name for chunk in _chunks(folder) for name in chunk.lengths})
 
 
 def losses(folder: str) -> tuple[int, Counter[str]]:
     """How many variants have losses, and how many there are in all, by what becomes of them."""
     counts: Counter[str | None] = Counter()
-    if packed(folder):
-        for chunk in _chunks(folder):
-            counts += chunk.losses()
-    else:
-        counts.update(json.dumps(line.get("losses")) for line in in_order(folder))
+    for chunk in _chunks(folder):
+        counts += chunk.losses()
     lossy, total = 0, Counter[str]()
     for text, count in counts.items():
         each = json.loads(text or "null")
@@ -129,39 +69,59 @@ def losses(folder: str) -> tuple[int, Counter[str]]:
 
 
 def _chunks(folder: str) -> Iterator[Chunk]:
-    for number in packed_layout.numbers(folder):
-        chunk = Chunk(folder, number)
-        yield chunk
-        chunk.close()
+    for number in numbers(folder):
+        with contextlib.closing(Chunk(folder, number)) as chunk:
+            yield chunk
 
 
-class _Folders:
-    """Of a batch with a folder for each variant."""
+def _is_there(folder: str, id: str) -> bool:
+    """Whether a variant that is said to be built is there, whole."""
+    return packed(folder) or os.path.isfile(folder_layout.manifest_of(folder, id))
+
+
+class BuildRecords:
+    """What the batch in a folder has done until now, by place in the plan: `done` are the variants that are done, ascending, `built` those
+    that are built, and there. It keeps a few bytes for each variant, and what was asked for last."""
 
     def __init__(self, folder: str) -> None:
         self.folder = folder
-        self._lines = {int(line["index"]): line for line in journal.in_order(os.path.join(folder, folder_layout.JOURNAL))}
-        self.done = tuple(self._lines)
-        self.built = tuple(
-            index for index, line in self._lines.items()
-            if line["status"] == "built" and os.path.isfile(folder_layout.manifest_of(folder, line["id"]))
-        )
-        self._known: dict[str, int] = {}
+        self.done = array("q")
+        self.built = array("q")
+        self._ids = array("Q")
+        self._chunks = Chunks(folder)
+        for number in numbers(folder):
+            with self._chunks.of(number) as chunk:
+                heads = chunk.heads()
+            self.done.extend(index for index, *_ in heads)
+            self.built.extend(index for index, id, _, status in heads if status == "built" and _is_there(folder, id))
+            self._ids.extend(int(hash_name(id, 12), 16) for _, id, *_ in heads)
 
     def line(self, index: int) -> Line:
-        return self._lines[index]
+        """What is told of one. Raises `KeyError` for one that is not done."""
+        with self._chunks.holding(index) as chunk:
+            return chunk.line(index)
 
     def find(self, key: str) -> int | None:
-        if not self._known:
-            self._known = {line[name]: index for name in ("name", "id") for index, line in self._lines.items()}
-        return self._known.get(key)
+        """The variant of this id, or else of this name."""
+        if _ID.fullmatch(key):
+            with contextlib.suppress(ValueError):
+                return self.done[self._ids.index(int(key, 16))]
+        number = re.search("[0-9]+$", key)
+        index = int(number[0]) if number is not None else -1  # as names are counted, unless the document gives others
+        if _holds(self.done, index) and self.line(index)["name"] == key:
+            return index
+        return next((head[0] for chunk in _chunks(self.folder) for head in chunk.heads() if head[2] == key), None)
 
     def files(self, index: int) -> VariantFiles:
-        return _InFolder(folder_layout.variant_folder(self.folder, self._lines[index]["id"]))
+        """Its files, if it is built."""
+        if packed(self.folder):
+            return _InChunk(self._chunks, index)
+        return _InFolder(folder_layout.variant_folder(self.folder, self.line(index)["id"]))
 
 
 class _InFolder:
-    """The files of a variant's folder."""
+    """The files of a variant's folder. `read` gives one, by path in the build folder (raises `FileNotFoundError`), `models` the sorted
+    names of those in `mjcf/`; `meshes` says of each mesh of its models, by name, which file it is, and its path on the disk."""
 
     def __init__(self, folder: str) -> None:
         self.folder = folder
@@ -183,41 +143,8 @@ class _InFolder:
         return {name: ((one.st_dev, one.st_ino, one.st_size, one.st_mtime_ns), path) for name, (one, path) in sorted(states.items())}
 
 
-class _Packed:
-    """Of a packed batch: a few bytes for each variant, and what is asked for."""
-
-    def __init__(self, folder: str) -> None:
-        self.folder = folder
-        self.chunks = Chunks(folder)
-        self.done = array("q")
-        self.built = array("q")
-        self._ids = array("Q")
-        for chunk in _chunks(folder):
-            heads = chunk.heads()
-            self.done.extend(head[0] for head in heads)
-            self.built.extend(head[0] for head in heads if head[3] == "built")
-            self._ids.extend(int(head[1], 16) for head in heads)
-
-    def line(self, index: int) -> Line:
-        with self.chunks.holding(index) as chunk:
-            return chunk.line(index)
-
-    def find(self, key: str) -> int | None:
-        if _ID.fullmatch(key):
-            with contextlib.suppress(ValueError):
-                return self.done[self._ids.index(int(key, 16))]
-        number = re.search("[0-9]+$", key)
-        index = int(number[0]) if number is not None else -1  # as names are counted, unless the document gives others
-        if _holds(self.done, index) and self.line(index)["name"] == key:
-            return index
-        return next((head[0] for chunk in _chunks(self.folder) for head in chunk.heads() if head[2] == key), None)
-
-    def files(self, index: int) -> VariantFiles:
-        return _InChunk(self.chunks, index)
-
-
 class _InChunk:
-    """The files of a packed variant."""
+    """The files of a packed variant, in the same way."""
 
     def __init__(self, of: Chunks, index: int) -> None:
         self.chunks = of
@@ -225,17 +152,17 @@ class _InChunk:
 
     def read(self, path: str) -> bytes:
         with self.chunks.holding(self.index) as chunk:
-            data = chunk.read(self.index, path)
-            shared = chunk.shared(self.index).get(path) if data is None else None
-        if data is not None:
-            return data
-        if shared is None:
+            if path in chunk.paths and (data := chunk.cell(self.index, path)) is not None:
+                return bytes(data)
+            shared = chunk.shared(self.index)
+        if path not in shared:
             raise FileNotFoundError(path)
-        return folder_layout.SharedAssets(self.chunks.folder).read(shared)
+        return folder_layout.SharedAssets(self.chunks.folder).read(shared[path])
 
     def models(self) -> list[str]:
         with self.chunks.holding(self.index) as chunk:
-            return sorted(path.removeprefix("mjcf/") for path in chunk.row(self.index).files if path.startswith("mjcf/"))
+            own = [path for path in chunk.paths if path.startswith("mjcf/") and chunk.cell(self.index, path) is not None]
+        return [path.removeprefix("mjcf/") for path in own]
 
     def meshes(self) -> dict[str, tuple[File, str]]:
         with self.chunks.holding(self.index) as chunk:
@@ -246,13 +173,16 @@ class _InChunk:
         }
 
 
+VariantFiles = _InFolder | _InChunk
+
+
 def unpack(folder: str, index: int) -> str:
     """Write the folder of a built variant of a packed batch, `variants/<id>/` as of any other batch; the folder's path. Meshes are hard
     links. Raises `OSError`."""
     with Chunks(folder).holding(index) as chunk:
-        row, id = chunk.row(index), str(chunk.line(index)["id"])
+        id = str(chunk.line(index)["id"])
         files: dict[str, Content] = {
-            **row.files, **{path: StoredArtifact(sha256=sha256, size=0) for path, sha256 in chunk.shared(index).items()}
+            **chunk.files(index), **{path: StoredArtifact(sha256=sha256, size=0) for path, sha256 in chunk.shared(index).items()}
         }
     os.makedirs(os.path.join(folder, folder_layout.VARIANTS), exist_ok=True)
     folder_layout.write_variant(folder, id, files, folder_layout.SharedAssets(folder))

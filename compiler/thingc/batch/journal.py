@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from array import array
 from collections.abc import Iterator
 from typing import Any
 
@@ -76,34 +75,3 @@ def lines(path: str) -> Iterator[tuple[int, Line]]:
             if data.endswith(b"\n"):
                 yield at, json.loads(data)
             at += len(data)
-
-
-def places(path: str) -> array[int]:
-    """Where the line of each variant begins, by index; -1 where there is none. Of two lines the later one counts."""
-    begins: array[int] = array("q")
-    for at, line in lines(path):
-        index = int(line["index"])
-        while len(begins) <= index:
-            begins.append(-1)
-        begins[index] = at
-    return begins
-
-
-def line_at(path: str, begin: int) -> Line:
-    """The line that begins there."""
-    with open(path, "rb") as stream:
-        stream.seek(begin)
-        line: Line = json.loads(stream.readline())
-    return line
-
-
-def in_order(path: str) -> Iterator[Line]:
-    """The lines by index, each variant once, whatever the order in which they finished. One line is in memory at a time."""
-    where = places(path)
-    if not where:
-        return
-    with open(path, "rb") as stream:
-        for at in where:
-            if at >= 0:
-                stream.seek(at)
-                yield json.loads(stream.readline())

@@ -18,16 +18,16 @@ import contextlib
 import json
 import os
 import re
+import sys
 import threading
 from array import array
 from bisect import bisect_right
 from collections import Counter, OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import shown_path
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch import folder_layout
 from thingc.batch.journal import Journal, Line, lines
 from thingc.batch.rules import LENGTHS
@@ -113,8 +113,8 @@ def complete(folder: str, count: int) -> None:
 
 
 def numbers(folder: str) -> list[int]:
-    """The chunks of which anything is done, ascending."""
-    return sorted(_numbers(folder, _SEALED) | _numbers(folder, _JOURNAL))
+    """The chunks of which anything is done, ascending. A batch that is not packed is one chunk, of which there is the journal alone."""
+    return sorted(_numbers(folder, _SEALED) | _numbers(folder, _JOURNAL)) if packed(folder) else [0]
 
 
 def _numbers(folder: str, pattern: re.Pattern[str]) -> set[int]:
@@ -175,8 +175,7 @@ def seal(folder: str, number: int) -> None:
     from pyarrow import parquet
 
     chunk = Chunk(folder, number)
-    paths = sorted(chunk.paths)
-    told, run = _schemas(paths, chunk.lengths)
+    told, run = _schemas(chunk.paths, chunk.lengths)
     options: dict[str, Any] = {
         "compression": "zstd", "compression_level": 3, "use_dictionary": ["status", "losses", SHARED], "write_statistics": False,
         "data_page_size": 2 * GROUP_BYTES,
@@ -187,9 +186,9 @@ def seal(folder: str, number: int) -> None:
         contextlib.closing(chunk), parquet.ParquetWriter(fresh[".parquet"], told, **options) as rows,
         parquet.ParquetWriter(fresh[".run.parquet"], run, compression="zstd", write_statistics=False) as runs,
     ):
-        for group in _groups(chunk):
-            rows.write_table(_table(told, [_cells(one, paths) for one in group]))
-            runs.write_table(_table(run, [(one.index, one.run) for one in group]))
+        for group in _groups(chunk, ("run", *told.names)):
+            rows.write_table(_table(told, [cells[1:] for cells in group]))
+            runs.write_table(_table(run, [(index, own) for own, index, *_ in group]))
     for end, path in fresh.items():  # a chunk that is there has its run
         with open(path, "rb") as stream:
             os.fsync(stream.fileno())
@@ -198,33 +197,19 @@ def seal(folder: str, number: int) -> None:
         os.unlink(_chunk_path(folder, number, ".jsonl"))
 
 
-class _Row(FrozenStruct):
-    """A row of a chunk: `heads` (index, id, name, status), `losses`, `line`, `run` and `shared` as JSON, `files` by path."""
-
-    index: int
-    heads: tuple[Any, ...]
-    losses: str | None
-    line: str
-    run: str
-    shared: str | None
-    files: Mapping[str, bytes]
-
-
-def _groups(chunk: Chunk) -> Iterator[list[_Row]]:
-    group: list[_Row] = []
+def _groups(chunk: Chunk, columns: Sequence[str]) -> Iterator[list[tuple[Any, ...]]]:
+    """The cells of a chunk, a row for each variant, in groups; `columns` end with those of files."""
+    group: list[tuple[Any, ...]] = []
     size = 0
     for index in chunk.indices:
-        group.append(chunk.row(index))
-        size += sum(map(len, group[-1].files.values()))
+        cells = tuple(chunk.cell(index, name) for name in columns)
+        group.append(cells)
+        size += sum(len(data) for data in cells[len(cells) - len(chunk.paths):] if data is not None)
         if len(group) == GROUP or size > GROUP_BYTES:
             yield group
             group, size = [], 0
     if group:
         yield group
-
-
-def _cells(row: _Row, paths: Sequence[str]) -> tuple[Any, ...]:
-    return (*row.heads, row.losses, row.line, row.shared, *(row.files.get(path) for path in paths))
 
 
 def _schemas(paths: Sequence[str], lengths: Sequence[str]) -> tuple[Any, Any]:
@@ -251,7 +236,8 @@ def _json(value: Any) -> str:
 
 
 class Chunk:
-    """One chunk, as far as it is done: what is sealed, and over it what its journal says. `indices` are the places in the plan, ascending.
+    """One chunk, as far as it is done: what is sealed, and over it what its journal says. `indices` are the places in the plan, ascending;
+    `paths` those of the files that variants have of their own. Of a batch that is not packed the only chunk is its journal.
 
     What is read stays readable while a batch goes on. Not thread-safe.
     """
@@ -264,7 +250,7 @@ class Chunk:
         self._columns: OrderedDict[tuple[int, str], Any] = OrderedDict()
         own: set[str] = set()
         lengths: set[str] = set()
-        path = _chunk_path(folder, number, ".jsonl")
+        path = _chunk_path(folder, number, ".jsonl") if packed(folder) else os.path.join(folder, folder_layout.JOURNAL)
         with contextlib.suppress(FileNotFoundError):
             self._journal = open(path, "rb")  # noqa: SIM115 - closed with the chunk
             for at, line in lines(path):
@@ -276,14 +262,16 @@ class Chunk:
         self._sealed = _opened(self._path) if self._run is not None else None
         self._rows: dict[int, int] = {}
         self._starts: list[int] = []
+        self._sealed_columns = {"run"}
         if self._sealed is not None:
             metadata = self._sealed.metadata
             self._starts = [0, *accumulate(metadata.row_group(k).num_rows for k in range(metadata.num_row_groups))]
             self._rows = {index: row for row, index in enumerate(self._read(["index"])["index"].to_pylist())}
+            self._sealed_columns.update(self._sealed.schema_arrow.names)
             own.update(self._sealed.schema_arrow.names[len(CELLS):])
             lengths.update(json.loads(self._sealed.schema_arrow.metadata[b"lengths"]))
         self.indices = sorted(self._rows.keys() | self._begins.keys())
-        self.paths = frozenset(own)
+        self.paths = sorted(own)
         self.lengths = sorted(lengths)
 
     def close(self) -> None:
@@ -294,13 +282,12 @@ class Chunk:
 
     def heads(self) -> list[tuple[int, str, str, str]]:
         """Index, id, name and status of each variant that is done."""
-        heads: dict[int, tuple[int, str, str, str]] = {}
+        heads: dict[int, Any] = {}
         if self._sealed is not None:
             cells = self._read(list(HEADS))
             heads = {one[0]: one for one in zip(*(cells[name].to_pylist() for name in HEADS), strict=True)}
         for index in self._begins:
-            line = self._noted(index)
-            heads[index] = index, line["id"], line["name"], line["status"]
+            heads[index] = tuple(self.cell(index, name) for name in HEADS)
         return [heads[index] for index in self.indices]
 
     def losses(self) -> Counter[str | None]:
@@ -310,50 +297,31 @@ class Chunk:
             counted = self._read(["losses"])["losses"].value_counts()
             counts.update({one["values"]: one["counts"] for one in counted.to_pylist()})
         for index in self._begins:
-            counts[self.row(index).losses] += 1
+            counts[self.cell(index, "losses")] += 1
             if index in self._rows:
-                counts[self._cell("losses", self._rows[index])] -= 1
+                counts[self._sealed_cell(self._rows[index], "losses")] -= 1
         return +counts
 
     def line(self, index: int) -> Line:
         """The line of a variant, as the journal of folders has it."""
         if index in self._begins:
             return {key: value for key, value in self._noted(index).items() if key not in (FILES, SHARED)}
-        row = self._rows[index]
-        return {**json.loads(self._cell("line", row)), **json.loads(self._cell("run", row))}
+        return {**json.loads(self.cell(index, "line")), **json.loads(self.cell(index, "run"))}
 
     def shared(self, index: int) -> dict[str, str]:
         """The SHA-256 of a variant's files in `assets/`, by path."""
-        if index in self._begins:
-            return dict(self._noted(index).get(SHARED, {}))
-        digests: dict[str, str] = json.loads(self._cell(SHARED, self._rows[index]) or "{}")
+        digests: dict[str, str] = json.loads(self.cell(index, SHARED) or "{}")
         return digests
 
-    def read(self, index: int, path: str) -> bytes | None:
-        """A file of a variant that is its own; None where it has none of this path."""
-        if index in self._begins:
-            encoded = self._noted(index).get(FILES, {}).get(path)
-            return None if encoded is None else base64.b64decode(encoded)
-        return self._cell(path, self._rows[index]) if path in self.paths else None
+    def files(self, index: int) -> dict[str, bytes]:
+        """The files of a variant that are its own, by path."""
+        return {path: data for path in self.paths if (data := self.cell(index, path)) is not None}
 
-    def row(self, index: int) -> _Row:
-        """Everything of a variant."""
+    def cell(self, index: int, column: str) -> Any:
+        """What of a variant is in a column of the sealed file (of a file: its bytes), or in `run`; None where it has nothing there."""
         if index in self._begins:
-            entry = self._noted(index)
-            return _Row(
-                index=index, heads=tuple(entry[name] for name in HEADS), losses=_json(entry["losses"]) if "losses" in entry else None,
-                line=_json({key: value for key, value in entry.items() if key not in (*RUN, FILES, SHARED)}),
-                run=_json({key: entry[key] for key in RUN if key in entry}),
-                shared=_json(dict(sorted(entry[SHARED].items()))) if SHARED in entry else None,
-                files={path: base64.b64decode(text) for path, text in entry.get(FILES, {}).items()},
-            )
-        row = self._rows[index]
-        files = {path: self._cell(path, row) for path in self.paths}
-        return _Row(
-            index=index, heads=tuple(self._cell(name, row) for name in HEADS), losses=self._cell("losses", row),
-            line=self._cell("line", row), run=self._cell("run", row), shared=self._cell(SHARED, row),
-            files={path: data for path, data in files.items() if data is not None},
-        )
+            return _cell_of(self._noted(index), column)
+        return self._sealed_cell(self._rows[index], column) if column in self._sealed_columns else None
 
     def _read(self, columns: list[str]) -> Any:
         """Columns of the sealed file."""
@@ -368,8 +336,7 @@ class Chunk:
             self._entry = index, json.loads(self._journal.readline())
         return self._entry[1]
 
-    def _cell(self, column: str, row: int) -> Any:
-        """One cell of the sealed file, or of its run."""
+    def _sealed_cell(self, row: int, column: str) -> Any:
         group = bisect_right(self._starts, row) - 1
         cells = self._columns.get((group, column))
         if cells is None:
@@ -384,6 +351,23 @@ class Chunk:
         return cells[row - self._starts[group]].as_py()
 
 
+def _cell_of(line: Line, column: str) -> Any:
+    """What a sealed chunk has of a line of its journal in a column."""
+    match column:
+        case "line":
+            return _json({key: value for key, value in line.items() if key not in (*RUN, FILES, SHARED)})
+        case "run":
+            return _json({key: line[key] for key in RUN if key in line})
+        case "losses":
+            return _json(line["losses"]) if "losses" in line else None
+        case "shared":
+            return _json(dict(sorted(line[SHARED].items()))) if SHARED in line else None
+        case "index" | "id" | "name" | "status":
+            return line[column]
+    encoded = line.get(FILES, {}).get(column)
+    return None if encoded is None else base64.b64decode(encoded)
+
+
 def _opened(path: str) -> ParquetFile | None:
     if not os.path.exists(path):
         return None
@@ -394,11 +378,12 @@ def _opened(path: str) -> ParquetFile | None:
 
 
 class Chunks:
-    """All chunks of a packed batch, opened when they are asked for; those used least lately are closed. Thread-safe. A copy in another
+    """All chunks of a batch, opened when they are asked for; those used least lately are closed. Thread-safe. A copy in another
     process opens them anew."""
 
     def __init__(self, folder: str) -> None:
         self.folder = folder
+        self._variants = CHUNK if packed(folder) else sys.maxsize
         self._open: OrderedDict[int, Chunk] = OrderedDict()
         self._lock = threading.RLock()
 
@@ -418,15 +403,7 @@ class Chunks:
 
     def holding(self, index: int) -> contextlib.AbstractContextManager[Chunk]:
         """The chunk of the variant at this place in the plan."""
-        return self.of(index // CHUNK)
-
-
-def in_order(folder: str) -> Iterator[Line]:
-    """The lines of all variants that are done, by index. One chunk is open at a time."""
-    for number in numbers(folder):
-        with contextlib.closing(Chunk(folder, number)) as chunk:
-            for index in chunk.indices:
-                yield chunk.line(index)
+        return self.of(index // self._variants)
 
 
 def column(values: Sequence[Any], type: Any) -> Any:

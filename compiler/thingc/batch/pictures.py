@@ -14,7 +14,7 @@ from thingc.base.filesystem import listing, write_tree
 from thingc.base.json_lines_process import JsonLinesProcess, ProcessLost
 from thingc.base.numeric import sum_of
 from thingc.batch import folder_layout
-from thingc.batch.build_records import VariantFiles, load_records
+from thingc.batch.build_records import BuildRecords, VariantFiles
 from thingc.batch.packed_layout import packed
 
 MOST = 48
@@ -38,7 +38,7 @@ def usual(count: int) -> int:
 
 def chosen(folder: str, mode: str, most: int) -> list[int]:
     """At most so many built variants that have a model in a mode, in plan order; where there are more, those `along_the_axes`."""
-    records = load_records(folder)
+    records = BuildRecords(folder)
     settings: list[Sequence[Any]] = []
     for index in records.built:
         line = records.line(index)
@@ -93,7 +93,7 @@ def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[t
     if not indices:
         yield []
         return
-    records = load_records(folder)
+    records = BuildRecords(folder)
     with tempfile.TemporaryDirectory(prefix="thingc-pictures-") as scratch:
         models: list[tuple[str, str]] = []
         for index in indices:

@@ -28,7 +28,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr, counted
 from thingc.base.suggestions import did_you_mean
 from thingc.batch import folder_layout
-from thingc.batch.build_records import BuildRecords, File, VariantFiles, load_records, unpack
+from thingc.batch.build_records import BuildRecords, File, VariantFiles, unpack
 from thingc.batch.folder import read_batch, whole
 from thingc.batch.journal import Line
 from thingc.batch.mujoco_arrays.text_models import ModelText, TextModels
@@ -418,7 +418,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
         hint = f"; in it there are: {', '.join(f'`{name}`' for name in within)}" if within else ""
         raise FamilyError(f"`{shown_path(place)}` is no folder of a batch{hint}: `thingc batch` writes one")
     whole(place, described)
-    records = load_records(place)
+    records = BuildRecords(place)
     robot = json.loads(records.files(records.built[0]).read(MANIFEST))["name"] if records.built else ""
     family = BatchResults(BatchFolder(
         folder=place, name=described["name"], robot=robot, modes=described["modes"], mode=mode, planned=described["count"],
