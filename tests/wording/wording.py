@@ -1,0 +1,127 @@
+"""Find words in docs, messages and docstrings that the section *Words* of CONTRIBUTING.md advises against.
+
+    .venv/bin/python tests/wording/wording.py [FILE...]
+
+prints the findings in these files, or in all, one on a line.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[2]
+
+BANNED = {
+    "`is no`: write `is not a`, or `there is no`": r"(?<!there )(?<!There )\b(is|are|was|were) no (?!longer|more|less|fewer|other)\w",
+    "leading `Of`: begin with the subject": r"(?:^|(?<=[.:;] ))Of (?!course)\w+",
+    "`said`, `told`, `kept`: write `reported`, `shown`, `cached`, `stored`": r"\b(is|are|was|were|be|been|being) (said|told|kept)\b",
+    "`nobody`, `whoever`: name the user or the program": r"\b(nobody|whoever)\b",
+    "`None where`, `where there is`: write `if`":
+        r"\b(None|none) where\b|\bwhere there (is|are)\b|\bwhere (it|they) (has|have) (one|none|it)\b",
+    "`all else`, `for what it is`": r"\ball else\b|\bfor what it is\b|\bis to be had\b",
+    "`mend`: write `fix`": r"\bmend(s|ed|ing)?\b",
+    "`told apart`: write `distinguished`": r"\b(told|tell|tells) apart\b",
+    "`stands in`: write `is in`": r"\b(it|they|which|that|file|document|name|key) stands?\b",
+    "`says`, `tells`, `knows`, `wants` of a thing: write `reports`, `shows`, `specifies`, `requires`":
+        r"\b(file|document|page|model|mode|joint|part|table|lock|record|robot|schema|message|compiler|thingc|MuJoCo|it)"
+        r" (says|tells|knows|wants)\b",
+}
+"""Patterns by what to do about them."""
+
+LONGEST = 30
+"""Words of a sentence in the docs."""
+
+
+class Text(NamedTuple):
+    """A text that people read: the area that it is counted in, its file with the line, and the words."""
+
+    area: str
+    place: str
+    words: str
+
+
+class Finding(NamedTuple):
+    """One place that a rule objects to."""
+
+    area: str
+    place: str
+    rule: str
+    words: str
+
+
+def pages() -> list[Path]:
+    """The pages that are written by hand; those of diagnostic codes are made from the messages."""
+    named = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "SECURITY.md")]
+    docs = [page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "codes" and page.name != "diagnostics.md"]
+    return sorted(page for page in (*named, *docs) if page.exists())
+
+
+def prose(page: Path) -> Iterator[Text]:
+    """The paragraphs, items of lists and cells of tables of a page, without code, pictures and the targets of links."""
+    area, fenced, begin = page.relative_to(ROOT).as_posix(), False, 0
+    lines = page.read_text().splitlines()
+    paragraph: list[str] = []
+    for number, line in enumerate((*lines, ""), 1):
+        fence = line.lstrip().startswith(("```", "~~~"))
+        item = re.match(r"\s*([-*] |\d+\. |\||#|<!--|$)", line)
+        if (fence or fenced or item) and paragraph:
+            yield Text(area, f"{area}:{begin}", " ".join(paragraph))
+            paragraph = []
+        fenced ^= fence
+        if fence or fenced or not line.strip():
+            continue
+        if line.startswith("|"):
+            yield from (Text(area, f"{area}:{number}", _plain(cell)) for cell in line.strip("|").split("|"))
+        elif not line.startswith("<"):
+            begin = begin if paragraph else number
+            paragraph.append(_plain(line))
+
+
+def _plain(line: str) -> str:
+    line = re.sub(r"!\[[^\]]*\]\([^)]*\)|\]\([^)]*\)|<[^>]*>", " ", line)
+    return re.sub(r"`[^`]*`", "`code`", line).strip().lstrip("-*#0123456789. [")
+
+
+def code(path: Path) -> Iterator[Text]:
+    """The docstrings of a module, and its other texts of at least three words: messages and helps."""
+    tree = ast.parse(path.read_text())
+    room, place = path.relative_to(ROOT / "compiler" / "thingc").parts[0].removesuffix(".py"), path.relative_to(ROOT).as_posix()
+    docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and len(node.value.split()) >= 3:
+            kind = "docstrings" if id(node) in docs else "messages"
+            yield Text(f"{room} {kind}", f"{place}:{node.lineno}", " ".join(node.value.split()))
+
+
+def texts() -> Iterator[Text]:
+    """All texts that the rules are about."""
+    for page in pages():
+        yield from prose(page)
+    for path in sorted((ROOT / "compiler" / "thingc").rglob("*.py")):
+        yield from code(path)
+
+
+def findings(text: Text) -> Iterator[Finding]:
+    """What the rules object to in a text."""
+    for rule, pattern in BANNED.items():
+        yield from (Finding(text.area, text.place, rule, found[0]) for found in re.finditer(pattern, text.words))
+    if text.area.endswith(".md"):
+        for sentence in re.split(r"(?<=[.!?:;])\s", text.words):
+            if (count := len(sentence.split())) > LONGEST:
+                yield Finding(text.area, text.place, f"a sentence of more than {LONGEST} words", f"{count} words: {sentence[:60]} ...")
+
+
+def main() -> None:
+    chosen = [Path(name).resolve().relative_to(ROOT).as_posix() for name in sys.argv[1:]]
+    for text in texts():
+        for one in findings(text) if not chosen or text.place.rpartition(":")[0] in chosen else ():
+            print(f"{one.place}: {one.words!r}: {one.rule}")
+
+
+if __name__ == "__main__":
+    main()
