@@ -42,25 +42,25 @@ EXAMPLES = ROOT / "compiler" / "thingc" / "tools" / "reporting" / "examples.json
 SUFFIXES = ("yaml", "toml")
 
 GROUPS = {
-    "joints": "joints", "of_joints": "of joints", "drives": "drives", "loops": "loops, by what they leave open where they are cut",
-    "bases": "bases of modes, besides `fixed`", "modes": "of modes", "links": "of links", "shapes": "shapes that touch",
-    "sensors": "sensors", "of_sensors": "of sensors",
+    "joints": "joints", "of_joints": "properties of joints", "drives": "drives", "loops": "loops, by the joint that is cut",
+    "bases": "bases, besides `fixed`", "modes": "properties of modes", "links": "properties of links", "shapes": "collision shapes",
+    "sensors": "sensors", "of_sensors": "properties of sensors",
 }
 FEATURES = {
     "of_joints.cone": "`limit: {cone: ...}`", "of_joints.velocity": "velocity limit", "of_joints.friction": "dry friction",
-    "loops.hold": "`hold` of a mount", "loops.weld": "nothing (`fixed`)", "loops.ball": "turns about a point", "loops.hinge": "a turn",
-    "loops.slide": "a slide", "loops.screw": "a screw", "loops.universal": "turns about two axes (`universal`)",
-    "loops.several": "several coordinates", "bases.start": "where a free one begins",
-    "modes.exclude": "links that never touch", "modes.simulation": "other `simulation`", "modes.timestep": "time step",
-    "links.frames": "mounts and frames", "links.rolling": "rolling friction", "links.weightless": "without a mass, moved by a joint",
-    "links.weightless_base": "without a mass, others", "links.point": "a mass at a point", "links.line": "masses at points in a line",
+    "loops.hold": "`hold` of a mount", "loops.weld": "`fixed`", "loops.ball": "`ball`", "loops.hinge": "a hinge",
+    "loops.slide": "a slide", "loops.screw": "a screw", "loops.universal": "`universal`",
+    "loops.several": "several coordinates", "bases.start": "start pose of a `free` base",
+    "modes.exclude": "excluded contacts", "modes.simulation": "other `simulation`", "modes.timestep": "time step",
+    "links.frames": "mounts and frames", "links.rolling": "rolling friction", "links.weightless": "no mass, moved by a joint",
+    "links.weightless_base": "no mass, others", "links.point": "a point mass", "links.line": "point masses in a line",
     "shapes.hull": "convex mesh", "shapes.mesh": "any mesh",
 }
 for kind in KINDS.values():
     if kind.moves:
         key = f"joints.{joint_cell(kind)}"
         FEATURES[key] = f"{FEATURES[key]}, {kind.name}" if key in FEATURES else kind.name
-"""What a feature is called on the page, where not by its key; joints by the kinds of their form."""
+"""Names of features on the page, if they differ from the key; for joints, the kinds with this form of motion."""
 
 HEAD = """\
 # Diagnostics

@@ -61,20 +61,20 @@ def rebuilt(one: Tried) -> Rebuilt:
 
 
 def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, driver: str) -> str:
-    """What `docs/variants_search.md` says of it."""
+    """Return the section of `docs/variants_search.md`."""
     feasible = [one for one in found if one.feasible]
     document = Path(__file__).resolve().parents[1] / "assemblies" / "minchw" / "bridge_search.yaml"
     chosen = "the document draws them" if driver == "random" else "Optuna chose them"
     lines = [
         "## The longest bridge", "",
-        "How far apart can MInchW's soles be, if leg and body may be longer? The robot reaches out over a gap: its front foot",
-        "holds, legs and body are stretched out level, and at the sole of the rear foot it carries a probe of 400 g. The *bridge* is",
-        f"the distance of the two soles; every drive must have {MARGIN} times the torque that it has to hold there (*torque margin*).",
-        "`make bridge-search` runs the search, in a few minutes, and writes this.", "",
+        "How far apart can the soles of MInchW be, if legs and body can be longer? The robot reaches over a gap: its front foot",
+        "holds, legs and body are stretched level, and the sole of the rear foot carries a probe of 400 g. The *bridge* is the",
+        f"distance of the two soles. Every drive needs {MARGIN} times the torque that it holds there (*torque margin*).",
+        "`make bridge-search` runs the search in a few minutes and writes this section.", "",
         "![Bridges that were tried, and the best so far](pictures/bridge_search.png)", "",
-        "The family is `assemblies/minchw/bridge_search.yaml`, over `probe.yaml` beside it:", "",
+        "The document of variants is `assemblies/minchw/bridge_search.yaml`, for the assembly `probe.yaml` beside it:", "",
         "```text", *document.read_text().strip().split("\n"), "```", "",
-        f"{len(found)} robots were tried ({chosen}); {len(feasible)} of them keep the rule. The others are recorded, and not written.",
+        f"{len(found)} robots were tried ({chosen}). {len(feasible)} of them satisfy the rule; the others are only recorded.",
         "The five longest:", "",
         "| | leg | body | bridge | torque margin | mass |", "|---|---|---|---|---|---|",
     ]
@@ -85,21 +85,21 @@ def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, drive
         )
     lines.append("")
     if best is None or seen is None:
-        lines += ["None of them keeps the rule.", ""]
+        lines += ["None of them satisfies the rule.", ""]
         return "\n".join(lines)
     weakest = min(seen.margins, key=seen.margins.__getitem__)
     so_far = best_so_far(found)
     first = next(k for k, value in enumerate(so_far) if value == best.bridge) + 1
-    verdict = "\n  It lets go before a servo gives way: a bridge of this length needs a wider magnet first." if seen.pull > PULL else ""
+    verdict = "\n  The magnet fails before a servo does: a bridge of this length needs a wider magnet." if seen.pull > PULL else ""
     lines += [
-        f"- The longest was number {first} of {len(found)}. MuJoCo says the same of its model: {1e3 * seen.bridge:.1f} mm, and by its",
+        f"- The longest was number {first} of {len(found)}. MuJoCo finds the same for its model: {1e3 * seen.bridge:.1f} mm, and by",
         f"  inverse dynamics a margin of {seen.margins[weakest]:.3f}, at the drive of `{weakest}`.",
-        f"- Drives are one thing, magnets another. At {1e3 * RADIUS:.0f} mm, the rim of the magnet, the moment less the weight is a pull",
-        f"  of {seen.pull:.1f} N, and a magnet holds {PULL:.0f} N: {'too little' if seen.pull > PULL else 'enough'}.{verdict}", "",
+        f"- The margin does not include the magnet. Its rim, at {1e3 * RADIUS:.0f} mm, needs a pull of {seen.pull:.1f} N (the moment minus",
+        f"  the weight), and the magnet holds {PULL:.0f} N: {'too little' if seen.pull > PULL else 'enough'}.{verdict}", "",
         "Build the longest one:", "", "```text", best.command, "```", "",
-        "`python examples/longest_bridge.py --driver optuna` lets [Optuna](https://optuna.org) choose what is built next, eight",
-        "robots at a time (`pip install 'thingc[search]'`): the loop is the same, its documents of variants are lists. With `--count N`",
-        "either driver stops after N robots. Both are seeded: the same command finds the same robot.", "",
+        "With `python examples/longest_bridge.py --driver optuna`, [Optuna](https://optuna.org) chooses the next eight robots each",
+        "time (`pip install 'thingc[search]'`). The loop is the same; its documents of variants are lists. `--count N` stops after",
+        "N robots. Both drivers are seeded: the same command finds the same robot.", "",
     ]
     return "\n".join(lines)
 
