@@ -64,9 +64,7 @@ def touched(changed: Collection[str] | None, folder: str, store: Store | None) -
 def _meets(path: str, need: _Needs, changed: frozenset[str]) -> bool:
     if os.path.realpath(path) in changed or need.files & changed:
         return True
-    return any(
-        not file.endswith(".py") and file.startswith(folder + os.sep) for file in changed for folder in need.folders
-    )
+    return any(not file.endswith(".py") and file.startswith(folder + os.sep) for file in changed for folder in need.folders)
 
 
 def _needs(path: str, store: Store | None) -> _Needs:

@@ -175,6 +175,4 @@ def _say(
     """Print what was added, or why nothing was; `texts` are those of documents as they would be."""
     if arguments.format == "text":
         console.say(*done)
-    return console.print_found(
-        diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=texts, added=list(done),
-    )
+    return console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=texts, added=list(done))

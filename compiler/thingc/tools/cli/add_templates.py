@@ -78,9 +78,7 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     return _new_part(arguments, documents, reference, path)
 
 
-def _placed_part(
-    arguments: argparse.Namespace, documents: Documents | None, geometry: GeometryService, reference: str,
-) -> DocumentEdit:
+def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geometry: GeometryService, reference: str) -> DocumentEdit:
     """A component that is a part which is there, or which only `check` can tell what is wrong with."""
     if documents is None:
         raise console.WrongCommandLine(
@@ -306,9 +304,7 @@ def _base(root: Document) -> str:
     joints = [joint for joint in _section(root.tree, "joints").values() if isinstance(joint, dict) and not joint.get("loop")]
     children = {str(joint.get("child", "")).partition(".")[0] for joint in joints}
     components = _section(root.tree, "components")
-    free = (
-        name for name, one in components.items() if isinstance(one, dict) and not {"attach", "at"} & set(one) and name not in children
-    )
+    free = (name for name, one in components.items() if isinstance(one, dict) and not {"attach", "at"} & set(one) and name not in children)
     return next(free, next(iter(components)))
 
 

@@ -88,9 +88,7 @@ class _Disk:
 
 
 def _say(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], mended: Sequence[TextEdit]) -> int:
-    rows = [
-        {"file": shown_path(one.file), "line": one.line, "written": one.written, "replacement": one.replacement} for one in mended
-    ]
+    rows = [{"file": shown_path(one.file), "line": one.line, "written": one.written, "replacement": one.replacement} for one in mended]
     if arguments.format == "text":
         for one in mended:
             console.say(f"{shown_path(one.file)}:{one.line}: mended `{one.written}` -> `{one.replacement}`")

@@ -138,9 +138,7 @@ def _targets(words: Sequence[str]) -> tuple[str, ...]:
     return chosen(words) if words else ()
 
 
-def _build(
-    arguments: argparse.Namespace, options: Options, targets: tuple[str, ...], timeout: float | None,
-) -> Summary:
+def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...], timeout: float | None) -> Summary:
     import contextlib
     import os
 

@@ -73,9 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
     return console.exit_code(diagnostics)
 
 
-def _build(
-    arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]
-) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
+def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
     """What there is to say, and the answer where the build succeeded; from the stamp of an earlier build where nothing has changed.
     Raises `UnknownChoice` and `OutputError`."""
     key = up_to_date.key_of("build", arguments.document, {
@@ -113,9 +111,7 @@ def _built(wish: BuildRequest, key: str, environment: Environment) -> tuple[list
         folders = {path.partition("/")[0] + ("/" if "/" in path else "") for path in gone}
         console.say(f"{shown_path(folder)}: {counted(len(gone), 'file')} of the build before {'is' if len(gone) == 1 else 'are'} gone, "
                    f"{quoted(sorted(folders), 4)}: a build holds what its --emit asks for", stream=sys.stderr)
-    answer = {
-        **answer_of(built, folder), "place": built.place, "manifest": up_to_date.state_of(os.path.join(folder, "manifest.json")),
-    }
+    answer = {**answer_of(built, folder), "place": built.place, "manifest": up_to_date.state_of(os.path.join(folder, "manifest.json"))}
     up_to_date.save(environment.store, key, up_to_date.inputs(environment, built.compilation), diagnostics, answer)
     return diagnostics, {**answer, "twice": built.twice}
 

@@ -154,9 +154,7 @@ def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: 
 def check(document: str, options: Options, *, strict: bool = False) -> list[Diagnostic]:
     """What there is to say about one document; from the stamp of an earlier run where nothing has changed."""
     store = store_of(options)
-    key = up_to_date.key_of("check", document, {
-        "parameters": dict(options.parameters), "choices": dict(options.choices), "strict": strict,
-    })
+    key = up_to_date.key_of("check", document, {"parameters": dict(options.parameters), "choices": dict(options.choices), "strict": strict})
     earlier = up_to_date.load(store, key)
     if earlier is not None:
         return earlier[0]

@@ -231,9 +231,7 @@ def require_document(path: str) -> None:
         if name.lower().endswith(DOCUMENT_SUFFIXES) and name not in settings and not name.startswith(".")
     ]
     if is_folder:
-        raise WrongCommandLine(
-            f"`{path}` is a folder, and a document was expected", _document_meant("", folder, near), Code.NO_DOCUMENT,
-        )
+        raise WrongCommandLine(f"`{path}` is a folder, and a document was expected", _document_meant("", folder, near), Code.NO_DOCUMENT)
     if os.path.exists(path) and not is_file:
         raise WrongCommandLine(f"`{path}` is no file that can be read again", "name a document that is a file", Code.NO_DOCUMENT)
     if is_file:

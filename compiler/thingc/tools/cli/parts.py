@@ -69,9 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     return console.exit_code(diagnostics)
 
 
-def _listed(
-    geometry: GeometryService, wanted: list[str], report: Report
-) -> list[tuple[PartSchema, PartRecord | None]]:
+def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> list[tuple[PartSchema, PartRecord | None]]:
     references = _parts_named(geometry, wanted) if wanted else geometry.catalogue()
     if not wanted:
         report.diagnostics.extend(_failed(failure.subject, failure) for failure in geometry.not_python())

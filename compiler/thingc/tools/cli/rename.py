@@ -79,9 +79,7 @@ def _named(sight: WorkspaceIndex, document: str, path: str) -> Name:
         raise console.WrongCommandLine(f"`{document}` cannot be read", f"`thingc check {document}` says why")
     names = entries_of(node_at(written.document.tree, keys[:-1]))
     if keys[-1] not in names:
-        raise console.WrongCommandLine(
-            f"`{document}` has no `{path}`", did_you_mean(keys[-1], names, what="names") if names else "",
-        )
+        raise console.WrongCommandLine(f"`{document}` has no `{path}`", did_you_mean(keys[-1], names, what="names") if names else "")
     span = written.document.span(keys, key=True)
     place = sight.index.at(written.path, span.line, span.column + 1)
     if place is None or not span.holds(place.span) or place.role != "declared":

@@ -57,9 +57,7 @@ def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
 def root(robot: Robot) -> Iterator[Mark]:
     """The frame of the root, which the mode puts somewhere."""
     choice = robot.mode.root
-    body, pose = _on_body(
-        robot, {}, choice.occurrence, robot.assembly.occurrences[choice.occurrence].mounts[choice.mount].pose
-    )
+    body, pose = _on_body(robot, {}, choice.occurrence, robot.assembly.occurrences[choice.occurrence].mounts[choice.mount].pose)
     yield Frame(label=f"root {_dotted(choice.path)} ({robot.base})", body=body, pose=pose, size=ROOT_SIZE)
 
 

@@ -47,9 +47,7 @@ def asked(words: Sequence[str], documents: Sequence[str]) -> ComparisonRequest:
     """What the words of a command line ask for; `documents` are those behind `--`. Raises `UnknownComparison`, `NotARepository`."""
     words = list(words)
     if len(words) > 2:
-        raise UnknownComparison(
-            f"expected two sides, found {len(words)} words", "documents that are compared in two revisions follow `--`",
-        )
+        raise UnknownComparison(f"expected two sides, found {len(words)} words", "documents that are compared in two revisions follow `--`")
     if not words:
         words = ["HEAD"]
     sides = [side for word in words for side in _sides(word)]

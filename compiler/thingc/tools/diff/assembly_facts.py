@@ -20,9 +20,7 @@ def edges_of(assembly: Assembly) -> Iterator[Edge]:
     paths = [occurrence.path for occurrence in assembly.occurrences]
     for mate in assembly.mates:
         kind = mate.joints[0].kind.name if mate.joints else "fixed" if mate.name is not None else ""
-        yield Edge(
-            parent=paths[mate.parent], child=paths[mate.child], mounts=(mate.parent_mount, mate.child_mount), joint=kind,
-        )
+        yield Edge(parent=paths[mate.parent], child=paths[mate.child], mounts=(mate.parent_mount, mate.child_mount), joint=kind)
 
 
 def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceSnapshot]:

@@ -123,9 +123,7 @@ def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequenc
     return sorted(documents)
 
 
-def compared(
-    both: DocumentPair, options: Options, *, tests: bool, names: tuple[str, str], draw: bool = False,
-) -> Comparison | BrokenSide:
+def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[str, str], draw: bool = False) -> Comparison | BrokenSide:
     """What changed of a document that is in both states, with its `tests`, and pictures where something did (`draw`). Places are in the
     checkout; those of a broken side begin with its name. Raises `UnknownComparison`."""
     assert both.old is not None and both.new is not None, "there is nothing to compare it with"

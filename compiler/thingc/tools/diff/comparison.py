@@ -334,9 +334,7 @@ class _Following:
         }
         for old in self.old.outcomes:
             there = self.pairing.path("test", old.test)
-            where = ", ".join(
-                self.pairing.path("mode" if k == 0 else "pose", word) or word for k, word in enumerate(old.where.split(", "))
-            )
+            where = ", ".join(self.pairing.path("mode" if k == 0 else "pose", word) or word for k, word in enumerate(old.where.split(", ")))
             new = news.get((there, where)) if there is not None else None
             if new is None or there is None:
                 continue

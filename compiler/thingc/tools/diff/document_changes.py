@@ -132,9 +132,7 @@ class StatedChanges:
     def __init__(self, pairing: NameMapping) -> None:
         self.pairing = pairing
         self.changes = DocumentChanges()
-        self._parameters = {
-            pair.new.path: pair for pair in pairing.pairs if pair.new.what == "parameter"
-        }
+        self._parameters = {pair.new.path: pair for pair in pairing.pairs if pair.new.what == "parameter"}
         self._known: dict[str, tuple[str, ...]] = {}
         alone: list[tuple[SnapshotElement, How]] = [(one, "removed") for one in pairing.gone]
         alone += [(one, "added") for one in pairing.come]
@@ -239,9 +237,7 @@ class StatedChanges:
             fact.value.path for thing in (pair.old, pair.new)
             if (fact := thing.facts.get("drive")) is not None and isinstance(fact.value, Named)
         ]
-        return tuple(
-            own or self.changes.causes("component", drives, _MADE_OF) | self.changes.causes("parameter", drives, ("params.",))
-        )
+        return tuple(own or self.changes.causes("component", drives, _MADE_OF) | self.changes.causes("parameter", drives, ("params.",)))
 
     def _alive(self, old: Value, new: Value) -> tuple[str, ...]:
         """What comes and goes in a list, where that is all that is new about it."""

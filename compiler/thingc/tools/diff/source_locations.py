@@ -70,9 +70,7 @@ class DocumentTrees:
             return {key: _node_text(inner) for key, inner in node.entries.items() if key in ("value", "min", "max")}
         return {} if node is None else {"value": _node_text(node)}
 
-    def fact(
-        self, value: Value, section: Section, keys: Sequence[str], *, scope: str = "", otherwise: Span | None = None,
-    ) -> Fact:
+    def fact(self, value: Value, section: Section, keys: Sequence[str], *, scope: str = "", otherwise: Span | None = None) -> Fact:
         """A value that stands under some keys of a section, where it stands in none its place is `otherwise`. An orientation is `rpy`
         also where the document says it by `quat`; those are its words then."""
         for node in section:

@@ -182,9 +182,7 @@ class _Reader:
             facts = {}
         for joint in coordinates:
             own = dict(facts) | {key: fact(joint, key, value) for key, value in self._moving(prefix, definition, joint)}
-            self._add(
-                "joint", prefix + joint.path.replace(".", "/"), own, label=joint.kind.name, of=scope, span=joint.origin[0],
-            )
+            self._add("joint", prefix + joint.path.replace(".", "/"), own, label=joint.kind.name, of=scope, span=joint.origin[0])
 
     def _moving(self, prefix: str, definition: AssemblyDefinition, joint: Joint) -> Iterator[tuple[str, Value]]:
         """What one coordinate has of its own, with the defaults of its drive."""
@@ -267,10 +265,7 @@ class _Reader:
         if isinstance(value, str) and value in self._edges:
             return Named(what="joint", path=value)
         if isinstance(value, FrozenStruct):
-            return tuple(
-                (name, self._plain(definition, getattr(value, name)))
-                for name in value.__struct_fields__ if name not in PLACES
-            )
+            return tuple((name, self._plain(definition, getattr(value, name))) for name in value.__struct_fields__ if name not in PLACES)
         return value if isinstance(value, (bool, int, float, str)) else None
 
     def _mode(self, definition: AssemblyDefinition, mode: Mode) -> None:

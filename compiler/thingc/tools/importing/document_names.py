@@ -180,9 +180,7 @@ class DocumentNaming:
         """What other things of the source are called, as files have it: those kinds of which there are any."""
         drives = {drive.name: word for word, _, drive in self.driven}
         magnets = {one.name: f"{self.links[one.link]}/{self.magnets[one.name]}" for one in self.robot.adhesions}
-        parts = {
-            of: f"{word}:{part}" for one, word in zip(self.robot.sensors, self.sensors, strict=True) for of, part in one.parts
-        }
+        parts = {of: f"{word}:{part}" for one, word in zip(self.robot.sensors, self.sensors, strict=True) for of, part in one.parts}
         second = {other: self.sites[site.name] for link in self.robot.links for site in link.sites for other in site.others}
         second |= {name: f"{self.links[link.name]}.origin" for link in self.robot.links for name in link.frames}
         kinds = {

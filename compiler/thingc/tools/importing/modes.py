@@ -26,9 +26,7 @@ def _start(words: DocumentNaming) -> tuple[dict[str, str], str | None]:
         return all(isinstance(value, float) and lower <= value <= upper for value, lower, upper in values)
 
     begins = {joint: joint.start for joint in moving if joint.start}
-    begins |= {
-        joint: round((lower + upper) / 2.0, 6) if joint.begin is None else joint.begin for joint, (lower, upper) in outside.items()
-    }
+    begins |= {joint: round((lower + upper) / 2.0, 6) if joint.begin is None else joint.begin for joint, (lower, upper) in outside.items()}
     stated = (words.poses[state.name] for state in words.robot.poses if begins and fits(state))
     return {words.joints[one.name]: (angle if one.kind in TURNS else length)(value) for one, value in begins.items()}, next(stated, None)
 

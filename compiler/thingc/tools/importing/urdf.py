@@ -295,9 +295,7 @@ class _Urdf:
                 help = 'write <limit lower="..." upper="..." effort="..." velocity="..."/>'
                 self.values.fault(element, None, f"this joint is `{kind}` and has no `<limit>`", help)
             return SourceLimits()
-        effort, velocity = (
-            self.values.from_zero(limit, key) if key in limit.attributes else None for key in ("effort", "velocity")
-        )
+        effort, velocity = (self.values.from_zero(limit, key) if key in limit.attributes else None for key in ("effort", "velocity"))
         lower, upper = self.values.number(limit, "lower", 0.0), self.values.number(limit, "upper", 0.0)
         if kind not in ("revolute", "prismatic"):
             if lower != upper:

@@ -85,9 +85,7 @@ def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = (
     """The root of a file, an absolute path, with these bytes; None where it is none, which has been reported. Elements that xacro has made
     say where they were written, in one of the `files`."""
     if len(data) > MOST_BYTES:
-        report.add(
-            Code.SOURCE_XML, f"the file has more than {MOST_BYTES:,} bytes", line_of(path), help="no robot needs so many",
-        )
+        report.add(Code.SOURCE_XML, f"the file has more than {MOST_BYTES:,} bytes", line_of(path), help="no robot needs so many")
         return None
     try:
         reading = _Reading(path, utf8_of(data), report, files)

@@ -188,9 +188,7 @@ class Values:
         six = {
             key: self.number(element, key, usual if key[1] == key[2] else 0.0) or 0.0 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
         }
-        rows = (
-            (six["ixx"], six["ixy"], six["ixz"]), (six["ixy"], six["iyy"], six["iyz"]), (six["ixz"], six["iyz"], six["izz"]),
-        )
+        rows = ((six["ixx"], six["ixy"], six["ixz"]), (six["ixy"], six["iyy"], six["iyz"]), (six["ixz"], six["iyz"], six["izz"]))
         turned = multiply(multiply(pose.rotation, rows), transpose(pose.rotation))
         return MassProperties(mass=mass, centre=pose.translation, inertia=symmetric(turned))
 

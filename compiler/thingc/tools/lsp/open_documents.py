@@ -56,9 +56,7 @@ class OpenDocuments:
     there is something to do for `next` that no text has brought about: workers have answered, or a file was saved by somebody else.
     """
 
-    def __init__(
-        self, options: Options, publish: Publish, refused: Callable[[Exception], Diagnostic], wake: Callable[[], None],
-    ) -> None:
+    def __init__(self, options: Options, publish: Publish, refused: Callable[[Exception], Diagnostic], wake: Callable[[], None]) -> None:
         self.options = options
         self._publish, self._refused, self._wake = publish, refused, wake
         self._lock = threading.RLock()

@@ -219,9 +219,7 @@ class Scan(ABC):
             return here
         return self.value_in(here, path, column)
 
-    def segments(
-        self, tokens: list[Token], path: Path, high: int, separated: bool, *, flow: bool = False, header: bool = False,
-    ) -> Path:
+    def segments(self, tokens: list[Token], path: Path, high: int, separated: bool, *, flow: bool = False, header: bool = False) -> Path:
         """Keep the segments of a key, whose last one is sure where it is `separated` from what follows; returns the path of its value."""
         for token in tokens:
             last = token is tokens[-1]

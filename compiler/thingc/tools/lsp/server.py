@@ -76,9 +76,7 @@ FEATURES: dict[str, Feature] = {
 """Requests of the protocol and who answers them."""
 
 
-def serve(
-    options: Options, version: str, refused: Callable[[Exception], Diagnostic], stdin: BinaryIO, stdout: BinaryIO,
-) -> bool:
+def serve(options: Options, version: str, refused: Callable[[Exception], Diagnostic], stdin: BinaryIO, stdout: BinaryIO) -> bool:
     """Answer an editor until it leaves; whether it has said so before. `options` say where the store is; whether code may run is said by
     the editor. `refused` puts an exception into words."""
     from lsprotocol import types

@@ -60,11 +60,7 @@ def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, docu
     homeless = [d for d in diagnostics if d.span is None]
     rules = sorted({d.code for d in placed}, key=lambda code: code.code)
     notices = sorted({d.code for d in homeless}, key=lambda code: code.code)
-    driver: dict[str, Any] = {
-        "name": "thingc",
-        "version": version,
-        "rules": [_descriptor(code, documentation) for code in rules],
-    }
+    driver: dict[str, Any] = {"name": "thingc", "version": version, "rules": [_descriptor(code, documentation) for code in rules]}
     invocation: dict[str, Any] = {"executionSuccessful": not any(d.severity is Severity.ERROR for d in homeless)}
     if notices:
         driver["notifications"] = [_descriptor(code, documentation) for code in notices]

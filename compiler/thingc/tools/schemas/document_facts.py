@@ -79,9 +79,7 @@ def facts_of(
 ) -> DocumentFacts:
     """The facts of a document. `usual` are the mounts that a part of a reference has as a rule, where its own are not known."""
     made = {} if model is None else _by_item(model)
-    pieces = tuple(
-        _piece(name, node, made.get(name, ()), records, schemas, usual) for name, node in _entries(tree, "components").items()
-    )
+    pieces = tuple(_piece(name, node, made.get(name, ()), records, schemas, usual) for name, node in _entries(tree, "components").items())
     mounts: Names = {}
     components: Names = {}
     for piece in pieces:
@@ -92,9 +90,7 @@ def facts_of(
                 break
     if model is not None:
         components.update(_inner_components(model, ""))
-    materials = {} if model is None else {
-        name: _material(one.density, one.slide) for name, one in sorted(model.materials.items())
-    }
+    materials = {} if model is None else {name: _material(one.density, one.slide) for name, one in sorted(model.materials.items())}
     inline = _entries(tree, "materials")
     return DocumentFacts(
         pieces=pieces, mounts=_first(mounts), components=_first(components), joints=_joints(tree, model),
@@ -127,9 +123,7 @@ def _scalar_text(node: Node | None) -> str:
 
 def _summary(node: Node) -> str:
     """The plain entries of a mapping in a line, at most eight: `yaw: 30 deg, elbow: 120 deg`."""
-    entries = [
-        f"{key}: {_scalar_text(one)}" for key, one in entries_of(node).items() if _scalar_text(one)
-    ]
+    entries = [f"{key}: {_scalar_text(one)}" for key, one in entries_of(node).items() if _scalar_text(one)]
     return ", ".join(entries[:8]) + (", ..." if len(entries) > 8 else "")
 
 
@@ -185,9 +179,7 @@ def _label(source: tuple[str, str] | None, made: tuple[Component, ...]) -> str:
     return definition.label if isinstance(definition, PartDefinition) else source[1]
 
 
-def _what(
-    label: str, source: tuple[str, str] | None, made: tuple[Component, ...], schema: PartSchema | PartFailure | None,
-) -> str:
+def _what(label: str, source: tuple[str, str] | None, made: tuple[Component, ...], schema: PartSchema | PartFailure | None) -> str:
     definition = made[0].definition if made else None
     if isinstance(definition, LinkDefinition):
         return f"A {label.removeprefix('a ')}: its shapes are listed."

@@ -125,9 +125,7 @@ class _Narrowing:
         known = [*self._known_mounts()]
         self.definitions["mount"] = one_of(self.facts.mounts.items(), title="Mount", **({"allOf": known} if known else {}))
         shown = {name: f"`{text}`, which this document shows." for name, text in self.facts.exports.items()}
-        self.definitions["frame"] = one_of(
-            {**self.facts.components, **shown, **self.facts.mounts}.items(), title="Component or mount",
-        )
+        self.definitions["frame"] = one_of({**self.facts.components, **shown, **self.facts.mounts}.items(), title="Component or mount")
         self.definitions["component"] = one_of(self.facts.components.items(), title="Component")
         self._put("AttachSpec", "mount", {"type": "string"})
         for model, key in (("AtSpec", "in"), ("AttachSpec", "to"), ("JointSpec", "parent"), ("JointSpec", "child")):

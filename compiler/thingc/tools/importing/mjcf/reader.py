@@ -106,9 +106,7 @@ class _Reader:
         drives = Actuators(self.original, joints, tendons, on, added)
         couplings = Equalities(self.original, drives, on, added)
         between: list[SourceLink] = []
-        hangings = [
-            one for body in links if body != root for one in self._hangings(body, on, between, drives, couplings)
-        ]
+        hangings = [one for body in links if body != root for one in self._hangings(body, on, between, drives, couplings)]
         base: SourceBase = "free" if root in self.free else "held" if root in self.mocap else "fixed"
         sensed = sensors(self.original, on, kept, added, drives.driven, root)
         excluded = touching(self.original, on, heads, None if base == "free" else root, added)

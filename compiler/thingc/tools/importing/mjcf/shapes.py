@@ -12,9 +12,7 @@ from thingc.tools.importing.meshes import READ
 from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, CompiledSource, differing, floats, numbers, pose_of
 from thingc.tools.importing.source_model import Raw, ShapeKind, Sizes, SourceShape
 
-KINDS: dict[int, ShapeKind] = {
-    0: "plane", 2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh",
-}
+KINDS: dict[int, ShapeKind] = {0: "plane", 2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 HIDDEN = 3
 """The first group of geoms that MuJoCo does not show unless asked."""
 FRICTION = (1.0, 0.005, 0.0001)
