@@ -3,12 +3,13 @@ And two folders that change places in one step."""
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import functools
 import os
 import re
 import stat
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from io import BufferedReader
 from typing import Any
 
@@ -105,6 +106,26 @@ def write_new(path: str, data: bytes, mode: int = 0o666) -> None:
             rest = rest[os.write(descriptor, rest):]
     finally:
         os.close(descriptor)
+
+
+def write_whole(path: str, data: bytes, check: Callable[[], None] = lambda: None) -> bool:
+    """Write a file beside `path`, call `check`, then rename it, unless `path` has that content already. The mode of a file that is replaced
+    stays; a link is not followed. Returns whether the file was written. Raises `OSError`."""
+    with contextlib.suppress(OSError), opened(path) as stream:
+        if stream.read() == data:
+            return False
+    fresh = os.path.join(os.path.dirname(path), f".{os.path.basename(path)}.thingc-{os.getpid()}-{os.urandom(4).hex()}")
+    try:
+        there = os.path.exists(path)
+        write_new(fresh, data, 0o600 if there else 0o666)
+        if there:
+            os.chmod(fresh, os.stat(path).st_mode & 0o7777)
+        check()
+        os.replace(fresh, path)
+    finally:
+        with contextlib.suppress(FileNotFoundError):  # it has taken its place
+            os.unlink(fresh)
+    return True
 
 
 RENAME_EXCHANGE = 2

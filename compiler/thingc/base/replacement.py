@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.base.filesystem import NO_ROOM, opened, write_new
+from thingc.base.filesystem import NO_ROOM, opened, write_whole
 
 Change = tuple[bytes | None, bytes | None]
 """The bytes of a file as they were read, and as they are to be. None is a file that does not exist."""
@@ -116,14 +116,4 @@ def _replace(path: str, before: bytes | None, after: bytes | None) -> None:
         os.unlink(target)
     if after is None or after == before:
         return
-    folder, name = os.path.split(target)
-    fresh = os.path.join(folder, f".{name}.thingc-{os.getpid()}-{os.urandom(4).hex()}")
-    try:
-        write_new(fresh, after, 0o666 if before is None else 0o600)
-        if before is not None:
-            os.chmod(fresh, os.stat(target).st_mode & 0o7777)
-        _compare(path, before)
-        os.replace(fresh, target)
-    finally:
-        with contextlib.suppress(FileNotFoundError):  # it has taken its place
-            os.unlink(fresh)
+    write_whole(target, after, lambda: _compare(path, before))

@@ -196,10 +196,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
     return Options(
         parameters=parameters(getattr(arguments, "parameter", [])),
         choices=paths(choices, "--set PATH=TEXT", example, "--set chooses `{}` twice"),
-        store=arguments.store,
-        jobs=arguments.jobs,
-        part_timeout=timeout,
-        compat=chosen_compat(getattr(arguments, "compat", [])),
+        store=arguments.store, jobs=arguments.jobs, part_timeout=timeout, compat=chosen_compat(getattr(arguments, "compat", [])),
         progress=show_progress if getattr(arguments, "format", "text") == "text" else None,
         printed=show_printed if getattr(arguments, "format", "text") == "text" else None,
     )

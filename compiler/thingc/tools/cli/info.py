@@ -58,16 +58,10 @@ def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
     """The JSON answer: whole robot at q = 0 in the base component's frame, SI."""
     whole = assembly.properties
     return {
-        "name": assembly.name,
-        "mass": whole.mass,
-        "centre": list(whole.centre),
-        "inertia": [list(row) for row in whole.inertia],
+        "name": assembly.name, "mass": whole.mass, "centre": list(whole.centre), "inertia": [list(row) for row in whole.inertia],
         "occurrences": [
             {
-                "path": o.path,
-                "definition": o.definition.text,
-                "mass": o.properties.mass,
-                "mass_source": o.mass_source,
+                "path": o.path, "definition": o.definition.text, "mass": o.properties.mass, "mass_source": o.mass_source,
                 "link": assembly.links[assembly.link_of[o.index]].name,
             }
             for o in assembly.occurrences
@@ -79,9 +73,7 @@ def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
 def mode_data(robot: Robot) -> dict[str, object]:
     """Of one mode: root, base, where it puts the root link, and the names of its links and joints, root first."""
     return {
-        "root": robot.mode.root.path,
-        "base": robot.base,
-        "X_world_root": [list(row) for row in robot.bodies[0].X_PL.rows()],
+        "root": robot.mode.root.path, "base": robot.base, "X_world_root": [list(row) for row in robot.bodies[0].X_PL.rows()],
         "links": [robot.assembly.links[body.link].name for body in robot.bodies],
         "joints": [joint.path for body in robot.bodies for joint in body.joints],
         "loops": [{"cut": loop.cut, "through": loop.through} for loop in _cut(robot)],

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 import os
 import sys
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Report, shown_path
-from thingc.base.filesystem import write_new
+from thingc.base.filesystem import write_whole
 from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import json_text
 from thingc.base.source import Span, line_of
@@ -86,7 +85,7 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
         if len(text.encode()) > MAX_BYTES:
             report.add(Code.TOO_LARGE, f"`{LOCK_FILE}` would have more than {MAX_BYTES} bytes", None, help="split the workspace")
             return None
-        _write(path, text)
+        write_whole(path, text.encode())
         return f"{shown}: {counted(count, 'part')}"
     if not os.path.lexists(path):
         report.add(Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the folder of the workspace", workspace.origin, help=REMAKE)
@@ -141,22 +140,6 @@ def _say(failure: PartFailure, called: str, report: Report) -> None:
         Code.PART_UNREADABLE, f"`{called}` cannot be locked: {failure.message}", span, path=failure.subject,
         help="mend the part file", detail=failure.detail,
     )
-
-
-def _write(path: str, text: str) -> None:
-    """Whole or not at all; what is there already is not touched."""
-    with contextlib.suppress(OSError), open(path, "rb") as stream:
-        if stream.read() == text.encode():
-            return
-    beside = f"{path}.{os.getpid()}.tmp"
-    with contextlib.suppress(FileNotFoundError):  # of a run that was killed
-        os.remove(beside)
-    try:
-        write_new(beside, text.encode())
-        os.replace(beside, path)
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            os.remove(beside)
 
 
 def _line(path: str, lines: list[str], key: str) -> Span:

@@ -129,10 +129,7 @@ def _failed(reference: str, failure: PartFailure) -> Diagnostic:
 
 def _as_data(schema: PartSchema, record: PartRecord | None) -> dict[str, object]:
     return {
-        "reference": schema.reference,
-        "doc": schema.doc,
-        "material": schema.material,
-        "actuator": schema.actuator,
+        "reference": schema.reference, "doc": schema.doc, "material": schema.material, "actuator": schema.actuator,
         "parameters": [
             {
                 "name": p.name, "kind": p.kind, "required": p.required, "default": p.default, "minimum": p.minimum,

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, shown_path
+from thingc.base.filesystem import write_whole
 from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, attempted
@@ -148,16 +149,9 @@ def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:
 
 def _write(path: str, data: bytes) -> None:
     """The file as a whole or not at all: written beside, then renamed. Raises `WrongCommandLine` where the system refuses."""
-    aside = os.path.join(os.path.dirname(path), f".{os.path.basename(path)}.{os.getpid()}")
     try:
-        with open(aside, "xb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(aside, path)
+        write_whole(path, data)
     except OSError as fault:
-        if os.path.exists(aside):
-            os.unlink(aside)
         raise console.WrongCommandLine(
             f"cannot write `{path}`: {(fault.strerror or str(fault)).lower()}", "choose another file with -o", Code.OUTPUT
         ) from fault

@@ -64,12 +64,9 @@ def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, docu
     invocation: dict[str, Any] = {"executionSuccessful": not any(d.severity is Severity.ERROR for d in homeless)}
     if notices:
         driver["notifications"] = [_descriptor(code, documentation) for code in notices]
-        of_tool = [_notification(d, notices) for d in homeless if d.code is Code.INTERNAL]
-        of_words = [_notification(d, notices) for d in homeless if d.code is not Code.INTERNAL]
-        if of_tool:
-            invocation["toolExecutionNotifications"] = of_tool
-        if of_words:
-            invocation["toolConfigurationNotifications"] = of_words
+        for d in sorted(homeless, key=lambda d: d.code is not Code.INTERNAL):
+            kind = "toolExecutionNotifications" if d.code is Code.INTERNAL else "toolConfigurationNotifications"
+            invocation.setdefault(kind, []).append(_notification(d, notices))
     run = {
         "tool": {"driver": driver},
         "invocations": [invocation],
@@ -83,8 +80,7 @@ def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, docu
 def _descriptor(code: Code, documentation: str | None) -> dict[str, Any]:
     """A code as a rule: its name, what it is, and its cure."""
     descriptor: dict[str, Any] = {
-        "id": code.code,
-        "name": "".join(word.capitalize() for word in code.name.split("_")),
+        "id": code.code, "name": "".join(word.capitalize() for word in code.name.split("_")),
         "shortDescription": {"text": code.title[0].upper() + code.title[1:]},
         "fullDescription": {"text": code.cure},
         "help": {"text": f"{code.cure} `thingc explain {code.code}` shows an example."},
@@ -100,10 +96,7 @@ def _results(placed: Iterable[Diagnostic], rules: Sequence[Code], base: str) -> 
     for d in placed:
         assert d.span is not None
         result: dict[str, Any] = {
-            "ruleId": d.code.code,
-            "ruleIndex": rules.index(d.code),
-            "level": d.severity.value,
-            "message": {"text": _message_text(d)},
+            "ruleId": d.code.code, "ruleIndex": rules.index(d.code), "level": d.severity.value, "message": {"text": _message_text(d)},
             "locations": [{"physicalLocation": _physical(d.span, base)}],
         }
         related = [
@@ -136,11 +129,8 @@ def _fingerprint(d: Diagnostic, base: str) -> str:
 
 
 def _notification(d: Diagnostic, notices: Sequence[Code]) -> dict[str, Any]:
-    return {
-        "descriptor": {"id": d.code.code, "index": notices.index(d.code)},
-        "level": d.severity.value,
-        "message": {"text": _message_text(d)},
-    }
+    descriptor = {"id": d.code.code, "index": notices.index(d.code)}
+    return {"descriptor": descriptor, "level": d.severity.value, "message": {"text": _message_text(d)}}
 
 
 def _physical(span: Span, base: str) -> dict[str, Any]:

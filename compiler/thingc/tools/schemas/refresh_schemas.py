@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.file_watcher import Stat, stat_of
+from thingc.base.filesystem import write_whole
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import json_text
 from thingc.base.source import MappingNode, ScalarNode
@@ -326,26 +327,9 @@ def write_schema(root: str, relative: str, schema: dict[str, Any]) -> bool:
 
 
 def write_text(path: str, text: str) -> bool:
-    """Write a file aside and rename it, where it does not hold the same text already; whether it was written."""
-    data = text.encode("utf-8")
-    try:
-        with open(path, "rb") as stream:
-            if stream.read() == data:
-                return False
-    except FileNotFoundError:
-        pass
+    """Write a file and the folder that it is in, unless it has the same text already. Returns whether it was written. Raises `OSError`."""
     os.makedirs(os.path.dirname(path), exist_ok=True)
-    aside = f"{path}.{os.getpid()}.new"
-    try:
-        with open(aside, "wb") as stream:
-            stream.write(data)
-        if os.path.exists(path):
-            os.chmod(aside, os.stat(path).st_mode & 0o777)
-        os.replace(aside, os.path.realpath(path))
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(aside)
-    return True
+    return write_whole(os.path.realpath(path), text.encode())
 
 
 def remove_others(root: str, documents: Iterable[str]) -> list[str]:
