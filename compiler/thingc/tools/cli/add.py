@@ -102,9 +102,8 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
             raise console.WrongCommandLine(f"{written} is for {meant}, and this is {_article(what)}", "take it out")
     if arguments.to is None:
         if what not in ("part", "assembly"):
-            raise console.WrongCommandLine(
-                f"{_article(what)} belongs to a document", f"write for example `thingc add {what} {arguments.name} --to robot.yaml`",
-            )
+            help = f"write for example `thingc add {what} {arguments.name} --to robot.yaml`"
+            raise console.WrongCommandLine(f"{_article(what)} belongs to a document", help)
         for option in ("on", "at", "by"):
             if getattr(arguments, option) is not None:
                 raise console.WrongCommandLine(f"--{option} places it in the document that --to names", "write --to as well")

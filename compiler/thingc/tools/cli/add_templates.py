@@ -67,9 +67,8 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Documen
                 return _placed_part(arguments, documents, geometry, reference)
             near = closest_name(reference, geometry.catalogue()) if told else None
             if near is not None:
-                raise console.WrongCommandLine(
-                    f"there is no part `{reference}`", f"did you mean `{near}`? With --new it is a class to begin with",
-                )
+                help = f"did you mean `{near}`? With --new it is a class to begin with"
+                raise console.WrongCommandLine(f"there is no part `{reference}`", help)
     folder = next(iter(workspace.parts), os.path.join(workspace.root, "parts"))
     path = (place.file if place.workspace else None) or os.path.join(folder, f"{module}.py")
     if not workspace.contains(path):
@@ -81,9 +80,8 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Documen
 def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geometry: GeometryService, reference: str) -> DocumentEdit:
     """A component that is a part which is there, or which only `check` can tell what is wrong with."""
     if documents is None:
-        raise console.WrongCommandLine(
-            f"`{shortened(reference)}` is no part to begin with, and which document it is for is not said", "write --to robot.yaml",
-        )
+        message = f"`{shortened(reference)}` is no part to begin with, and which document it is for is not said"
+        raise console.WrongCommandLine(message, "write --to robot.yaml")
     name = reference.rpartition(":")[2]
     component = arguments.component or (_snake(name) if re.fullmatch(NAME, name) else "part")
     answer = geometry.describe([reference])[reference]
@@ -106,9 +104,8 @@ def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
     if usual in mounts or not mounts:
         return usual
     if len(mounts) > 1:
-        raise console.WrongCommandLine(
-            f"which mount of `{whose}` meets --on is not said", f"name it with --by ({did_you_mean('', mounts, what='mounts')})",
-        )
+        help = f"name it with --by ({did_you_mean('', mounts, what='mounts')})"
+        raise console.WrongCommandLine(f"which mount of `{whose}` meets --on is not said", help)
     return mounts[0]
 
 
@@ -202,9 +199,8 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     soles: list[str] = arguments.standing_on or []
     by_sole = len(soles) == 1 and (arguments.base is None or stays(arguments.base))
     if by_sole and arguments.root is not None:
-        raise console.WrongCommandLine(
-            f"`{soles[0]}` is the root of a mode that stands on it, and --root names another", "leave --root out, or write `--base free`",
-        )
+        message = f"`{soles[0]}` is the root of a mode that stands on it, and --root names another"
+        raise console.WrongCommandLine(message, "leave --root out, or write `--base free`")
     stands = soles[0] if by_sole else arguments.root or str(first["root"])
     usual: tuple[BaseType, ...] = ("held", "fixed") if by_sole else ("free",) if soles else ("fixed", "held", "free")
     taken = {str(mode.get("base", "fixed")) for mode in (_extended(modes, one) for one in modes) if mode.get("root") == stands}
@@ -238,9 +234,8 @@ def _joint_edit(arguments: argparse.Namespace, documents: Documents | None) -> D
     root = documents.root
     name = _new(root, "joints", arguments.name)
     if arguments.parent is None or arguments.child is None:
-        raise console.WrongCommandLine(
-            "a joint needs --parent and --child, two mounts", "write for example `--parent base.top --child bracket.bottom`",
-        )
+        help = "write for example `--parent base.top --child bracket.bottom`"
+        raise console.WrongCommandLine("a joint needs --parent and --child, two mounts", help)
     kind = KINDS[arguments.type or "revolute"]
     value: dict[str, Written] = {"type": kind.name, "parent": arguments.parent, "child": arguments.child}
     if arguments.loop:

@@ -324,10 +324,8 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     planned = plan(arguments.document, options=options)
     adopted = find_variant(planned, arguments.adopt, planned.folder_in(arguments.output))
     if adopted is None:
-        raise console.WrongCommandLine(
-            f"`{planned.name}` has no variant `{arguments.adopt}`",
-            "the identifiers stand in results.csv, and `--dry-run` says the first of them",
-        )
+        help = "the identifiers stand in results.csv, and `--dry-run` says the first of them"
+        raise console.WrongCommandLine(f"`{planned.name}` has no variant `{arguments.adopt}`", help)
     variant, rule = adopted
     if rule is not None:
         console.say(f"{variant.name} does not keep the rule `{rule}`", stream=sys.stderr)

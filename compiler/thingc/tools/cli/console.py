@@ -169,9 +169,8 @@ def paths(words: Sequence[str], form: str, example: str, twice: str, name: Calla
 def refuse_modules_of_others() -> None:
     """Raises `WrongCommandLine` where Python would look for modules beside documents that nobody trusts."""
     if "" in sys.path or os.getcwd() in sys.path and not sys.flags.safe_path:
-        raise WrongCommandLine(
-            "Python looks for modules in the working folder, which may be part of the change", "run `thingc`, or `python -I -m thingc`"
-        )
+        message = "Python looks for modules in the working folder, which may be part of the change"
+        raise WrongCommandLine(message, "run `thingc`, or `python -I -m thingc`")
 
 
 def time_of(option: str, text: str) -> float:
@@ -265,9 +264,8 @@ def expanded(words: Iterable[str]) -> list[str]:
         if os.path.isdir(word):
             inside = [path if os.path.isabs(word) else shown_path(path) for path in documents_in(word)]
             if not inside:
-                raise WrongCommandLine(
-                    f"there is no document below `{word}`", "a document begins with `thingc: assembly/1` or another kind", Code.NO_DOCUMENT,
-                )
+                help = "a document begins with `thingc: assembly/1` or another kind"
+                raise WrongCommandLine(f"there is no document below `{word}`", help, Code.NO_DOCUMENT)
         for path in inside:
             paths.setdefault(os.path.realpath(path), path)
     return list(paths.values())

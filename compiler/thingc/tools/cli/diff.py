@@ -134,9 +134,8 @@ def fail_on(words: Sequence[str]) -> frozenset[str]:
     named: set[str] = set()
     for word in (one.strip() for text in words for one in text.split(",")):
         if word not in known:
-            raise console.WrongCommandLine(
-                f"--fail-on: expected what may change, found `{word}`", did_you_mean(word, known if word else WHATS, what="words"),
-            )
+            message = f"--fail-on: expected what may change, found `{word}`"
+            raise console.WrongCommandLine(message, did_you_mean(word, known if word else WHATS, what="words"))
         named.add(known[word])
     return frozenset(named)
 

@@ -125,10 +125,8 @@ def _used(
                 for text, ways in slicings_of(model, geometry.realize(list(used.values()))).items():
                     slicings.setdefault(text, set()).update(ways)
         if environment.report.failed or own.failed:
-            report.warn(
-                Code.LOCK_DOCUMENT, f"`{shown_path(document)}` has errors: what it uses may be missing from `{LOCK_FILE}`",
-                line_of(document), help=f"run `thingc check {shown_path(document)}`",
-            )
+            message = f"`{shown_path(document)}` has errors: what it uses may be missing from `{LOCK_FILE}`"
+            report.warn(Code.LOCK_DOCUMENT, message, line_of(document), help=f"run `thingc check {shown_path(document)}`")
     # A part that is not there is the fault of the document, which has been said.
     known = {reference for reference, answer in geometry.describe(list(references)).items() if not isinstance(answer, PartFailure)}
     return sorted(known), list(definitions.values()), slicings
@@ -136,10 +134,8 @@ def _used(
 
 def _say(failure: PartFailure, called: str, report: Report) -> None:
     span = None if failure.file is None else line_of(failure.file, failure.line or 1)
-    report.add(
-        Code.PART_UNREADABLE, f"`{called}` cannot be locked: {failure.message}", span, path=failure.subject,
-        help="mend the part file", detail=failure.detail,
-    )
+    message = f"`{called}` cannot be locked: {failure.message}"
+    report.add(Code.PART_UNREADABLE, message, span, path=failure.subject, help="mend the part file", detail=failure.detail)
 
 
 def _line(path: str, lines: list[str], key: str) -> Span:

@@ -67,21 +67,18 @@ def robot_name(place: str) -> str:
     stem, ending = os.path.splitext(word)
     if ending.lower() in DOCUMENT_SUFFIXES and not here:
         near = shlex.quote(os.path.join(os.path.dirname(place), stem))
-        raise console.WrongCommandLine(
-            f"`{word}` is what a document is called, and a folder is made", f"write `thingc new {near}`: its document lies in it",
-        )
+        message = f"`{word}` is what a document is called, and a folder is made"
+        raise console.WrongCommandLine(message, f"write `thingc new {near}`: its document lies in it")
     if word.startswith("-") and not here:
         raise console.WrongCommandLine(f"`{word}` is taken for an option wherever it is typed", "choose a name that begins with a letter")
     name = re.sub(r"[-. ]+", "_", _plain(word)).strip("_")
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         near = re.sub(r"\W+", "_", f"robot_{name}", flags=re.ASCII).strip("_")
-        raise console.WrongCommandLine(
-            f"`{word}` is no name for a robot: a letter (a to z), then letters, digits and `_`", f"write for example `thingc new {near}`",
-        )
+        message = f"`{word}` is no name for a robot: a letter (a to z), then letters, digits and `_`"
+        raise console.WrongCommandLine(message, f"write for example `thingc new {near}`")
     if name.lower() in RESERVED or not isinstance(core_value(name), str):
-        raise console.WrongCommandLine(
-            f"a robot cannot be called `{name}`: its files mean something else by that", f"write for example `thingc new {name}_robot`",
-        )
+        message = f"a robot cannot be called `{name}`: its files mean something else by that"
+        raise console.WrongCommandLine(message, f"write for example `thingc new {name}_robot`")
     return name
 
 

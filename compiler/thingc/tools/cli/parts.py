@@ -108,10 +108,8 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
             named = [word]  # a function, or what an installed package takes from elsewhere
         modules = [module for module in installed if module.startswith(f"{word}.")]
         if not named and modules:
-            raise console.WrongCommandLine(
-                f"`{word}` is a package of {len(modules)} modules, more than is listed at once",
-                f"name modules of it, or classes in them: {', '.join(f'`{module}`' for module in modules)}",
-            )
+            help = f"name modules of it, or classes in them: {', '.join(f'`{module}`' for module in modules)}"
+            raise console.WrongCommandLine(f"`{word}` is a package of {len(modules)} modules, more than is listed at once", help)
         if not named:
             known = {*references, *(one.partition(":")[0] for one in references), *installed}
             raise console.WrongCommandLine(f"there is no part `{word}` in reach", did_you_mean(word, known, what="parts"))

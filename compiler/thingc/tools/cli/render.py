@@ -141,9 +141,8 @@ def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:
     if wanted is None:
         return known[0] if known else None
     if wanted not in known:
-        raise UnknownChoice(
-            f"mode `{robot.mode.name}` of `{shown_path(document)}` has no pose `{wanted}`", did_you_mean(wanted, known, what="poses")
-        )
+        message = f"mode `{robot.mode.name}` of `{shown_path(document)}` has no pose `{wanted}`"
+        raise UnknownChoice(message, did_you_mean(wanted, known, what="poses"))
     return wanted
 
 
@@ -152,9 +151,8 @@ def _write(path: str, data: bytes) -> None:
     try:
         write_whole(path, data)
     except OSError as fault:
-        raise console.WrongCommandLine(
-            f"cannot write `{path}`: {(fault.strerror or str(fault)).lower()}", "choose another file with -o", Code.OUTPUT
-        ) from fault
+        message = f"cannot write `{path}`: {(fault.strerror or str(fault)).lower()}"
+        raise console.WrongCommandLine(message, "choose another file with -o", Code.OUTPUT) from fault
 
 
 def _size(text: str) -> tuple[int, int]:

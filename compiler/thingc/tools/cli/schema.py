@@ -66,10 +66,8 @@ def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list
         if not os.path.isdir(place):
             console.require_document(place)
             if not is_document(place):
-                raise console.WrongCommandLine(
-                    f"`{place}` does not begin as a document does", "its first line is for example `thingc: assembly/1`",
-                    Code.NO_DOCUMENT,
-                )
+                help = "its first line is for example `thingc: assembly/1`"
+                raise console.WrongCommandLine(f"`{place}` does not begin as a document does", help, Code.NO_DOCUMENT)
         workspace = Workspace.find(os.path.join(place, OWN_FILE) if os.path.isdir(place) else place, report)
         if workspace is None:
             continue

@@ -192,14 +192,12 @@ def _open_build(arguments: argparse.Namespace) -> int:
     folder = Path(arguments.document) if _is_page(arguments.document) else _build_meant(arguments.document)
     pages = [folder] if folder.is_file() else sorted(folder.glob("html/*.html"))
     if not pages:
-        raise console.WrongCommandLine(
-            f"the build `{shown_path(str(folder))}` has no page", "build it with `--emit html`, or name its document", Code.NO_DOCUMENT
-        )
+        message = f"the build `{shown_path(str(folder))}` has no page"
+        raise console.WrongCommandLine(message, "build it with `--emit html`, or name its document", Code.NO_DOCUMENT)
     given = [name for key, name in OF_DOCUMENTS.items() if getattr(arguments, key) not in ([], 0, None, False, EDITOR)]
     if given:
-        raise console.WrongCommandLine(
-            f"{given[0]} is about documents, and `{shown_path(str(folder))}` is a build", "name its document, or leave the option out"
-        )
+        message = f"{given[0]} is about documents, and `{shown_path(str(folder))}` is a build"
+        raise console.WrongCommandLine(message, "name its document, or leave the option out")
     for page in pages:
         console.say(shown_path(str(page)))
         if not arguments.no_open:

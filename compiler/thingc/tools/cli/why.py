@@ -40,9 +40,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Prints the reason; exit code 2 for an occurrence that is not there."""
     if (arguments.occurrence is None) != arguments.losses:
-        raise console.WrongCommandLine(
-            "`why` wants an occurrence, or --losses", "write for example: thingc why assemblies/arm.yaml hand/cap"
-        )
+        help = "write for example: thingc why assemblies/arm.yaml hand/cap"
+        raise console.WrongCommandLine("`why` wants an occurrence, or --losses", help)
     console.require_document(arguments.document)
     diagnostics = attempted(arguments.document, console.options_of(arguments), partial(_answered, arguments))
     return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)

@@ -66,9 +66,8 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
     old, new = sides
     kinds = {old.kind, new.kind}
     if documents and not kinds <= {"revision", "checkout"}:
-        raise UnknownComparison(
-            "documents behind `--` are those of revisions, and no two revisions are named", "write `thingc diff OLD.yaml NEW.yaml`",
-        )
+        message = "documents behind `--` are those of revisions, and no two revisions are named"
+        raise UnknownComparison(message, "write `thingc diff OLD.yaml NEW.yaml`")
     if kinds == {"revision", "document"}:  # of one document its state there and here
         document = next(side for side in sides if side.kind == "document").place
         checkout = Side(kind="checkout", name=CHECKOUT)
@@ -76,10 +75,8 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
         return ComparisonRequest(old=old, new=new, documents=(document,))
     if "lock" in kinds and kinds != {"lock"} or "revision" in kinds and not kinds <= {"revision", "checkout"}:
         one, other = ("build folder" if side.kind == "build" else side.kind for side in sides)
-        raise UnknownComparison(
-            f"`{old.name}` and `{new.name}` cannot be compared: one is a {one}, the other a {other}",
-            "compare two revisions, two locks, or documents and build folders",
-        )
+        message = f"`{old.name}` and `{new.name}` cannot be compared: one is a {one}, the other a {other}"
+        raise UnknownComparison(message, "compare two revisions, two locks, or documents and build folders")
     return ComparisonRequest(old=old, new=new, documents=tuple(documents))
 
 
@@ -90,9 +87,8 @@ def _sides(word: str) -> list[Side]:
             return [Side(kind="lock", name=word, place=os.path.abspath(word))]
         if word.lower().endswith(DOCUMENTS):
             return [Side(kind="document", name=word, place=os.path.abspath(word))]
-        raise UnknownComparison(
-            f"`{word}` is no document ({', '.join(DOCUMENTS)}), build folder or lock", f"a lock is called `{LOCK_FILE}`",
-        )
+        message = f"`{word}` is no document ({', '.join(DOCUMENTS)}), build folder or lock"
+        raise UnknownComparison(message, f"a lock is called `{LOCK_FILE}`")
     if os.path.isdir(word):
         if os.path.isfile(os.path.join(word, MANIFEST)):
             return [Side(kind="build", name=word.rstrip("/"), place=os.path.abspath(word))]
@@ -121,9 +117,8 @@ def _revision(word: str) -> Side:
             names = [os.path.join(folder, name) for name in listing(folder or ".") if name.lower().endswith(DOCUMENTS)]
             raise UnknownComparison(f"there is no document `{word}`", did_you_mean(word, names, what="documents")) from None
         if isinstance(fault, NotARepository):
-            raise UnknownComparison(
-                f"`{word}` is no file or folder here, and no revision: {fault}", "name two documents, or run this in a git repository",
-            ) from fault
+            message = f"`{word}` is no file or folder here, and no revision: {fault}"
+            raise UnknownComparison(message, "name two documents, or run this in a git repository") from fault
         hint = did_you_mean(word, [*fault.names, "HEAD"], what="revisions")
         raise UnknownComparison(f"there is no revision, document or build folder `{word}`", hint) from None
     return Side(kind="revision", name=word, place=commit)

@@ -102,10 +102,8 @@ def import_robot(
         roots, repair = [*(name for name in before.roots if name in links), *roots], repair or before.repair
         meshes = meshes and before.with_meshes
     elif update:
-        report.add(
-            Code.COMMAND_LINE, "--update: there is no import in that folder, or its `import.json` is not as it was written", None,
-            help="name the folder with -o, or import without --update",
-        )
+        message = "--update: there is no import in that folder, or its `import.json` is not as it was written"
+        report.add(Code.COMMAND_LINE, message, None, help="name the folder with -o, or import without --update")
     if report.failed:
         return None
     roots = list(dict.fromkeys(roots))

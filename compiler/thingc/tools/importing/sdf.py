@@ -17,23 +17,9 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.inertia import MassProperties
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector, along, rotate
 from thingc.base.suggestions import did_you_mean
+from thingc.tools.importing import source_model
 from thingc.tools.importing.packages import NotFound, Packages
 from thingc.tools.importing.sdf_frames import WORLD, Frames, NamedFrame, key_of
-from thingc.tools.importing.source_model import (
-    FAR,
-    Attachment,
-    Kind,
-    SourceDrive,
-    SourceJoint,
-    SourceLimits,
-    SourceLink,
-    SourceLoop,
-    SourceMimic,
-    SourceRobot,
-    SourceShape,
-    SourceSite,
-    Weight,
-)
 from thingc.tools.importing.tree import look_at_mimics, root_of, spanned
 from thingc.tools.importing.xml_source import Losses, SourceElement, read_robot, read_xml
 from thingc.tools.importing.xml_values import ChildValues
@@ -114,7 +100,7 @@ class Includes:
         return f"{uri}/{'model.sdf' if newest is None else newest.text}"
 
 
-KINDS: dict[str, tuple[Kind, ...]] = {
+KINDS: dict[str, tuple[source_model.Kind, ...]] = {
     "revolute": ("revolute",), "continuous": ("continuous",), "prismatic": ("prismatic",), "ball": ("ball",), "fixed": (),
     "screw": ("screw",), "universal": ("revolute", "revolute"), "revolute2": ("revolute", "revolute"),
 }
@@ -154,7 +140,7 @@ AS_USUAL = {
 """Elements that say nothing where they say this."""
 
 
-def read_sdf(path: str, data: bytes, packages: Packages, report: Report) -> SourceRobot | None:
+def read_sdf(path: str, data: bytes, packages: Packages, report: Report) -> source_model.SourceRobot | None:
     """The robot of a file, an absolute path, with these bytes; None where it is none, which has been reported: all that is wrong."""
     root = read_robot(path, data, report, "sdf", "an SDF")
     return None if root is None else _Sdf(root, packages, report).robot()
@@ -166,9 +152,9 @@ class _Sdf:
         self.losses = Losses()
         self.includes = Includes(root, packages, report, self.losses)
         self.old_axes = {one.where.file for one in self.includes.roots if self._is_old(one)}
-        self.between: list[SourceLink] = []
+        self.between: list[source_model.SourceLink] = []
 
-    def robot(self) -> SourceRobot | None:
+    def robot(self) -> source_model.SourceRobot | None:
         """Everything that is wrong is said; then None."""
         model = None if self.report.failed else self._model()
         if model is None:
@@ -216,17 +202,16 @@ class _Sdf:
         said = next(element.all(tag), None)
         return said is not None and said.text.lower() in ("1", "true")
 
-    def _link(self, key: str, element: SourceElement) -> SourceLink:
+    def _link(self, key: str, element: SourceElement) -> source_model.SourceLink:
         inertial = self.values.one(element, "inertial")
         if inertial is None:
-            self.losses.note(
-                f"that link `{key}` has no `<inertial>`", "it weighs 1 kg, with an inertia of 1 kg m^2, as SDF has it then", element.where,
-            )
+            why = "it weighs 1 kg, with an inertia of 1 kg m^2, as SDF has it then"
+            self.losses.note(f"that link `{key}` has no `<inertial>`", why, element.where)
         shapes = [self._shape(child, key) for child in element.children if child.tag in ("visual", "collision")]
-        weight = _USUAL if inertial is None else self._weight(inertial)
-        return SourceLink(
+        weight, where = _USUAL if inertial is None else self._weight(inertial), (inertial or element).where
+        return source_model.SourceLink(
             name=key, where=element.place("name"), shapes=tuple(shape for shape in shapes if shape is not None),
-            weight=None if weight is None or weight.mass == 0.0 else Weight(properties=weight, where=(inertial or element).where),
+            weight=None if weight is None or weight.mass == 0.0 else source_model.Weight(properties=weight, where=where),
         )
 
     def _weight(self, inertial: SourceElement) -> MassProperties | None:
@@ -240,7 +225,7 @@ class _Sdf:
             return None if mass is None else replace(_USUAL, mass=mass, centre=pose.translation)
         return self.values.inertia(moments, mass, pose, usual=1.0)
 
-    def _shape(self, element: SourceElement, link: str) -> SourceShape | None:
+    def _shape(self, element: SourceElement, link: str) -> source_model.SourceShape | None:
         pose, geometry = self.frames.stated(element), self.values.one(element, "geometry")
         form = None if geometry is None else next(iter(geometry.children), None)
         if form is None:
@@ -282,7 +267,7 @@ class _Sdf:
         kinds = KINDS.get(self.frames.named[key].element.attributes.get("type", ""), ()) if key in self.frames.named else ()
         return [f"{key}_{number}" for number in range(len(kinds))] if len(kinds) > 1 else [key]
 
-    def _hangings(self, key: str, frame: NamedFrame) -> Iterator[Attachment]:
+    def _hangings(self, key: str, frame: NamedFrame) -> Iterator[source_model.Attachment]:
         """How the child of a joint is attached to its parent, with massless links between several axes. Errors are reported."""
         element, kind = frame.element, self.values.word(frame.element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
@@ -302,7 +287,7 @@ class _Sdf:
         for number in reversed(range(len(names))):  # the last first: `spanned` then turns all of them around, or none
             above = f"{key} link" if number else parent
             if number:
-                self.between.append(SourceLink(name=above, where=element.where))
+                self.between.append(source_model.SourceLink(name=above, where=element.where))
             joint = joints[number]
             still = joint is not None and joint.ends.lower is not None and joint.ends.lower == joint.ends.upper
             if joint is not None and still:
@@ -310,7 +295,7 @@ class _Sdf:
                     message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move, and not be at 0"
                     self.values.fault(element, None, message, "make it `fixed`, or give it ends")
                 self.losses.note(f"joint `{names[number]}`, whose ends are both 0", "it is read as one that is fixed", element.where)
-            yield Attachment(
+            yield source_model.Attachment(
                 name=names[number], parent=above, child=child, pose=NO_POSE if number else pose, where=element.where,
                 joints=() if joint is None or still else (joint,),
             )
@@ -324,23 +309,21 @@ class _Sdf:
         key = key_of(name, frame.scope)
         if key not in self.frames.named:
             links = [one for one, other in self.frames.named.items() if other.element.tag in ("link", "frame")]
-            self.values.fault(
-                frame.element, side, f"the {side} of this joint is `{name}`, and there is no such link or frame",
-                did_you_mean(name, links, what="links"),
-            )
+            message = f"the {side} of this joint is `{name}`, and there is no such link or frame"
+            self.values.fault(frame.element, side, message, did_you_mean(name, links, what="links"))
             return None
         link = self.frames.link_of(key)
         if link is None:
             self.values.fault(frame.element, side, f"the {side} of this joint is `{name}`, which is on no link")
         return link
 
-    def _joint(self, name: str, key: str, kind: Kind, tag: str) -> SourceJoint | None:
+    def _joint(self, name: str, key: str, kind: source_model.Kind, tag: str) -> source_model.SourceJoint | None:
         """What moves about, or along, the axis `tag` of a joint."""
         frame = self.frames.named[key]
         element, here = frame.element, self.frames.poses[self._end(frame, "child") or ""].inverse()
         at = here @ self.frames.poses[key]
         if kind == "ball":
-            return SourceJoint(name=key, kind=kind, axis=(0.0, 0.0, 1.0), anchor=_clean(at).translation, where=element.where)
+            return source_model.SourceJoint(name=key, kind=kind, axis=(0.0, 0.0, 1.0), anchor=_clean(at).translation, where=element.where)
         axis = self.values.one(element, tag)
         if axis is None:
             message = f"this joint is `{element.attributes['type']}` and has no `<{tag}>`"
@@ -351,8 +334,8 @@ class _Sdf:
         if kind == "revolute" and ends.lower is None:
             kind = "continuous"
         if kind == "prismatic" and ends.lower is None:
-            ends = replace(ends, lower=-FAR, upper=FAR, made_up=True)
-            self.losses.note(f"slide `{name}` without ends", f"a document has them, at {FAR:g} m", element.where)
+            ends = replace(ends, lower=-source_model.FAR, upper=source_model.FAR, made_up=True)
+            self.losses.note(f"slide `{name}` without ends", f"a document has them, at {source_model.FAR:g} m", element.where)
         dynamics = self.values.one(axis, "dynamics")
         damping = friction = stiffness = rest = 0.0
         if dynamics is not None:
@@ -360,11 +343,11 @@ class _Sdf:
                 self.values.from_zero(dynamics, key, 0.0) or 0.0 for key in ("damping", "friction", "spring_stiffness")
             )
             rest = (self.values.number(dynamics, "spring_reference", 0.0) or 0.0) if stiffness else 0.0
-        drive = None if not ends.effort or follows else SourceDrive(name=name, kind="motor", where=element.where, effort=ends.effort)
-        return SourceJoint(
+        motor = source_model.SourceDrive(name=name, kind="motor", where=element.where, effort=ends.effort)
+        return source_model.SourceJoint(
             name=name, kind=kind, lead=self._lead(element) if kind == "screw" else 0.0, axis=direction, anchor=_clean(at).translation,
             where=element.where, ends=ends, damping=damping, friction=friction, stiffness=stiffness, rest=rest, follows=follows,
-            drive=drive,
+            drive=None if not ends.effort or follows else motor,
         )
 
     def _lead(self, screw: SourceElement) -> float:
@@ -387,10 +370,10 @@ class _Sdf:
             within = frame.scope
         return _rounded(rotate((here @ self.frames.poses[within]).rotation, direction))
 
-    def _ends(self, axis: SourceElement) -> SourceLimits:
+    def _ends(self, axis: SourceElement) -> source_model.SourceLimits:
         limit = self.values.one(axis, "limit")
         if limit is None:
-            return SourceLimits()
+            return source_model.SourceLimits()
         lower, upper, effort, velocity = (
             None if self.values.written(limit, key) is None else self._bound(limit, key) for key in ("lower", "upper", "effort", "velocity")
         )
@@ -399,7 +382,7 @@ class _Sdf:
             lower = upper = None
         if lower is not None and upper is not None and lower > upper:
             self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or mend the number")
-        return SourceLimits(
+        return source_model.SourceLimits(
             lower=lower, upper=upper, effort=None if effort is None or effort < 0.0 else effort,
             velocity=None if velocity is None or velocity < 0.0 else velocity,
         )
@@ -411,7 +394,7 @@ class _Sdf:
         value = self.values.number(limit, key)
         return None if value is None or abs(value) >= ENDLESS else value
 
-    def _mimic(self, axis: SourceElement, scope: str) -> SourceMimic | None:
+    def _mimic(self, axis: SourceElement, scope: str) -> source_model.SourceMimic | None:
         """q is `multiplier (q(leader) - reference) + offset`."""
         mimic = self.values.one(axis, "mimic")
         if mimic is None:
@@ -425,16 +408,18 @@ class _Sdf:
         offset -= multiplier * reference
         leaders = self._coordinates(key_of(joint, scope))
         leader = leaders[-1 if mimic.attributes.get("axis") == "axis2" else 0]
-        return SourceMimic(joint=leader, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
+        return source_model.SourceMimic(joint=leader, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
 
-    def _stood(self, model: SourceElement, name: str, links: list[SourceLink], hangings: list[Attachment]) -> SourceRobot | None:
+    def _stood(
+        self, model: SourceElement, name: str, links: list[source_model.SourceLink], hangings: list[source_model.Attachment],
+    ) -> source_model.SourceRobot | None:
         """The robot on its root: fixed where a joint holds it to the world, else free. What moves in the world stands on a link that weighs
         nothing."""
-        sites: dict[str | None, tuple[SourceSite, ...]] = {}
+        sites: dict[str | None, tuple[source_model.SourceSite, ...]] = {}
         for key, frame in self.frames.all("frame"):
             link = self.frames.link_of(key)
             pose = _clean(self.frames.poses[link or ""].inverse() @ self.frames.poses[key])
-            sites[link] = (*sites.get(link, ()), SourceSite(name=key, pose=pose, where=frame.element.place("name")))
+            sites[link] = (*sites.get(link, ()), source_model.SourceSite(name=key, pose=pose, where=frame.element.place("name")))
         links = [replace(link, sites=sites.get(link.name, ())) for link in links]
         placed = self.values.one(model, "pose")
         if placed is not None and placed.attributes.get("relative_to", "").strip() not in ("", WORLD):
@@ -443,7 +428,7 @@ class _Sdf:
         if len(grounded) == 1 and not grounded[0].joints:
             hangings = [one for one in hangings if one is not grounded[0]]
         elif grounded:
-            links = [SourceLink(name=WORLD, where=model.place("name")), *links]
+            links = [source_model.SourceLink(name=WORLD, where=model.place("name")), *links]
             hangings = [replace(one, pose=_clean(here @ one.pose)) if one in grounded else one for one in hangings]
         screws = [one for one in hangings if any(joint.kind == "screw" for joint in one.joints)]
         tree, closing = spanned([*screws, *(one for one in hangings if one not in screws)])  # another joint closes a loop
@@ -451,18 +436,19 @@ class _Sdf:
         if root is None:
             return None
         loops = tuple(self._loop(one) for one in closing)
-        return SourceRobot(
+        return source_model.SourceRobot(
             name=name, where=model.place("name"), root=root, links=tuple(links), hangings=tree,
             base="fixed" if grounded or self._is(model, "static") else "free",
             pose=NO_POSE if root == WORLD else _clean(here @ self.frames.poses[root]), losses=self.losses.all(),
             loops=loops,
         )
 
-    def _loop(self, one: Attachment) -> SourceLoop:
+    def _loop(self, one: source_model.Attachment) -> source_model.SourceLoop:
         """What a joint keeps together of two links that are in the tree already."""
         joint = next(iter(one.joints), None)
         at = NO_POSE if joint is None else along(joint.axis, joint.anchor)
-        if joint is not None and (joint.ends != SourceLimits() or joint.damping or joint.friction or joint.stiffness or joint.follows):
+        unlimited = source_model.SourceLimits()
+        if joint is not None and (joint.ends != unlimited or joint.damping or joint.friction or joint.stiffness or joint.follows):
             why = "a joint that closes a loop has none of that"
             self.losses.note(f"limits, drive and dynamics of joint `{one.name}`", why, one.where)
         kind = "fixed" if joint is None else "continuous" if joint.kind == "revolute" else joint.kind
@@ -470,7 +456,8 @@ class _Sdf:
             help = "one joint of the loop has to be of another kind"
             self.report.add(Code.SOURCE_TREE, f"the loop that joint `{one.name}` closes has screws only", one.where, help=help)
         assert kind != "planar"
-        return SourceLoop(name=one.name, kind=kind, ends=((one.parent, _clean(one.pose @ at)), (one.child, at)), where=one.where)
+        ends = ((one.parent, _clean(one.pose @ at)), (one.child, at))
+        return source_model.SourceLoop(name=one.name, kind=kind, ends=ends, where=one.where)
 
 
 def _rounded(vector: Vector) -> Vector:

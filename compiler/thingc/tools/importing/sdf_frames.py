@@ -93,10 +93,8 @@ class Frames:
         while key not in self.poses:
             if key in way:
                 circle = circle_words([*way][[*way].index(key) :])
-                self.values.report.add(
-                    Code.SOURCE_TREE, f"poses are stated in one another, in a circle: {circle}", way[key].element.where,
-                    help="state one of them in the model",
-                )
+                message = f"poses are stated in one another, in a circle: {circle}"
+                self.values.report.add(Code.SOURCE_TREE, message, way[key].element.where, help="state one of them in the model")
                 self.poses[key] = NO_POSE
                 break
             way[key] = self.named[key]

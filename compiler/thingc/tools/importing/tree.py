@@ -31,10 +31,8 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: 
     for one in hangings:
         for side, name in (("parent", one.parent), ("child", one.child)):
             if name not in named:
-                report.add(
-                    Code.SOURCE_TREE, f"the {side} of joint `{one.name}` is the link `{name}`, and there is none", one.where,
-                    help=did_you_mean(name, named, what="links"),
-                )
+                message = f"the {side} of joint `{one.name}` is the link `{name}`, and there is none"
+                report.add(Code.SOURCE_TREE, message, one.where, help=did_you_mean(name, named, what="links"))
         if one.child in above:
             other = above[one.child]
             report.add(

@@ -20,20 +20,7 @@ from thingc.base.pose import NO_POSE
 from thingc.base.source import line_of
 from thingc.base.suggestions import did_you_mean
 from thingc.geometry.worker.sandbox import OUTSIDE
-from thingc.tools.importing.source_model import (
-    Attachment,
-    Kind,
-    SourceDrive,
-    SourceJoint,
-    SourceLimits,
-    SourceLink,
-    SourceMimic,
-    SourceRobot,
-    SourceSensor,
-    SourceShape,
-    SourceSite,
-    Weight,
-)
+from thingc.tools.importing import source_model
 from thingc.tools.importing.tree import look_at_mimics, root_of
 from thingc.tools.importing.urdf_blocks import TAGS, Blocks
 from thingc.tools.importing.xml_source import MOST_BYTES, Losses, SourceElement, read_robot
@@ -60,7 +47,7 @@ INSIDE: dict[str, set[str]] = {
 """The elements that are read in others."""
 
 
-def read_urdf(path: str, data: bytes, report: Report, *, files: Sequence[str] = ()) -> SourceRobot | None:
+def read_urdf(path: str, data: bytes, report: Report, *, files: Sequence[str] = ()) -> source_model.SourceRobot | None:
     """The robot of a file, an absolute path, with these bytes; None where it is none, which has been reported: all that is wrong. `files`
     are those that xacro has made it from."""
     root = read_robot(path, data, report, "robot", "a URDF", files=files)
@@ -68,10 +55,8 @@ def read_urdf(path: str, data: bytes, report: Report, *, files: Sequence[str] = 
         return None
     macro = next((element for element in _walk(root) if element.tag.startswith("xacro:")), None)
     if macro is not None:
-        report.add(
-            Code.SOURCE_XML, f"`<{macro.tag}>` is xacro, from which URDF is made", macro.where,
-            help="call the file `.xacro`: it is expanded then",
-        )
+        message = f"`<{macro.tag}>` is xacro, from which URDF is made"
+        report.add(Code.SOURCE_XML, message, macro.where, help="call the file `.xacro`: it is expanded then")
         return None
     return _Urdf(root, report).robot()
 
@@ -98,7 +83,7 @@ class _Urdf:
         self.colors = {name: self._rgba(material) for name, material in self.materials.items()}
         self.blocks = Blocks(root, self.values, self.losses)
 
-    def robot(self) -> SourceRobot | None:
+    def robot(self) -> source_model.SourceRobot | None:
         """Everything that is wrong is said; then None."""
         name = self.root.attributes.get("name", "").strip()
         if not name:
@@ -121,18 +106,18 @@ class _Urdf:
         if root is None:
             return None
         links, sensors = self._sensed(links, hangings)
-        robot = SourceRobot(
+        robot = source_model.SourceRobot(
             name=name, where=self.root.place("name"), root=root, links=links, hangings=hangings, losses=self.losses.all(),
             mesh_folder=self.blocks.meshes, sensors=sensors, base="free" if self.blocks.free else "fixed",
         )
         return self._grounded(robot)
 
     def _sensed(
-        self, links: tuple[SourceLink, ...], hangings: tuple[Attachment, ...],
-    ) -> tuple[tuple[SourceLink, ...], tuple[SourceSensor, ...]]:
+        self, links: tuple[source_model.SourceLink, ...], hangings: tuple[source_model.Attachment, ...],
+    ) -> tuple[tuple[source_model.SourceLink, ...], tuple[source_model.SourceSensor, ...]]:
         """The links with the mounts of their sensors, and these. One on a link that is but a frame is on what that is fixed to."""
         named, above = {link.name: link for link in links}, {one.child: one for one in hangings}
-        carrying, sensors = {one.parent for one in hangings}, list[SourceSensor]()
+        carrying, sensors = {one.parent for one in hangings}, list[source_model.SourceSensor]()
         for one in self.blocks.sensors.values():
             link = one.link or ""
             over = above.get(link)
@@ -146,13 +131,13 @@ class _Urdf:
                 link = over.parent
                 one = replace(one, link=link, pose=over.pose @ one.pose)
             if one.kind == "imu":
-                site = SourceSite(name=one.name, pose=one.pose, where=one.where)
+                site = source_model.SourceSite(name=one.name, pose=one.pose, where=one.where)
                 named[link] = replace(named[link], sites=(*named[link].sites, site))
                 one = replace(one, link=None, pose=NO_POSE, site=one.name)
             sensors.append(one)
         return tuple(named[link.name] for link in links), tuple(sensors)
 
-    def _link(self, element: SourceElement) -> SourceLink | None:
+    def _link(self, element: SourceElement) -> source_model.SourceLink | None:
         name = self.values.word(element, "name")
         inertial = self.values.one(element, "inertial")
         shapes = tuple(
@@ -162,9 +147,9 @@ class _Urdf:
         if slide is not None:
             shapes = tuple(replace(shape, friction=(slide,)) if shape.use == "collision" else shape for shape in shapes)
         weight = None if inertial is None else self._weight(inertial)
-        return None if name is None else SourceLink(name=name, where=element.place("name"), weight=weight, shapes=shapes)
+        return None if name is None else source_model.SourceLink(name=name, where=element.place("name"), weight=weight, shapes=shapes)
 
-    def _weight(self, inertial: SourceElement) -> Weight | None:
+    def _weight(self, inertial: SourceElement) -> source_model.Weight | None:
         """None where it weighs nothing, in whatever way that is written."""
         pose, _ = self.values.origin(inertial)
         mass_element, moments = self.values.one(inertial, "mass"), self.values.one(inertial, "inertia")
@@ -181,9 +166,9 @@ class _Urdf:
             if any(map(any, properties.inertia)):
                 self.losses.note("the inertia of a link", "it has no mass", inertial.where)
             return None
-        return Weight(properties=properties, where=inertial.where)
+        return source_model.Weight(properties=properties, where=inertial.where)
 
-    def _shape(self, element: SourceElement, link: str) -> SourceShape | None:
+    def _shape(self, element: SourceElement, link: str) -> source_model.SourceShape | None:
         (pose, rpy), geometry = self.values.origin(element), self.values.one(element, "geometry")
         forms = [] if geometry is None else [one for one in geometry.children if one.tag in INSIDE["geometry"]]
         if geometry is None or not geometry.children:
@@ -222,7 +207,7 @@ class _Urdf:
         rgba = None if color is None else self.values.numbers(color, "rgba", 4)
         return None if rgba is None else (rgba[0], rgba[1], rgba[2], rgba[3])
 
-    def _hanging(self, element: SourceElement) -> Attachment | None:
+    def _hanging(self, element: SourceElement) -> source_model.Attachment | None:
         name, kind = self.values.word(element, "name"), self.values.word(element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(element, side)) is not None}
         pose, rpy = self.values.origin(element)
@@ -233,7 +218,7 @@ class _Urdf:
         joint = None if name is None or kind is None else self._joint(element, name, kind)
         if name is None or kind is None or len(ends) < 2:
             return None
-        return Attachment(
+        return source_model.Attachment(
             name=name, parent=ends["parent"], child=ends["child"], pose=pose, rpy=rpy, where=element.where,
             joints=() if joint is None else (joint,), floating=kind == "floating",
         )
@@ -245,9 +230,9 @@ class _Urdf:
             return None
         return self.values.word(end, "link")
 
-    def _joint(self, element: SourceElement, name: str, kind: str) -> SourceJoint | None:
+    def _joint(self, element: SourceElement, name: str, kind: str) -> source_model.SourceJoint | None:
         """What moves; None of one that is fixed or floats."""
-        moving: Kind
+        moving: source_model.Kind
         match kind:
             case "revolute" | "continuous" | "prismatic" | "planar":
                 moving = kind
@@ -268,12 +253,13 @@ class _Urdf:
         if ends.effort == 0.0 == ends.velocity and follows is None:  # which exporters write for unknown limits
             ends = replace(ends, effort=None, velocity=None)
             self.unlimited.append(next(element.all("limit")))
-        return SourceJoint(
+        motor = source_model.SourceDrive(name=name, kind="motor", where=element.where, effort=ends.effort)
+        return source_model.SourceJoint(
             name=name, kind=moving, axis=direction, where=element.where, ends=ends, damping=damping, friction=friction, follows=follows,
-            drive=SourceDrive(name=name, kind="motor", where=element.where, effort=ends.effort) if controlled and follows is None else None,
+            drive=motor if controlled and follows is None else None,
         )
 
-    def _mimic(self, mimic: SourceElement, name: str) -> SourceMimic | None:
+    def _mimic(self, mimic: SourceElement, name: str) -> source_model.SourceMimic | None:
         """What a joint follows: nothing where that is no joint that moves, as pinocchio and MoveIt have it."""
         joint = self.values.word(mimic, "joint")
         multiplier, offset = self.values.number(mimic, "multiplier", 1.0), self.values.number(mimic, "offset", 0.0)
@@ -286,23 +272,23 @@ class _Urdf:
                 mimic.place("joint"), help=did_you_mean(joint, sorted(self.moving - {name}), what="joints"),
             )
             return None
-        return SourceMimic(joint=joint, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
+        return source_model.SourceMimic(joint=joint, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
 
-    def _ends(self, element: SourceElement, kind: Kind, follows: bool) -> SourceLimits:
+    def _ends(self, element: SourceElement, kind: source_model.Kind, follows: bool) -> source_model.SourceLimits:
         limit = self.values.one(element, "limit")
         if limit is None:
             if kind in ("revolute", "prismatic") and not follows:
                 help = 'write <limit lower="..." upper="..." effort="..." velocity="..."/>'
                 self.values.fault(element, None, f"this joint is `{kind}` and has no `<limit>`", help)
-            return SourceLimits()
+            return source_model.SourceLimits()
         effort, velocity = (self.values.from_zero(limit, key) if key in limit.attributes else None for key in ("effort", "velocity"))
         lower, upper = self.values.number(limit, "lower", 0.0), self.values.number(limit, "upper", 0.0)
         if kind not in ("revolute", "prismatic"):
             if lower != upper:
                 self.losses.note("`lower` and `upper` of a joint", f"one that is `{kind}` has no ends", limit.where)
-            return SourceLimits(effort=effort, velocity=velocity)
+            return source_model.SourceLimits(effort=effort, velocity=velocity)
         if lower is None or upper is None:
-            return SourceLimits()
+            return source_model.SourceLimits()
         if lower > upper:
             self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or mend the number")
         if lower == upper:
@@ -313,10 +299,10 @@ class _Urdf:
                 self.losses.note(
                     f"`lower` and `upper` of a joint, both {lower:g}", "it is read as one without ends, as simulators do", limit.where,
                 )
-            return SourceLimits(effort=effort, velocity=velocity)
-        return SourceLimits(lower=lower, upper=upper, effort=effort, velocity=velocity)
+            return source_model.SourceLimits(effort=effort, velocity=velocity)
+        return source_model.SourceLimits(lower=lower, upper=upper, effort=effort, velocity=velocity)
 
-    def _grounded(self, robot: SourceRobot) -> SourceRobot | None:
+    def _grounded(self, robot: source_model.SourceRobot) -> source_model.SourceRobot | None:
         """Without a root link that stands for the world, where one link alone hangs on it and nothing moves that."""
         first = [one for one in robot.hangings if one.parent == robot.root]
         world = next(link for link in robot.links if link.name == robot.root)

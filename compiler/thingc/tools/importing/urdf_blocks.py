@@ -173,9 +173,8 @@ class Blocks:
         """A joint is a motor: gains of the loop around it are in no URDF."""
         if kinds & {"position", "velocity"} and "effort" not in kinds:
             kind = "position" if "position" in kinds else "velocity"
-            self.losses.note(
-                f"that joint `{name}` is commanded by its {kind}", "the gains are its controller's: it has a motor", joint.where,
-            )
+            what = f"that joint `{name}` is commanded by its {kind}"
+            self.losses.note(what, "the gains are its controller's: it has a motor", joint.where)
 
     def _mujoco(self, block: SourceElement) -> None:
         for one in block.children:

@@ -74,10 +74,8 @@ def read_robot(path: str, data: bytes, report: Report, tag: str, form: str, *, f
     root = read_xml(path, data, report, files=files)
     if root is None or root.tag == tag:
         return root
-    report.add(
-        Code.SOURCE_XML, f"{form} file begins with `<{tag}>`, and this one with `<{root.tag}>`", root.where,
-        help=f"name a file of a robot: `.{form.split()[-1].lower()}`",
-    )
+    message = f"{form} file begins with `<{tag}>`, and this one with `<{root.tag}>`"
+    report.add(Code.SOURCE_XML, message, root.where, help=f"name a file of a robot: `.{form.split()[-1].lower()}`")
     return None
 
 
