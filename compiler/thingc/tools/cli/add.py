@@ -140,8 +140,7 @@ def _write(
         with signals.held():
             keep(changes)
     where = [] if documents is None else [f"{shown_path(documents.root.path)}: {'.'.join(keys)}" for keys in addition.values]
-    done = [*(shown_path(path) for path in addition.files), *where]
-    return _say(arguments, diagnostics, done=done)
+    return _say(arguments, diagnostics, done=[*map(shown_path, addition.files), *where])
 
 
 def _wrong(diagnostics: Sequence[Diagnostic]) -> bool:

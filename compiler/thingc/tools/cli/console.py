@@ -411,9 +411,7 @@ def final(report: Report, *, strict: bool) -> list[Diagnostic]:
 def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
     """0 without errors, 2 where the command line is to blame (a bad `-p`, unexpected files in the folder), else 1."""
     errors = [d for d in diagnostics if d.severity is Severity.ERROR]
-    if any(d.code in USAGE_CODES for d in errors):
-        return USAGE
-    return 1 if errors else 0
+    return USAGE if any(d.code in USAGE_CODES for d in errors) else 1 if errors else 0
 
 
 def of_exception(fault: Exception) -> Diagnostic:

@@ -103,8 +103,7 @@ def _sides(word: str) -> list[Side]:
     ends = [_revision(old or "HEAD"), _revision(new or "HEAD")]
     if between == "..":
         return ends
-    repository = Repository.of(os.getcwd())
-    base = repository.common(ends[0].place, ends[1].place)
+    base = Repository.of(os.getcwd()).common(ends[0].place, ends[1].place)
     return [Side(kind="revision", name=f"{ends[0].name} ({base[:8]})", place=base), ends[1]]
 
 

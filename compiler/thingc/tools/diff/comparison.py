@@ -174,8 +174,8 @@ class _Following:
     def _hangs_as_before(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> bool:
         if old.parent is None or new.parent is None or self.pairing.path("component", old.parent) != new.parent:
             return False
-        places = (self.old.occurrences[old.parent].place, old.place, self.new.occurrences[new.parent].place, new.place)
-        above, own, there, here = places
+        above, own = self.old.occurrences[old.parent].place, old.place
+        there, here = self.new.occurrences[new.parent].place, new.place
         return above is not None and own is not None and there is not None and here is not None and _same_pose(
             above.inverse() @ own, there.inverse() @ here,
         )
@@ -316,8 +316,7 @@ class _Following:
                 self.changes.add(Change(what="file", change="changed", path=path, because=tuple(because)))
 
     def _reshaped(self, old: Row, new: Row) -> bool:
-        shapes = [side.occurrences[row.members[0]].shape for side, row in ((self.old, old), (self.new, new))]
-        one, other = shapes
+        one, other = (side.occurrences[row.members[0]].shape for side, row in ((self.old, old), (self.new, new)))
         return one is not None and other is not None and not (
             _near(one.volume, other.volume) and _near(one.area, other.area) and _near(one.inertia, other.inertia)
             and _near(one.box, other.box, _size(one.box))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from thingc.base.joints.kinds import KINDS
-from thingc.base.source import Span
 from thingc.base.units import Dimension, Quantity, UnitError, parse_quantity
 from thingc.tools.diff.name_mapping import NameMapping, Pair
 from thingc.tools.diff.snapshot import PERHAPS, Change, Fact, How, Named, Snapshot, SnapshotElement, Value, What, told
@@ -186,7 +185,7 @@ class StatedChanges:
         changed = [(key, before, after) for key, before, after in pairing.facts(old, new) if not pairing.same(before, after)]
         made = {key for key, _, _ in changed if key in _MADE_OF}
         # what is written first: the rest may follow from it
-        changed.sort(key=lambda one: _both_written(old.facts.get(pairing.old_fact(old, one[0])), new.facts.get(one[0])))
+        changed.sort(key=lambda one: _written(old.facts.get(pairing.old_fact(old, one[0]))) == _written(new.facts.get(one[0])))
         for key, before, after in changed:
             if made and key.startswith("params."):
                 continue  # they are of another part
@@ -197,7 +196,7 @@ class StatedChanges:
                 because = self._because(pair, key, earlier, later, made)
             self.changes.add(Change(
                 what=_what(new, key), change="changed", path=old.path, new_path=pair.new_path, field=key, old=told(before), new=told(after),
-                because=because, words=worded(pair, key, earlier, later, (pairing.old, pairing.new)), span=_span_of(later, new.span),
+                because=because, words=worded(pair, key, earlier, later, (pairing.old, pairing.new)), span=later and later.span or new.span,
             ))
 
     def _unknown(self, joint: str) -> bool:
@@ -208,9 +207,9 @@ class StatedChanges:
         """What a value follows from: parameters in the same expression as before; or, where it is not written at all, what the component,
         or the drive, is now."""
         before, after = (fact.value if fact is not None else None for fact in (old, new))
-        if old is not None and new is not None and old.written is not None and old.written == new.written:
+        if new is not None and new.written is not None and _written(old) == new.written:
             return self._meant(new) or self._alive(before, after) or tuple(self.changes.structure())
-        if (old is None or old.written is None) and (new is None or new.written is None):
+        if _written(old) is None and _written(new) is None:
             if pair.new.what == "component" and made and key not in made:
                 return tuple(self.changes.causes("component", [pair.new.path], _MADE_OF))
             if pair.new.what == "joint" and key.startswith(("limit.", "dynamics.", "drive.")):
@@ -267,14 +266,8 @@ def _what(thing: SnapshotElement, key: str) -> What:
     return "parameter" if key.startswith("params.") else "bom" if key.startswith("bom.") else thing.what
 
 
-def _span_of(fact: Fact | None, otherwise: Span | None) -> Span | None:
-    return fact.span if fact is not None and fact.span is not None else otherwise
-
-
-def _both_written(old: Fact | None, new: Fact | None) -> bool:
-    """Whether a value is written as it was, or is not written at all."""
-    words = [fact.written if fact is not None else None for fact in (old, new)]
-    return words[0] == words[1]
+def _written(fact: Fact | None) -> str | None:
+    return fact.written if fact is not None else None
 
 
 def _names_in(value: Value) -> Iterator[Named]:

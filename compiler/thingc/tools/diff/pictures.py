@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree
 
 from thingc.targets.render.picture import body_poses, extent, small_picture
+from thingc.tools.diff.document_changes import above_of
 from thingc.tools.diff.snapshot import Change
 
 SIZE = (960, 720)
@@ -60,7 +61,7 @@ def with_removed(new: Model, old: Model, changes: Iterable[Change]) -> Model:
     world, asset = root.find("worldbody"), root.find("asset")
     removed = [
         (body, geom) for body in before.iter("body") for geom in body.findall("geom")
-        if geom.get("class") == "visual" and _parts_of(geom.get("name", "")) & gone
+        if geom.get("class") == "visual" and not gone.isdisjoint(above_of(geom.get("name", "")))
     ]
     if not removed or world is None:
         return new
@@ -81,9 +82,3 @@ def with_removed(new: Model, old: Model, changes: Iterable[Change]) -> Model:
             attributes["mesh"] = name
         ElementTree.SubElement(place, "geom", attributes)
     return ElementTree.tostring(root, encoding="unicode"), files
-
-
-def _parts_of(path: str) -> set[str]:
-    """A path and those of the assemblies that it stands in."""
-    words = path.split("/")
-    return {"/".join(words[:k]) for k in range(1, len(words) + 1)}

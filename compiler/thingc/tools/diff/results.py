@@ -14,7 +14,7 @@ from thingc.base.source import Span
 from thingc.driver.up_to_date import packed, unpacked
 from thingc.tools.diff.checkouts import BrokenSide, DocumentPair
 from thingc.tools.diff.comparison import Comparison
-from thingc.tools.diff.snapshot import Change, DisplayValue
+from thingc.tools.diff.snapshot import Change
 
 
 class DiffResult(OneLineRepr, FrozenStruct):
@@ -66,13 +66,9 @@ def _entry(change: Change) -> dict[str, object]:
     span = change.span
     return {
         "what": change.what, "change": change.change, "path": change.path, "new_path": change.new_path, "field": change.field,
-        "old": _json_value(change.old), "new": _json_value(change.new), "because": list(change.because),
+        "old": change.old, "new": change.new, "because": list(change.because),
         "file": None if span is None else shown_path(span.file), "line": None if span is None else span.line,
     }
-
-
-def _json_value(value: DisplayValue) -> object:
-    return [_json_value(one) for one in value] if isinstance(value, tuple) else value
 
 
 def pack(answer: Comparison | BrokenSide) -> list[Any]:

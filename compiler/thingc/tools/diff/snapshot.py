@@ -207,9 +207,7 @@ def told(value: Value) -> DisplayValue:
     """A value as an answer has it."""
     if isinstance(value, Named):
         return value.text
-    if isinstance(value, tuple):
-        return tuple(told(one) for one in value)
-    return value
+    return tuple(map(told, value)) if isinstance(value, tuple) else value
 
 
 def field_values(key: str, kind: type[FrozenStruct], of: FrozenStruct | None) -> dict[str, Any]:

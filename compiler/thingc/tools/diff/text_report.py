@@ -229,8 +229,7 @@ def _share(old: DisplayValue, new: DisplayValue) -> str:
     """How much more or less, of masses and the like."""
     if not isinstance(old, float) or not isinstance(new, float) or old == 0.0 or not math.isfinite(new / old):
         return ""
-    share = 100.0 * (new / old - 1.0)
-    return f" ({share:+.3g} %)"
+    return f" ({100.0 * (new / old - 1.0):+.3g} %)"
 
 
 def _value(field: str, value: DisplayValue) -> str:
@@ -258,9 +257,7 @@ def _value(field: str, value: DisplayValue) -> str:
         return f"{value:.6g} s"
     if last == "volume":
         return f"{value * 1e6:.4g} cm^3"
-    if last == "area":
-        return f"{value * 1e4:.4g} cm^2"
-    return f"{value:.6g}"
+    return f"{value * 1e4:.4g} cm^2" if last == "area" else f"{value:.6g}"
 
 
 STYLE = """

@@ -161,9 +161,7 @@ def _load_source(
         root = read_xml(path, data, report)
         if root is None or root.tag == "mujoco":
             return None if root is None else read_mjcf(root, packages, report, meshes=meshes)
-    if path.lower().endswith(".sdf"):
-        return read_sdf(path, data, packages, report)
-    return read_urdf(path, data, report)
+    return read_sdf(path, data, packages, report) if path.lower().endswith(".sdf") else read_urdf(path, data, report)
 
 
 def _record(imported: Imported, written: WrittenDocument, asked: Mapping[str, object], path: str, data: bytes) -> bytes:

@@ -144,9 +144,7 @@ def _name_text(words: DocumentNaming, value: str | SourceTarget) -> str:
 
 
 def _flow(value: Any) -> str:
-    if isinstance(value, str):
-        return _text(value)
-    return f"{{{', '.join(f'{_text(key)}: {_flow(one)}' for key, one in value.items())}}}"
+    return _text(value) if isinstance(value, str) else f"{{{', '.join(f'{_text(key)}: {_flow(one)}' for key, one in value.items())}}}"
 
 
 def _text(word: str) -> str:

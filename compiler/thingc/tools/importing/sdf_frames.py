@@ -154,5 +154,4 @@ class Frames:
 
 def key_of(name: str, scope: str) -> str:
     """What is called so in a model, wherever it is: `hand` in `arm` is `arm::hand`, and `__model__` the model itself."""
-    own = name.removesuffix(MODEL).removesuffix("::")
-    return "::".join(part for part in (scope, own) if part)
+    return "::".join(filter(None, (scope, name.removesuffix(MODEL).removesuffix("::"))))

@@ -224,9 +224,7 @@ def _keys(base: Any, new: Any, ours: Any) -> list[Any] | None:
     if all(isinstance(one, dict) for one in (base, new, ours)):
         return [*dict.fromkeys([*ours, *new, *base])]
     lists = [one for one in (base, new, ours) if isinstance(one, list) and all(isinstance(item, dict) for item in one)]
-    if len(lists) == 3 and len({*map(len, lists)}) == 1:
-        return [*range(len(ours))]
-    return None
+    return [*range(len(ours))] if len(lists) == 3 and len({*map(len, lists)}) == 1 else None
 
 
 def _get(values: Any, key: Any) -> Any:

@@ -183,8 +183,7 @@ class _Urdf:
         for other in materials[1:]:
             self.losses.note("a second `<material>` of a `<visual>`", "the first one counts", other.where)
         color = self._color(materials[0]) if materials else None
-        name = self.values.own_name(element, link, "(:collision)?")
-        return replace(shape, rpy=rpy, color=color, name=name)
+        return replace(shape, rpy=rpy, color=color, name=self.values.own_name(element, link, "(:collision)?"))
 
     def _color(self, material: SourceElement) -> Color | None:
         """The colour of a material: if it has a name, that of the first material that the file defines by that name."""

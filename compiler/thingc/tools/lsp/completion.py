@@ -134,15 +134,13 @@ class _Asked:
         if cursor.toml:
             return f"{name} = "
         if offer.mapping and not cursor.flow and _LINE_ENDS.match(self.text, cursor.end):
-            line = self.text.rfind("\n", 0, cursor.start) + 1
-            before = self.text[line : cursor.start]
-            return f"{name}:\n{' ' * (len(before) + 2)}"
+            column = cursor.start - (self.text.rfind("\n", 0, cursor.start) + 1)
+            return f"{name}:\n{' ' * (column + 2)}"
         return f"{name}: "
 
     def _quoted_key(self, name: str) -> str:
-        if self.cursor.quote or re.fullmatch(r"[\w-]+" if self.cursor.toml else r"[\w][\w./-]*", name):
-            return name
-        return f'"{name}"'
+        bare = self.cursor.quote or re.fullmatch(r"[\w-]+" if self.cursor.toml else r"[\w][\w./-]*", name)
+        return name if bare else f'"{name}"'
 
     # --- values -------------------------------------------------------------------------------------------------------
 
@@ -290,8 +288,7 @@ class _Asked:
 
     def _in_expression(self) -> Iterator[CompletionItem]:
         """Behind `=`: parameters, functions and constants; behind a number units."""
-        typed = self.cursor.typed
-        match = _IN_EXPRESSION.search(typed)
+        match = _IN_EXPRESSION.search(self.cursor.typed)
         if match is None:
             return
         word = match["word"] or ""
@@ -342,12 +339,9 @@ class _Asked:
         """A word as the place wants it: inside quotes as it is, in TOML with quotes, in YAML with them where it needs them."""
         cursor = self.cursor
         if cursor.quote:
-            closed = self.text.startswith(cursor.quote, cursor.end)
-            return word if closed else f"{word}{cursor.quote}"
+            return word if self.text.startswith(cursor.quote, cursor.end) else f"{word}{cursor.quote}"
         plain = _BARE.fullmatch(word) and not _SPECIAL.fullmatch(word) and not word.endswith(" ")
-        if not cursor.toml and (plain or re.fullmatch(r"[A-Za-z][\w.]*:[A-Za-z]\w*", word)):
-            return word
-        return f'"{word}"'
+        return word if not cursor.toml and (plain or re.fullmatch(r"[A-Za-z][\w.]*:[A-Za-z]\w*", word)) else f'"{word}"'
 
 
 def _by_use(dimensions: tuple[Dimension, ...]) -> list[str]:

@@ -84,8 +84,7 @@ def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
         return []
     names, here = named
     if here.name.what == "document":
-        top = line_of(here.name.file)
-        return names.locations([top])
+        return names.locations([line_of(here.name.file)])
     places = names.sight.index.by_name[here.name]
     if here.role == "declared" and here.span.file.endswith(".py"):
         return names.locations(one.span for one in places if not one.span.file.endswith(".py"))

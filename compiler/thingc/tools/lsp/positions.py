@@ -113,9 +113,7 @@ def steady(before: str, after: str) -> Callable[[Span], Span | None]:
     same, end = equal_ends(old, new)
 
     def line(number: int) -> int | None:
-        if number <= same:
-            return number
-        return number + len(new) - len(old) if number > len(old) - end else None
+        return number if number <= same else number + len(new) - len(old) if number > len(old) - end else None
 
     def moved(span: Span) -> Span | None:
         first, last = line(span.line), line(span.end_line)

@@ -127,9 +127,7 @@ class Scan(ABC):
 
     def after_break(self, end: int) -> int:
         """Where the line behind the end of one begins; behind the text where there is none."""
-        if end >= len(self.text):
-            return len(self.text) + 1
-        return end + (2 if self.text.startswith("\r\n", end) else 1)
+        return len(self.text) + 1 if end >= len(self.text) else end + (2 if self.text.startswith("\r\n", end) else 1)
 
     def spaces(self, at: int) -> int:
         """The first character from `at` on that is no space or tab."""
@@ -215,9 +213,8 @@ class Scan(ABC):
         here = self.skip(before, column)
         high = here if self.left is None else self.line_end(before)
         self.gap(before, high, "value", path, flow=True)
-        if self.left is not None or here >= len(self.text) or self.text[here] in ",}]":
-            return here
-        return self.value_in(here, path, column)
+        ended = self.left is not None or here >= len(self.text) or self.text[here] in ",}]"
+        return here if ended else self.value_in(here, path, column)
 
     def segments(self, tokens: list[Token], path: Path, high: int, separated: bool, *, flow: bool = False, header: bool = False) -> Path:
         """Keep the segments of a key, whose last one is sure where it is `separated` from what follows; returns the path of its value."""

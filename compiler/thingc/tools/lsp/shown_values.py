@@ -128,8 +128,7 @@ def frame_words(analysis: Analysis, reference: str) -> str:
     """The frame of a mount `component.mount` in the component's own: `(12, 0, 30) mm, z along +y`; of one inside a nested assembly in
     that of the part that has it, which is named. Empty where it is not known."""
     model = analysis.known.model
-    steps = reference.split(".")
-    place = None if model is None else _found(analysis.known, model, steps, ())
+    place = None if model is None else _found(analysis.known, model, reference.split("."), ())
     if place is None:
         return ""
     pose, owner = place

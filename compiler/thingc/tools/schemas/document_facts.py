@@ -266,12 +266,9 @@ def _joints_of(model: AssemblyDefinition, prefix: str) -> dict[str, JointFacts]:
 def _joint_facts(joint: Joint, *, own: bool) -> JointFacts:
     coordinate = joint.twist.coordinate if joint.twist is not None else None
     angle = None if coordinate is None else coordinate == ANGLE
-    low, high = (
-        None if bound is None else Quantity(bound, coordinate or LENGTH).shown(12) for bound in (joint.limit.lower, joint.limit.upper)
-    )
-    limits = within(low, high)
-    what = f"{joint.kind.name.capitalize()}, from `{joint.parent.text}` to `{joint.child.text}`"
-    what += f"; {limits}." if limits else "."
+    bounds = (joint.limit.lower, joint.limit.upper)
+    limits = within(*(None if bound is None else Quantity(bound, coordinate or LENGTH).shown(12) for bound in bounds))
+    what = f"{joint.kind.name.capitalize()}, from `{joint.parent.text}` to `{joint.child.text}`{f'; {limits}' if limits else ''}."
     if joint.mimic is not None:
         what += f" Mimics `{joint.mimic.joint}`."
     return JointFacts(what=what, angle=angle, settable=coordinate is not None and joint.mimic is None and not joint.kind.at_once, own=own)

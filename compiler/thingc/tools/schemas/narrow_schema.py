@@ -41,8 +41,7 @@ class SchemaContext(FrozenStruct):
 
 def narrowed(general: Schema, facts: DocumentFacts, around: SchemaContext) -> Schema:
     """The schema of an assembly document: `general` is that of its kind, and is not changed."""
-    schema = copy.deepcopy(general)
-    return _Narrowing(schema, facts, around).done()
+    return _Narrowing(copy.deepcopy(general), facts, around).done()
 
 
 def params_name(reference: str) -> str:

@@ -155,9 +155,7 @@ def _value(one: ParameterSchema) -> Schema:
     if one.kind == "ratio":
         return ratio()
     dimension = DIMENSIONS.get(one.kind, NUMBER)
-    if dimension != NUMBER:
-        return quantity(dimension)
-    return number(one.kind, one.minimum, one.maximum)
+    return quantity(dimension) if dimension != NUMBER else number(one.kind, one.minimum, one.maximum)
 
 
 def _as_number(choice: Any) -> float | int | None:
@@ -189,9 +187,7 @@ def _description(one: ParameterSchema) -> str:
         kind += f" such as `{dimension.example}`"
     if one.kind == "choice":
         kind = "one of " + quoted([one.shown(choice) for choice in one.choices], 20)
-    low = None if one.minimum is None else one.shown(one.minimum)
-    high = None if one.maximum is None else one.shown(one.maximum)
-    limits = within(low, high)
+    limits = within(*(None if bound is None else one.shown(bound) for bound in (one.minimum, one.maximum)))
     text = f"{doc}{kind[0].upper()}{kind[1:]}" + (f", {limits}" if limits else "")
     if one.required:
         return f"{text}; required."
@@ -283,8 +279,7 @@ def of_variants(general: Schema, assembly: DocumentSymbols | None, others: Mappi
     fields["assembly"] = {**fields["assembly"], **one_of(choices)}
     if assembly is not None and assembly.whole:
         section = fields["parameters"]
-        each = section.pop("patternProperties", {"": section.get("additionalProperties")})
-        (value,) = each.values()
+        (value,) = section.pop("patternProperties", {"": section.get("additionalProperties")}).values()
         section["properties"] = {
             name: {**value, "title": name, "description": one["description"]}
             for name, one in parameters_schema("", assembly)["properties"].items()

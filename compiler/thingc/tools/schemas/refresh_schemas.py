@@ -102,9 +102,8 @@ class Parts:
 
     def _is_unsure(self, reference: str) -> bool:
         answer, unreadable = self.schemas.get(reference), reference.partition(":")[0] in self.unreadable
-        if isinstance(answer, PartFailure):
-            return unreadable or answer.kind not in ("missing", "refused")
-        return answer is None and unreadable
+        failed = isinstance(answer, PartFailure) and answer.kind not in ("missing", "refused")
+        return failed or unreadable and not isinstance(answer, PartSchema)
 
 
 class ParsedDocument(FrozenStruct):

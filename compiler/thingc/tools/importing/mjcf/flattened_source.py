@@ -184,8 +184,7 @@ class Flattening:
                 self.report.add(Code.SOURCE_VALUE, message, element.place("count"), help="no robot needs so many")
                 return
         if element.tag in LEFT_OUT or element.tag == "geom" and ("hfield" in (element.attributes.get("type"), *element.attributes)):
-            why = LEFT_OUT.get(element.tag, LEFT_OUT["hfield"])
-            self.losses.note(f"`<{element.tag}>`", why, element.where)
+            self.losses.note(f"`<{element.tag}>`", LEFT_OUT.get(element.tag, LEFT_OUT["hfield"]), element.where)
             if element.tag != "extension":  # without its instances MuJoCo does not read what refers to them
                 return
         if element.tag == "layer":
