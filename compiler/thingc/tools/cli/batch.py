@@ -6,8 +6,9 @@ import argparse
 import shlex
 import sys
 import time
+from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
@@ -234,42 +235,25 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
         number = counted(sum(summary.losses.values()), "thing")
         how = console.losses_in_words(summary.losses)
         lines.append(f"{counted(summary.lossy, 'variant')} with targets that cannot say {number} ({how}): see `losses` in the table")
-    lines += _packed(arguments, summary) + _unpictured(arguments, summary.count)
+    where = f" -o {shlex.quote(arguments.output)}" if arguments.output is not None else ""
+    command = f"thingc batch {shlex.quote(arguments.document)}{where}"
+    if summary.layout == PACKED:
+        lines.append(f"the variants are packed, {CHUNK} to a file; the folder of one: {command} --unpack ID")
+    if arguments.pictures is None and summary.count > MANY:
+        asked = f"{command} --page-only --pictures {MOST}"
+        lines.append(f"the page of more than {MANY} variants has no pictures unless they are asked for: {asked}")
     lines += _complaints(summary.folder) if code else []
     console.say(*lines, stream=sys.stderr)
     return code
-
-
-def _packed(arguments: argparse.Namespace, summary: Summary) -> list[str]:
-    """What to type for the folder of a variant where there are none."""
-    if summary.layout != PACKED:
-        return []
-    command = f"thingc batch {shlex.quote(arguments.document)}{_where(arguments)} --unpack ID"
-    return [f"the variants are packed, {CHUNK} to a file; the folder of one: {command}"]
-
-
-def _where(arguments: argparse.Namespace) -> str:
-    return f" -o {shlex.quote(arguments.output)}" if arguments.output is not None else ""
-
-
-def _unpictured(arguments: argparse.Namespace, count: int) -> list[str]:
-    """What to type for pictures where there are none because of how many variants there are."""
-    if arguments.pictures is not None or count <= MANY:
-        return []
-    command = f"thingc batch {shlex.quote(arguments.document)}{_where(arguments)} --page-only --pictures {MOST}"
-    return [f"the page of more than {MANY} variants has no pictures unless they are asked for: {command}"]
 
 
 def _complaints(folder: str) -> list[str]:
     """One line for each code with which variants were refused or failed: how many, and what was said of the first."""
     from thingc.batch.build_records import in_order
 
-    first: dict[str, dict[str, Any]] = {}
-    counts: dict[str, int] = {}
-    for line in in_order(folder):
-        if line["status"] in ("refused", "failed"):
-            counts[line["code"]] = counts.get(line["code"], 0) + 1
-            first.setdefault(line["code"], line)
+    lines = [line for line in in_order(folder) if line["status"] in ("refused", "failed")]
+    counts = Counter(line["code"] for line in lines)
+    first = {line["code"]: line for line in reversed(lines)}
     return [f"{code} ({counts[code]}), first `{line['name']}`: {line['message']}" for code, line in sorted(first.items())]
 
 

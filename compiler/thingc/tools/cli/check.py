@@ -58,7 +58,11 @@ def run(arguments: argparse.Namespace) -> int:
             raise console.WrongCommandLine("missing: files that have changed", "`git diff --name-only main...` names them")
         arguments.document = arguments.document or ["."]
         trusted = arguments.touched and not arguments.no_code
-        documents = concerned(arguments.document, arguments.store) if trusted else arguments.document
+        documents = arguments.document
+        if trusted:
+            from thingc.tools.cli.touched import documents as touched
+
+            documents = [shown_path(path) for path in touched(arguments.document, store=arguments.store)]
         folders = not arguments.touched and any(os.path.isdir(word) for word in arguments.document)
         if folders:
             documents = console.expanded(documents)
@@ -92,8 +96,7 @@ def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options:
         documents = names
     for document in console.present(documents, diagnostics):
         answer = confined(partial(_packed, document, options, arguments.strict), seconds)
-        unpacked = [replace(answer, path=document)] if isinstance(answer, Diagnostic) else [up_to_date.unpacked(one) for one in answer]
-        found[document] = unpacked
+        found[document] = [replace(answer, path=document)] if isinstance(answer, Diagnostic) else list(map(up_to_date.unpacked, answer))
     return _merged(found, diagnostics)
 
 
@@ -131,13 +134,6 @@ def without_code(document: str, options: Options, *, strict: bool) -> list[Diagn
 
 def _packed(document: str, options: Options, strict: bool) -> list[dict[str, object]]:
     return [up_to_date.packed(d) for d in without_code(document, options, strict=strict)]
-
-
-def concerned(files: Sequence[str], store: str | None) -> list[str]:
-    """The documents below the working folder that depend on the files, as a person here would name them."""
-    from thingc.tools.cli.touched import documents
-
-    return [shown_path(path) for path in documents(files, store=store)]
 
 
 def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: list[str], of: int | None = None) -> int:

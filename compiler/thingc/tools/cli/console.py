@@ -44,8 +44,8 @@ def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly do
 
 
 def document_meant() -> str:
-    """The document of a command line that names none: the only assembly below the working folder, else of its workspace, that no other
-    nests. Raises `WrongCommandLine` with those that there are."""
+    """The document of a command line that names none, which is printed: the only assembly below the working folder, else of its workspace,
+    that no other nests. Raises `WrongCommandLine` with those that exist."""
     from thingc.documents.load.discovery import assemblies_in, documents_near, is_document
     from thingc.documents.workspace import Workspace
 
@@ -60,6 +60,7 @@ def document_meant() -> str:
         )
         robots = _unnested(assemblies)
     if len(robots) == 1:
+        say(f"taking {shown_path(robots[0])}, the only robot here", stream=sys.stderr)
         return shown_path(robots[0])
     hint = did_you_mean("", map(shown_path, robots), what="robots") if robots else "`thingc new NAME` makes a workspace with a robot"
     raise WrongCommandLine(f"missing: DOC, and there are {len(robots) or 'no'} robots here", hint)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
-from thingc.base.diagnostics import Code
 from thingc.tools.cli import console
 from thingc.tools.reporting.explain import as_page, explained, find, near, sections
 
@@ -31,19 +29,14 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     code = find(arguments.code)
     if code is None:
-        diagnostics = [console.WrongCommandLine(f"there is no code `{arguments.code}`", _hint(near(arguments.code))).diagnostic]
-        return console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=False)
+        close = ", ".join(f"`{one.code}` ({one.title})" for one in near(arguments.code))
+        help = f"near it: {close}" if close else "`thingc explain` lists all codes"
+        raise console.WrongCommandLine(f"there is no code `{arguments.code}`", help)
     if arguments.format == "json":
         console.print_data(explained(code))
     else:
         console.say(*as_page(code).removesuffix("\n").split("\n"))
     return 0
-
-
-def _hint(codes: list[Code]) -> str:
-    if not codes:
-        return "`thingc explain` lists all codes"
-    return "near it: " + ", ".join(f"`{code.code}` ({code.title})" for code in codes)
 
 
 def _list(form: str) -> None:

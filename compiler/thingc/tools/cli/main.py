@@ -148,7 +148,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return 0
         os.getcwd()  # raises where the folder is gone, which every command would stumble over somewhere
         if getattr(options, "document", "") is None:
-            options.document = _document_meant()
+            from thingc.tools.cli import console
+
+            options.document = console.document_meant()
         code: int = importlib.import_module(f"thingc.tools.cli.{options.command}").run(options)
         sys.stdout.flush()
     except SystemExit as leaving:
@@ -183,18 +185,6 @@ def _interrupted() -> int:
 
     console.say("interrupted; what was written is whole", stream=sys.stderr)
     return INTERRUPTED
-
-
-def _document_meant() -> str:
-    """The document that is meant where none is named, which is said. Raises `WrongUsage`."""
-    from thingc.tools.cli import console
-
-    try:
-        document = console.document_meant()
-    except console.WrongCommandLine as fault:
-        raise WrongUsage(fault.diagnostic.message, fault.diagnostic.help or "") from fault
-    console.say(f"taking {document}, the only robot here", stream=sys.stderr)
-    return document
 
 
 def _refuse(fault: WrongUsage, words: Sequence[str]) -> int:

@@ -16,7 +16,6 @@ from thingc.tools.cli import console
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
     from thingc.driver.environment import Options
-    from thingc.tools.schemas.refresh_schemas import RefreshOutcome
 
 EPILOG = """\
 Writes .thingc/schema/<document>.json for every document of the workspace. To use one without `thingc lsp`, name it in the first line of the
@@ -52,8 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     options = console.options_of(arguments)
     for workspace, only in _workspaces(arguments.place, report):
         _write(workspace, only, arguments.no_model, options)
-    diagnostics = report.ordered()
-    return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    return console.print_text(report.ordered(), stream=sys.stderr, debug=arguments.debug)
 
 
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
@@ -81,17 +79,12 @@ def _write(workspace: Workspace, only: list[str] | None, no_model: bool, options
     from thingc.driver.environment import geometry_of
     from thingc.geometry.client import NoWorkers
     from thingc.geometry.lock.lock import read_lock
-    from thingc.tools.schemas.refresh_schemas import Schemas
+    from thingc.tools.schemas.refresh_schemas import SCHEMAS, Schemas
 
     quiet = replace(options, progress=None if no_model else options.progress, printed=None)
     workers = NoWorkers() if no_model else None
     with geometry_of(workspace, quiet, lock=lambda: read_lock(workspace, Report()), workers=workers) as geometry:
-        _print_outcome(workspace, Schemas(workspace, geometry).write(only))
-
-
-def _print_outcome(workspace: Workspace, outcome: RefreshOutcome) -> None:
-    from thingc.tools.schemas.refresh_schemas import SCHEMAS
-
+        outcome = Schemas(workspace, geometry).write(only)
     folder = shown_path(os.path.join(workspace.root, SCHEMAS))
     same = len(outcome.documents) - len(outcome.written) - len(outcome.kept)
     said = [f"{len(outcome.written)} written", f"{same} as they were"]

@@ -115,7 +115,9 @@ def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], d
     if arguments.format == "junit":
         from thingc.driver.testing.results import as_junit
 
-        console.hand_on(as_junit(name, results, _beside(results, diagnostics)))
+        failures = [result.diagnostic for result in results]
+        others = [d for d in diagnostics if d.severity is Severity.ERROR and d not in failures]
+        console.hand_on(as_junit(name, results, others))
         return
     if results:
         console.say("")
@@ -126,12 +128,6 @@ def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], d
     elif not console.exit_code(list(diagnostics)):
         chosen = " that run in the modes chosen" if arguments.mode else ""
         console.say(f"{shown_path(arguments.document)}: no tests{chosen}")
-
-
-def _beside(results: Sequence[Result], diagnostics: Sequence[Diagnostic]) -> list[Diagnostic]:
-    """The errors that are the failure of no test."""
-    failures = [result.diagnostic for result in results]
-    return [d for d in diagnostics if d.severity is Severity.ERROR and d not in failures]
 
 
 def _data(result: Result) -> dict[str, object]:

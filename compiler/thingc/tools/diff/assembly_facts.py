@@ -31,7 +31,7 @@ def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceSnapsh
         yield OccurrenceSnapshot(
             path=occurrence.path, definition=occurrence.definition.text,
             properties=occurrence.properties if whole else None, mass=occurrence.properties.mass, source=occurrence.mass_source,
-            shape=_shape(occurrence.record) if whole else None,
+            shape=shape_of(occurrence.record) if whole else None,
             mounts=_mounts(occurrence) if whole else {},
             place=assembly.rest[occurrence.index] if whole else None,
             parent=None if mate is None else assembly.occurrences[mate.parent].path, joint=None if mate is None else mate.name,
@@ -56,7 +56,8 @@ def _placing(assembly: Assembly) -> Iterator[Mate]:
                 yield replace(mate, parent=index, child=other)
 
 
-def _shape(record: PartRecord | None) -> PartShape | None:
+def shape_of(record: PartRecord | None) -> PartShape | None:
+    """The geometry of a part; None if it has none."""
     if record is None or record.box is None:
         return None
     drawn = record.meshes.get("visual")

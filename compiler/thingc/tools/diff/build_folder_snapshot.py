@@ -15,17 +15,8 @@ from thingc.documents.workspace import Workspace
 from thingc.geometry.lock.lock import read_lock
 from thingc.geometry.record import ActuatorRecord, PartRecord
 from thingc.tools.diff.arguments import MANIFEST
-from thingc.tools.diff.snapshot import (
-    ComponentNode,
-    Fact,
-    OccurrenceSnapshot,
-    PartShape,
-    Row,
-    Snapshot,
-    SnapshotElement,
-    Value,
-    field_values,
-)
+from thingc.tools.diff.assembly_facts import shape_of
+from thingc.tools.diff.snapshot import ComponentNode, Fact, OccurrenceSnapshot, Row, Snapshot, SnapshotElement, Value, field_values
 
 OF_BUILDS = "parameters, mates, limits, drives, poses, materials, sensors, mounts, geometry and tests, which no build folder holds"
 OF_LOCKS = "what documents say, which no lock holds"
@@ -145,9 +136,8 @@ def _said(record: PartRecord) -> dict[str, Value]:
 
 
 def _of_record(record: PartRecord) -> OccurrenceSnapshot:
-    shape = None if record.box is None else PartShape(
-        volume=record.volume, area=record.area, centre=record.centre, inertia=record.inertia, box=record.box,
-    )
+    shape = shape_of(record)
+    shape = None if shape is None else replace(shape, mesh=None, made=None)
     return OccurrenceSnapshot(
         path=record.text, definition=record.text, properties=None, mass=0.0, source="", shape=shape,
         mounts={name: mount.pose for name, mount in record.mounts.items()}, place=None,

@@ -15,7 +15,7 @@ from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean
 from thingc.driver.environment import Options
 from thingc.tools.affected.dependents import changed_paths, touched
-from thingc.tools.diff.arguments import ComparisonRequest, Side, SideKind, UnknownComparison
+from thingc.tools.diff.arguments import ComparisonRequest, SideKind, UnknownComparison
 from thingc.tools.diff.build_folder_snapshot import UnreadableSide, outline, snapshot_of_build, snapshot_of_lock
 from thingc.tools.diff.cached_snapshots import BrokenDocument, Subject
 from thingc.tools.diff.comparison import Comparison, compare
@@ -66,7 +66,10 @@ def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[
         return [DocumentPair(name=asked.new.name, old=old, new=new)]
     here = os.getcwd()
     repository = Repository.of(here, trusted=code)
-    states = [_state(repository, side, stack) for side in (asked.old, asked.new)]
+    states = [
+        None if side.kind == "checkout" else stack.enter_context(Revision(repository, side.name, side.place))
+        for side in (asked.old, asked.new)
+    ]
     if asked.documents:
         paths = [repository.path(document) for document in asked.documents]
         for document, path in zip(asked.documents, paths, strict=True):
@@ -86,10 +89,6 @@ def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[
         )
         for path in paths
     ]
-
-
-def _state(repository: Repository, side: Side, stack: ExitStack) -> Revision | None:
-    return None if side.kind == "checkout" else stack.enter_context(Revision(repository, side.name, side.place))
 
 
 def _has(repository: Repository, state: Revision | None, path: str) -> bool:

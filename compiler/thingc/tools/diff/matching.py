@@ -150,17 +150,13 @@ class _Matching:
         if not self.old.left or not self.new.left:
             return False
         colours = self._refined(what)
-        classes: dict[Hashable, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
-        for number, side in enumerate((self.old, self.new)):
-            for path in side.left:
-                classes[colours[number, path]][number].append(path)
-        alone = [(ones[0], others[0]) for ones, others in classes.values() if len(ones) == len(others) == 1]
+        shared = self._shared(lambda number, path: colours[number, path])
+        alone = [(ones[0], others[0]) for ones, others in shared if len(ones) == len(others) == 1]
         if alone:
             # Who meets nobody that is known may as well be gone, and another one new.
             for one, other in alone:
                 self._take(one, other, f"{words} and mates", perhaps=not self._met(one))
             return True
-        shared = [(ones, others) for ones, others in classes.values() if ones and others]
         if shared:
             ones, others = min(shared, key=lambda pair: (len(pair[0]) + len(pair[1]), min(pair[0])))
             if len(ones) == len(others) and self._isomorphic(colours):
@@ -169,15 +165,17 @@ class _Matching:
             return True
         return self._by_definition(what, words)
 
-    def _by_definition(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
-        """Colours that no neighbour refines, where nothing else is in common any more."""
+    def _shared(self, key: Callable[[int, str], Hashable]) -> list[tuple[list[str], list[str]]]:
+        """Those that are left of the old and of the new robot (0, 1) with the same key, for each key that both have."""
         groups: dict[Hashable, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
         for number, side in enumerate((self.old, self.new)):
             for path in side.left:
-                groups[what(side.nodes[path])][number].append(path)
-        shared = [(ones, others) for ones, others in groups.values() if ones and others]
-        if not shared:
-            return False
+                groups[key(number, path)][number].append(path)
+        return [(ones, others) for ones, others in groups.values() if ones and others]
+
+    def _by_definition(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
+        """Colours that no neighbour refines, where nothing else is in common any more."""
+        shared = self._shared(lambda number, path: what((self.old, self.new)[number].nodes[path]))
         before = len(self.found)
         for ones, others in shared:
             if len(ones) == len(others) == 1 and self._in_one_place(ones[0], others[0]):

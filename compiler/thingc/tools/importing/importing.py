@@ -97,7 +97,8 @@ def import_robot(
     refuse_endless(robot, report)
     before = earlier(plain_name(robot.name, "robot"))
     links = [link.name for link in robot.links]
-    _check_roots(roots, links, report)
+    for name in (one for one in roots if one not in links):
+        report.add(Code.COMMAND_LINE, f"--root {name}: there is no such link", None, help=did_you_mean(name, links, what="links"))
     if update and before is not None:
         roots, repair = [*(name for name in before.roots if name in links), *roots], repair or before.repair
         meshes = meshes and before.with_meshes
@@ -127,13 +128,6 @@ def import_robot(
     )
     asked = {"roots": roots, "repair": repair, "meshes": meshes}
     return replace(imported, files={**imported.files, RECORD: _record(imported, written, asked, path, data)})
-
-
-def _check_roots(roots: Sequence[str], links: Sequence[str], report: Report) -> None:
-    """Say of each root that is asked for and is no link that there is none."""
-    for name in roots:
-        if name not in links:
-            report.add(Code.COMMAND_LINE, f"--root {name}: there is no such link", None, help=did_you_mean(name, links, what="links"))
 
 
 def _content(path: str, report: Report) -> bytes | None:

@@ -18,17 +18,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.inertia import (
-    LEAST_MASS,
-    LEAST_MOMENT,
-    ZERO,
-    MassProperties,
-    moments_fault,
-    physical_fault,
-    principal_axes,
-    principal_moments,
-    total,
-)
+from thingc.base.inertia import LEAST_MASS, LEAST_MOMENT, ZERO, MassProperties, physical_fault, principal_axes, principal_moments, total
 from thingc.base.pose import NO_POSE, Matrix, Pose, multiply, transpose
 from thingc.base.primitives import Primitive
 from thingc.tools.importing.source_model import SourceLink, SourceRobot, SourceShape, Weight
@@ -109,7 +99,7 @@ def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
     moments = principal_moments(whole.inertia)
     if moments[0] <= 0.0 and max(map(abs, moments)) == 0.0:
         return "it has no inertia"
-    fault = moments_fault(*moments)
+    fault = physical_fault(whole.inertia)
     if fault is None and moments[0] < LEAST_MOMENT:
         return f"its smallest moment of inertia is {moments[0]:.3g} kg m^2, and simulators want {LEAST_MOMENT:g}"
     return fault

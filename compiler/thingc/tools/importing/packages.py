@@ -7,6 +7,7 @@ import re
 import stat
 from collections.abc import Iterator, Mapping, Sequence
 from glob import escape, glob
+from pathlib import Path
 from urllib.parse import unquote
 
 from thingc.base.diagnostics import shown_path
@@ -107,11 +108,8 @@ class Packages:
 
     def _above(self) -> Iterator[str]:
         """The folder of the file, and those above it."""
-        folder, parent = self.folder, os.path.dirname(self.folder)
-        yield folder
-        while parent != folder:
-            folder, parent = parent, os.path.dirname(parent)
-            yield folder
+        folder = Path(self.folder)
+        return map(str, (folder, *folder.parents))
 
     def readable(self) -> list[str]:
         """The folders that expressions in the file may read: its own, known packages, and packages beside it or a folder above it."""

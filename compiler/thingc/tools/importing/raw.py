@@ -10,7 +10,7 @@ from typing import Any
 from thingc.documents.load.yaml_scalars import core_value
 from thingc.tools.importing.document_names import DocumentNaming
 from thingc.tools.importing.quantities import quantity
-from thingc.tools.importing.source_model import Raw, SourceAdded, SourceJoint, SourceLink, SourcePose, SourceShape, SourceTarget
+from thingc.tools.importing.source_model import Raw, SourceAdded, SourceJoint, SourcePose, SourceShape, SourceTarget
 
 
 def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
@@ -22,7 +22,8 @@ def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
 
     for path, value in robot.options:
         by_path[path] = value
-    shapes = [one for name in words.links for one in _touching(words, words.link_of[name])]
+    touching = (touch for name in words.links for _, touch in words.items(words.link_of[name]) if touch is not None)
+    shapes = [(words.title(touch) or words.usual[id(touch)], touch) for touch in touching]
     common: set[tuple[str, str]] = set()
     for key in sorted({key for _, shape in shapes for key, _ in shape.raw}):
         values = [dict(shape.raw).get(key) for _, shape in shapes if not _says(shape, key)]
@@ -51,13 +52,6 @@ def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
     for state in robot.poses:
         lay("key", words.poses[state.name], _controls(words, state))
     return by_path
-
-
-def _touching(words: DocumentNaming, link: SourceLink) -> Iterator[tuple[str, SourceShape]]:
-    """What of a link touches, by its names in MuJoCo's model."""
-    for _, touch in words.items(link):
-        if touch is not None:
-            yield words.title(touch) or words.usual[id(touch)], touch
 
 
 def _controls(words: DocumentNaming, state: SourcePose) -> Raw:

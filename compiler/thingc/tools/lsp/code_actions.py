@@ -71,10 +71,6 @@ def as_protocol(diagnostic: Diagnostic, span: Span | None, analysis: Analysis) -
     """One finding at a place (None: at the top): what to type next stands in a line of its own, second places are related information."""
     loose = [note.message for note in diagnostic.notes if note.span is None]
     words = [diagnostic.message, *([] if diagnostic.help is None else [diagnostic.help]), *loose]
-    shown: dict[str, Any] = {
-        "range": _TOP if span is None else analysis.lines(span.file).range(span),
-        "severity": _SEVERITY[diagnostic.severity], "code": diagnostic.code.code, "source": "thingc", "message": "\n".join(words),
-    }
     related = [
         {
             "location": {"uri": analysis.uri(note.span.file), "range": analysis.lines(note.span.file).range(note.span)},
@@ -82,9 +78,11 @@ def as_protocol(diagnostic: Diagnostic, span: Span | None, analysis: Analysis) -
         }
         for note in diagnostic.notes if note.span is not None
     ]
-    if related:
-        shown["relatedInformation"] = related
-    return shown
+    return {
+        "range": _TOP if span is None else analysis.lines(span.file).range(span),
+        "severity": _SEVERITY[diagnostic.severity], "code": diagnostic.code.code, "source": "thingc", "message": "\n".join(words),
+        **({"relatedInformation": related} if related else {}),
+    }
 
 
 KIND = "quickfix"

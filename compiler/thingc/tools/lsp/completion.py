@@ -69,17 +69,15 @@ def completion(analysis: Analysis, text: str, place: TextPlace, params: Mapping[
     """The protocol's completion list at a place of a document."""
     lines = analysis.lines()
     offered = items(analysis, text, lines.index(place))
-    answer = []
-    for number, one in enumerate(offered[:MAX_ITEMS]):
-        item: dict[str, Any] = {
+    answer = [
+        {
             "label": one.shown, "kind": one.kind, "sortText": f"{number:04d}", "filterText": one.shown, "insertTextMode": 1,
             "textEdit": {"range": lines.range_of(one.start, one.end), "newText": one.text},
+            **({"detail": one.detail} if one.detail else {}),
+            **({"documentation": {"kind": "markdown", "value": one.description}} if one.description else {}),
         }
-        if one.detail:
-            item["detail"] = one.detail
-        if one.description:
-            item["documentation"] = {"kind": "markdown", "value": one.description}
-        answer.append(item)
+        for number, one in enumerate(offered[:MAX_ITEMS])
+    ]
     return {"isIncomplete": len(offered) > MAX_ITEMS, "items": answer}
 
 

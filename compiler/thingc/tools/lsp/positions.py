@@ -57,16 +57,9 @@ class TextLines:
 
     def place(self, position: Any) -> TextPlace:
         """The place of a protocol's position (`{"line": 0, "character": 0}`); within the text whatever is asked."""
-        number, character = position["line"], position["character"]
-        number = max(0, min(number, len(self.starts) - 1))
-        line = self.line(number + 1)
-        if line.isascii():
-            return TextPlace(line=number + 1, column=max(0, min(character, len(line))) + 1)
-        units = column = 0
-        while column < len(line) and units < character:
-            units += 2 if ord(line[column]) > 0xFFFF else 1
-            column += 1
-        return TextPlace(line=number + 1, column=column + 1)
+        number = max(0, min(position["line"], len(self.starts) - 1))
+        before = self.line(number + 1).encode("utf-16-le", "surrogatepass")[: 2 * max(0, position["character"])]
+        return TextPlace(line=number + 1, column=len(before.decode("utf-16-le", "replace")) + 1)
 
     def position(self, line: int, column: int) -> dict[str, int]:
         """The protocol's position of a line and a column (from 1)."""

@@ -14,6 +14,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
@@ -31,14 +32,8 @@ _COMMANDS: Mapping[Severity, str] = {Severity.ERROR: "error", Severity.WARNING: 
 
 def repository(folder: str) -> str:
     """The absolute path of the nearest folder from `folder` upwards that holds `.git`, else of `folder` itself."""
-    start = os.path.abspath(folder)
-    above = start
-    while not os.path.exists(os.path.join(above, ".git")):
-        parent = os.path.dirname(above)
-        if parent == above:
-            return start
-        above = parent
-    return above
+    start = Path(os.path.abspath(folder))
+    return str(next((above for above in (start, *start.parents) if (above / ".git").exists()), start))
 
 
 def within(file: str, base: str) -> str | None:

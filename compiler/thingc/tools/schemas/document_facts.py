@@ -242,9 +242,7 @@ def _inner_components(model: AssemblyDefinition, prefix: str) -> Names:
 
 
 def _joints(tree: MappingNode, model: AssemblyDefinition | None) -> dict[str, JointFacts]:
-    joints: dict[str, JointFacts] = {}
-    if model is not None:
-        joints.update(_joints_of(model, ""))
+    joints = {} if model is None else _joints_of(model, "")
     written = {name for joint in joints for name in (joint, joint.rpartition("_")[0])}
     for name, node in _entries(tree, "joints").items():
         if name not in written:

@@ -205,13 +205,10 @@ class _Narrowing:
         """`attach` of a component with these mounts: its keys are the mounts, in full they are the values of `mount`."""
         own = {name: {**_ref("mount"), "description": text} for name, text in mounts.items()}
         short: Schema = {"properties": own}
-        if sure:
-            # `hip_$i` and `cap.pen` are looked at by the compiler.
-            short["patternProperties"] = {rf"{OPEN}|\.": True}
-            short["additionalProperties"] = False
-            short["maxProperties"] = 1
         full = one_of(mounts.items())
         if sure:
+            # `hip_$i` and `cap.pen` are looked at by the compiler.
+            short |= {"patternProperties": {rf"{OPEN}|\.": True}, "additionalProperties": False, "maxProperties": 1}
             full["pattern"] = rf"^({'|'.join(re.escape(name) for name in sorted(mounts))})$|{OPEN}|\."
             full["patternErrorMessage"] = f"there is no such mount; there are {quoted(sorted(mounts), 12)}"
         return {"type": "object", **_full_or_short(short, mounts, mount=full)}

@@ -51,11 +51,8 @@ def ratio() -> Schema:
 
 def number(kind: str, minimum: Value | None, maximum: Value | None) -> Schema:
     """A bare number (a whole one, if that is its kind) within bounds, or an expression."""
-    plain: Schema = {"type": "integer" if kind in WHOLE else "number"}
-    if minimum is not None:
-        plain["minimum"] = minimum
-    if maximum is not None:
-        plain["maximum"] = maximum
+    bounds = {key: bound for key, bound in (("minimum", minimum), ("maximum", maximum)) if bound is not None}
+    plain: Schema = {"type": "integer" if kind in WHOLE else "number", **bounds}
     return {"oneOf": [plain, {"type": "string", "pattern": EXPRESSION}]}
 
 
@@ -103,17 +100,13 @@ _KINDS: Mapping[ParameterKind, str] = {
 
 def part_schema(part: PartSchema, own: Mapping[str, Quantity]) -> Schema:
     """The schema of the `params:` of a part; `own` are the document's parameters, which expressions may use."""
-    schema: Schema = {
-        "type": "object",
-        "title": f"Parameters of {part.reference}",
-        "description": part.doc.strip().partition("\n")[0].strip() or f"What `{part.reference}` takes.",
-        "properties": {one.name: _parameter_schema(one, own) for one in part.parameters},
-        "additionalProperties": False,
-    }
     required = [one.name for one in part.parameters if one.required]
-    if required:
-        schema["required"] = required
-    return schema
+    return {
+        "type": "object", "title": f"Parameters of {part.reference}",
+        "description": part.doc.strip().partition("\n")[0].strip() or f"What `{part.reference}` takes.",
+        "properties": {one.name: _parameter_schema(one, own) for one in part.parameters}, "additionalProperties": False,
+        **({"required": required} if required else {}),
+    }
 
 
 def documentation(part: PartSchema) -> str:
@@ -130,15 +123,10 @@ def documentation(part: PartSchema) -> str:
 
 
 def _parameter_schema(one: ParameterSchema, own: Mapping[str, Quantity]) -> Schema:
-    schema = _value(one)
     examples: list[Any] = [] if one.default is None else [_plain(one)]
     if one.kind not in ("flag", "text", "choice"):
         examples += fitting(own, DIMENSIONS.get(one.kind, NUMBER))
-    schema["title"] = one.name
-    schema["description"] = _description(one)
-    if examples:
-        schema["examples"] = examples
-    return schema
+    return {**_value(one), "title": one.name, "description": _description(one), **({"examples": examples} if examples else {})}
 
 
 def _value(one: ParameterSchema) -> Schema:

@@ -54,7 +54,8 @@ class Geoms:
         touches = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
         color = self._color(geom)
         drawn = (model.geom_group[geom] < HIDDEN or not touches and geom not in self.wrapped) and (color is None or color[3] > 0.0)
-        size, pose, mesh = self._form(geom, kind)
+        centred = pose_of(model.geom_pos[geom], model.geom_quat[geom])
+        size, pose, mesh = self._mesh(geom, centred) if kind == "mesh" else (sizes_of(kind, model.geom_size[geom]), centred, None)
         friction = self._friction(geom) if touches else ()
         name = self.original.geoms[geom] if self.original.written["geom"][geom].name else None
         visual = SourceShape(kind=kind, use="visual", size=size, pose=pose, where=where, mesh=mesh, color=color, name=name)
@@ -69,12 +70,6 @@ class Geoms:
         if (r, g, b, a) == GREY and material >= 0:
             r, g, b, a = floats(self.model.mat_rgba[material])
         return None if (r, g, b, a) == GREY else (r, g, b, a)
-
-    def _form(self, geom: int, kind: ShapeKind) -> tuple[Sizes, Pose, str | None]:
-        """Its size as shapes have it, pose in the body, and mesh."""
-        model = self.model
-        pose = pose_of(model.geom_pos[geom], model.geom_quat[geom])
-        return self._mesh(geom, pose) if kind == "mesh" else (sizes_of(kind, model.geom_size[geom]), pose, None)
 
     def _mesh(self, geom: int, centred: Pose) -> tuple[Vector, Pose, str]:
         """MuJoCo lays a mesh into its principal axes; in the source it is where its file has it, `scale R^T (v - p)` with its own pose."""
