@@ -10,26 +10,28 @@ import os
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
 from thingc.base.diagnostics import Report, shown_path
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.joints.kinds import BaseType, stays
+from thingc.base.joints.kinds import KINDS, BaseType, stays
 from thingc.base.python_source import parse_python
 from thingc.base.replacement import Change
 from thingc.base.source import Document, MappingNode, SequenceNode, node_at
 from thingc.base.suggestions import closest_name, did_you_mean, nearest
 from thingc.base.units import shortened
+from thingc.documents.checks import kinds
 from thingc.documents.format.value_edits import Keys, Written
 from thingc.documents.load.documents import Documents, read_tree
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
 from thingc.documents.load.yaml_scalars import core_value
+from thingc.documents.workspace import Workspace
+from thingc.driver.environment import geometry_of
 from thingc.geometry.record import PartRecord, PartSchema
+from thingc.geometry.service import GeometryService
 from thingc.tools.cli import console
 from thingc.tools.cli.set import settings
-
-if TYPE_CHECKING:
-    from thingc.geometry.service import GeometryService
+from thingc.tools.templates import new_assembly, new_part
 
 BASES: tuple[BaseType, ...] = get_args(BaseType)
 """What a mode may have for a base."""
@@ -48,9 +50,6 @@ class DocumentEdit(FrozenStruct, dict=True):
 
 def _part(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
     """A component that is a part: one that is there, or one of a class to begin with."""
-    from thingc.documents.workspace import Workspace
-    from thingc.driver.environment import geometry_of
-
     report = Report()
     workspace = Workspace.find(os.path.abspath("document") if documents is None else documents.root.path, report)
     if workspace is None:
@@ -111,8 +110,6 @@ def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
 
 def _new_part(arguments: argparse.Namespace, documents: Documents | None, reference: str, path: str) -> DocumentEdit:
     """A class behind what its module has, or in a new one at that path, and a component that is one."""
-    from thingc.tools.templates import new_part
-
     told, _, given = reference.partition(":")
     module, name = _identifier(told), _class_name(given)
     if keyword.iskeyword(name) or name in _bound(parse_python(new_part("_", None))):
@@ -151,8 +148,6 @@ def _snake(name: str) -> str:
 
 def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
     """A component that is another document: one that is there, or one to begin with."""
-    from thingc.tools.templates import new_assembly
-
     path = _nested_path(arguments.name, None if documents is None else documents.root.path)
     there = os.path.lexists(path)
     if documents is None and there:
@@ -228,8 +223,6 @@ def _format_plain(plain: object) -> Written:
 
 
 def _joint_edit(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
-    from thingc.base.joints.kinds import KINDS
-
     assert documents is not None
     root = documents.root
     name = _new(root, "joints", arguments.name)
@@ -254,8 +247,6 @@ def _joint_edit(arguments: argparse.Namespace, documents: Documents | None) -> D
 
 
 def _test(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
-    from thingc.documents.checks import kinds
-
     assert documents is not None
     root = documents.root
     name = _new(root, "tests", arguments.name)

@@ -3,28 +3,34 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
 import shlex
 import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import shown_path
 from thingc.base.one_line_repr import counted
-from thingc.batch.folder import FOLDERS, PACKED
+from thingc.batch.adopt_variant import find_variant
+from thingc.batch.build_records import in_order
+from thingc.batch.dry_run import DryRun, forecast
+from thingc.batch.folder import FOLDERS, PACKED, BatchFault, begun, in_words, locked
 from thingc.batch.packed_layout import CHUNK
+from thingc.batch.page import show_again
 from thingc.batch.pictures import ALL, MANY, MOST
+from thingc.batch.planning import Plan, PlanError
+from thingc.batch.progress import Interrupted, Progress, Summary
+from thingc.batch.results import FamilyError, load
+from thingc.batch.variants_document import plan
 from thingc.driver.environment import Options
+from thingc.targets.registry import chosen, unknown
 from thingc.tools.cli import console
+from thingc.tools.cli.set import write
 from thingc.tools.cli.signals import INTERRUPTED
-
-if TYPE_CHECKING:
-    from thingc.batch.dry_run import DryRun
-    from thingc.batch.planning import Plan
-    from thingc.batch.progress import Progress, Summary
 
 EPILOG = """\
 Writes build/NAME/ (or DIR/NAME/): a folder for each variant in variants/, their meshes once in assets/, the tables results.csv and
@@ -79,10 +85,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 when every variant was built or kept out by a rule."""
-    from thingc.batch.folder import BatchFault
-    from thingc.batch.planning import PlanError
-    from thingc.batch.progress import Interrupted
-
     try:
         console.require_document(arguments.document)
         options = replace(console.options_of(arguments), progress=None)
@@ -132,17 +134,12 @@ def _again(arguments: argparse.Namespace) -> str:
 
 def _targets(words: Sequence[str]) -> tuple[str, ...]:
     """The targets chosen, none where none is named. Raises `WrongCommandLine`."""
-    from thingc.targets.registry import chosen, unknown
-
     for _, message, hint in unknown(words):
         raise console.WrongCommandLine(message, hint)
     return chosen(words) if words else ()
 
 
 def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...], timeout: float | None) -> Summary:
-    import contextlib
-    import os
-
     from thingc.batch.batch import TIMEOUT, run
     from thingc.batch.cluster.connection import connect
 
@@ -187,8 +184,6 @@ def _draw(done: int, count: int) -> None:
 
 
 def _page(arguments: argparse.Namespace, options: Options) -> int:
-    from thingc.batch.page import show_again
-
     path, warning = show_again(
         arguments.document, output=arguments.output, pictures=arguments.pictures, jobs=options.jobs, options=options,
         on_picture=_draw if arguments.format == "text" else None,
@@ -249,8 +244,6 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
 
 def _complaints(folder: str) -> list[str]:
     """One line for each code with which variants were refused or failed: how many, and what was said of the first."""
-    from thingc.batch.build_records import in_order
-
     lines = [line for line in in_order(folder) if line["status"] in ("refused", "failed")]
     counts = Counter(line["code"] for line in lines)
     first = {line["code"]: line for line in reversed(lines)}
@@ -258,9 +251,6 @@ def _complaints(folder: str) -> list[str]:
 
 
 def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> int:
-    from thingc.batch.dry_run import forecast
-    from thingc.batch.variants_document import plan
-
     planned = plan(arguments.document, options=options)
     if targets:
         planned = replace(planned, emit=targets)
@@ -282,10 +272,6 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
 
 def _unpack(arguments: argparse.Namespace, options: Options) -> int:
     """Write the folder of one variant, and say where it is."""
-    from thingc.batch.folder import begun, in_words, locked
-    from thingc.batch.results import FamilyError, load
-    from thingc.batch.variants_document import plan
-
     planned = plan(arguments.document, options=options)
     folder = planned.folder_in(arguments.output)
     begun(planned.relative, folder, "build it first, without --unpack")
@@ -301,10 +287,6 @@ def _unpack(arguments: argparse.Namespace, options: Options) -> int:
 
 def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     """Write the settings of a variant into the document of the assembly, as `thingc set` does."""
-    from thingc.batch.adopt_variant import find_variant
-    from thingc.batch.variants_document import plan
-    from thingc.tools.cli.set import write
-
     planned = plan(arguments.document, options=options)
     adopted = find_variant(planned, arguments.adopt, planned.folder_in(arguments.output))
     if adopted is None:

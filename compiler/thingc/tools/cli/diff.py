@@ -9,20 +9,22 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
-from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic
 from thingc.base.suggestions import did_you_mean
+from thingc.driver.environment import Options
+from thingc.targets.render.picture import NoGraphics, ready
+from thingc.tools.affected.dependents import NotARepository
 from thingc.tools.cli import console
-
-if TYPE_CHECKING:
-    from thingc.driver.environment import Options
-    from thingc.tools.diff.arguments import ComparisonRequest
-    from thingc.tools.diff.checkouts import BrokenSide, DocumentPair
-    from thingc.tools.diff.comparison import Comparison
-    from thingc.tools.diff.results import DiffResult
+from thingc.tools.cli.sandboxed_check import confined
+from thingc.tools.diff.arguments import ComparisonRequest, UnknownComparison, asked
+from thingc.tools.diff.checkouts import BrokenSide, DocumentPair, compared, laid_out
+from thingc.tools.diff.comparison import Comparison
+from thingc.tools.diff.results import DiffResult, answered, as_json, pack, unpack
+from thingc.tools.diff.snapshot import WHATS
+from thingc.tools.diff.text_report import as_html, as_markdown, as_text
 
 EPILOG = """\
 Meaning, not text: components, joints, mates, parameters, modes, poses, materials, tests, and what follows for masses, geometry,
@@ -64,13 +66,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0, or 1 where something changed that must not; 1 where a side does not compile."""
-    from thingc.targets.render.picture import NoGraphics
-    from thingc.tools.affected.dependents import NotARepository
-    from thingc.tools.diff.arguments import UnknownComparison, asked
-    from thingc.tools.diff.checkouts import BrokenSide
-    from thingc.tools.diff.results import as_json
-    from thingc.tools.diff.text_report import as_markdown, as_text
-
     try:
         watched = fail_on(arguments.fail_on)
         options = console.options_of(arguments)
@@ -105,8 +100,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str, str], str] | None:
     """Write the page and the pictures that were asked for; where each picture is, by document and what it shows. Raises OSError."""
-    from thingc.tools.diff.text_report import as_html
-
     if arguments.html is not None:
         with open(arguments.html, "w", encoding="utf-8") as page:
             page.write(as_html(answer))
@@ -127,8 +120,6 @@ def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str
 
 def fail_on(words: Sequence[str]) -> frozenset[str]:
     """What `--fail-on` names, in the singular of answers. Raises `WrongCommandLine`."""
-    from thingc.tools.diff.snapshot import WHATS
-
     known: dict[str, str] = {what: what for what in WHATS}
     known |= {f"{what}es" if what.endswith("s") else f"{what}s": what for what in WHATS}
     named: set[str] = set()
@@ -142,10 +133,6 @@ def fail_on(words: Sequence[str]) -> frozenset[str]:
 
 def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: Options, stack: ExitStack) -> DiffResult | BrokenSide:
     """Raises `UnknownComparison`, `NotARepository`, `NoGraphics`, `WrongCommandLine`."""
-    from thingc.targets.render.picture import ready
-    from thingc.tools.diff.checkouts import compared, laid_out
-    from thingc.tools.diff.results import answered
-
     options = replace(options, lock=arguments.no_code, code=not arguments.no_code)
     names = (wanted.old.name, wanted.new.name)
     tests, draw = not (arguments.no_tests or arguments.no_code), bool(arguments.html or arguments.pictures)
@@ -160,10 +147,6 @@ def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: O
 
 def _apart(work: Callable[[DocumentPair], Comparison | BrokenSide], seconds: float, both: DocumentPair) -> Comparison | BrokenSide:
     """A document compared in a bounded process of its own."""
-    from thingc.tools.cli.sandboxed_check import confined
-    from thingc.tools.diff.checkouts import BrokenSide
-    from thingc.tools.diff.results import pack, unpack
-
     answer = confined(lambda: pack(work(both)), seconds)
     if isinstance(answer, Diagnostic):
         return BrokenSide(name=both.name, diagnostics=(replace(answer, path=both.name),), texts={})

@@ -6,19 +6,19 @@ import argparse
 import os
 import shlex
 import sys
-from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Diagnostic, Report, Severity, shown_path
 from thingc.base.one_line_repr import counted
 from thingc.base.replacement import provisional
 from thingc.base.safe_text import quoted
 from thingc.base.source import dotted
+from thingc.driver.edit_document import checked
+from thingc.driver.environment import Options
 from thingc.driver.output import OutputError, write_new
 from thingc.tools.cli import console, signals
-
-if TYPE_CHECKING:
-    from thingc.tools.importing.importing import Imported
-    from thingc.tools.importing.update_import import PreviousImport, Update
+from thingc.tools.importing.importing import Imported, import_robot
+from thingc.tools.importing.three_way_merge import NOTHING
+from thingc.tools.importing.update_import import PreviousImport, Update, earlier_import, update
 
 MOST_SAID = 20
 """Changes that are printed; `git diff` shows all."""
@@ -64,9 +64,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 where the document is written, 1 where the file is at fault, 2 for a wrong command line."""
-    from thingc.tools.importing.importing import import_robot
-    from thingc.tools.importing.update_import import earlier_import
-
     report = Report()
     packages = dict(_package(word) for word in arguments.package)
     given = dict(_argument(word) for word in arguments.arg)
@@ -93,8 +90,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousImport, report: Report) -> dict[str, str]:
     """Import into a folder that has an import already; the text of the document that is spoken of. Raises `OutputError`."""
-    from thingc.tools.importing.update_import import update
-
     if earlier.source != os.path.basename(arguments.file) and not arguments.update:
         message = f"`{shown_path(earlier.folder)}` has been imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
         raise OutputError(message, "choose another folder with -o; if it is the same robot, `--update` merges the two")
@@ -125,9 +120,6 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousI
 
 def _faults(document: str, text: str) -> list[Diagnostic]:
     """What would be wrong with a document of that text."""
-    from thingc.driver.edit_document import checked
-    from thingc.driver.environment import Options
-
     return [one for one in checked(document, Options(texts={document: text.encode()}))[1] if one.severity is Severity.ERROR]
 
 
@@ -143,8 +135,6 @@ def _merged(now: Update, *, disputed: bool) -> list[str]:
 
 def _became(old: str, new: str) -> str:
     """What stands at a place of the document now, and what stood there."""
-    from thingc.tools.importing.three_way_merge import NOTHING
-
     if new == NOTHING:
         return f"taken out, was {old}"
     return f"new, {new}" if old == NOTHING else f"{old} -> {new}"

@@ -6,23 +6,25 @@ import argparse
 import json
 import os
 import sys
-from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Report, shown_path
 from thingc.base.filesystem import write_whole
 from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import json_text
 from thingc.base.source import Span, line_of
+from thingc.documents.load.discovery import documents_in
+from thingc.documents.workspace import Workspace
 from thingc.driver.environment import Environment, Options, geometry_of
 from thingc.driver.pipeline import read
 from thingc.geometry.lock.lock import LOCK_FILE, MAX_BYTES, REMAKE, lock_path, read_lock, top_of
+from thingc.geometry.lock.writer import differences, lock_text, locked
+from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import PartDefinition, PartFailure
+from thingc.geometry.service import GeometryService
+from thingc.model.assembly.print_settings import slicings_of
+from thingc.model.resolve.nested_assemblies import part_definitions
+from thingc.model.resolve.resolver import Settings, resolve
 from thingc.tools.cli import console
-
-if TYPE_CHECKING:
-    from thingc.documents.workspace import Workspace
-    from thingc.geometry.print_slices import Slicing
-    from thingc.geometry.service import GeometryService
 
 EPILOG = """\
 Writes parts.lock.json at the root of the workspace: parameters with units, defaults and bounds, mounts, volumes, masses and a hash of
@@ -63,9 +65,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str | None:
     """Write the lock, or compare it; the closing words, None where something is wrong (reported)."""
-    from thingc.documents.workspace import Workspace
-    from thingc.geometry.lock.writer import differences, lock_text, locked
-
     workspace = Workspace.find(os.path.join(folder, "thingc.toml"), report)
     if workspace is None:
         return None
@@ -104,11 +103,6 @@ def _used(
     workspace: Workspace, geometry: GeometryService, options: Options, report: Report,
 ) -> tuple[list[str], list[PartDefinition], dict[str, set[Slicing]]]:
     """What the assembly documents of a workspace use: `module:Class`, definitions, and how these are sliced, by their text."""
-    from thingc.documents.load.discovery import documents_in
-    from thingc.model.assembly.print_settings import slicings_of
-    from thingc.model.resolve.nested_assemblies import part_definitions
-    from thingc.model.resolve.resolver import Settings, resolve
-
     references: dict[str, None] = {}
     definitions: dict[str, PartDefinition] = {}
     slicings: dict[str, set[Slicing]] = {}

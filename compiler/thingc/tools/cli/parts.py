@@ -6,17 +6,17 @@ import argparse
 import os
 import sys
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.base.source import line_of
 from thingc.base.suggestions import did_you_mean
+from thingc.documents.workspace import Workspace
+from thingc.driver.environment import geometry_of
 from thingc.geometry.key.catalogue import classes_installed, installed_modules
+from thingc.geometry.part_source import report_hidden
 from thingc.geometry.record import NO_PARTS, MountRecord, ParameterSchema, PartFailure, PartRecord, PartSchema
+from thingc.geometry.service import GeometryService
 from thingc.tools.cli import console
-
-if TYPE_CHECKING:
-    from thingc.geometry.service import GeometryService
 
 EPILOG = """\
 The Things of the workspace of this folder: of its part folders, and of the packages that it allows. Of those that are named, the
@@ -41,9 +41,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Prints the list; a part that cannot be described is a diagnostic, and the others are listed all the same."""
-    from thingc.documents.workspace import Workspace
-    from thingc.driver.environment import geometry_of
-
     report = Report()
     listed: list[tuple[PartSchema, PartRecord | None]] = []
     try:
@@ -73,8 +70,6 @@ def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> lis
     references = _parts_named(geometry, wanted) if wanted else geometry.catalogue()
     if not wanted:
         report.diagnostics.extend(_failed(failure.subject, failure) for failure in geometry.not_python())
-    from thingc.geometry.part_source import report_hidden
-
     report_hidden(geometry, ((reference, None) for reference in references), report)
     schemas: list[PartSchema] = []
     answers = geometry.describe(references)

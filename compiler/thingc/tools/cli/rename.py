@@ -6,16 +6,17 @@ import argparse
 import os
 import sys
 from functools import cache
-from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Report, shown_path
 from thingc.base.filesystem import beginning
 from thingc.base.replacement import replace_files
+from thingc.base.source import entries_of, node_at
+from thingc.base.suggestions import did_you_mean
+from thingc.documents.names.index import Name
+from thingc.documents.names.rename import RenameRefused, rename_edits
+from thingc.documents.names.workspace_index import WorkspaceIndex, index_workspace, on_disk
+from thingc.documents.workspace import Workspace
 from thingc.tools.cli import console, signals
-
-if TYPE_CHECKING:
-    from thingc.documents.names.index import Name
-    from thingc.documents.names.workspace_index import WorkspaceIndex
 
 EPILOG = """\
 What is renamed is named by its path. Documents that use it, tests, variants, and the Python of parts follow; where something would
@@ -37,10 +38,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 where it is renamed (with `--diff`: could be)."""
-    from thingc.documents.names.rename import RenameRefused, rename_edits
-    from thingc.documents.names.workspace_index import index_workspace, on_disk
-    from thingc.documents.workspace import Workspace
-
     report = Report()
     try:
         console.require_document(arguments.document)
@@ -70,9 +67,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _named(sight: WorkspaceIndex, document: str, path: str) -> Name:
     """What a document declares at a path. Raises `common.WrongCommandLine`."""
-    from thingc.base.source import entries_of, node_at
-    from thingc.base.suggestions import did_you_mean
-
     keys = tuple(path.split("."))
     written = sight.documents.get(os.path.abspath(document))
     if written is None:

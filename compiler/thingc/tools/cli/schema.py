@@ -5,17 +5,18 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Report, shown_path
 from thingc.base.one_line_repr import counted
+from thingc.documents.load.discovery import is_document
+from thingc.documents.workspace import OWN_FILE, Workspace
+from thingc.driver.environment import Options, geometry_of
+from thingc.geometry.client import NoWorkers
+from thingc.geometry.lock.lock import read_lock
 from thingc.tools.cli import console
-
-if TYPE_CHECKING:
-    from thingc.documents.workspace import Workspace
-    from thingc.driver.environment import Options
+from thingc.tools.schemas.refresh_schemas import SCHEMAS, Schemas
 
 EPILOG = """\
 Writes .thingc/schema/<document>.json for every document of the workspace. To use one without `thingc lsp`, name it in the first line of the
@@ -56,9 +57,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
     """Each workspace that is named, with the documents that are named of it (None: all). Raises `WrongCommandLine`."""
-    from thingc.documents.load.discovery import is_document
-    from thingc.documents.workspace import OWN_FILE, Workspace
-
     by_root: dict[str, tuple[Workspace, list[str] | None]] = {}
     for place in places:
         if not os.path.isdir(place):
@@ -76,11 +74,6 @@ def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list
 
 
 def _write(workspace: Workspace, only: list[str] | None, no_model: bool, options: Options) -> None:
-    from thingc.driver.environment import geometry_of
-    from thingc.geometry.client import NoWorkers
-    from thingc.geometry.lock.lock import read_lock
-    from thingc.tools.schemas.refresh_schemas import SCHEMAS, Schemas
-
     quiet = replace(options, progress=None if no_model else options.progress, printed=None)
     workers = NoWorkers() if no_model else None
     with geometry_of(workspace, quiet, lock=lambda: read_lock(workspace, Report()), workers=workers) as geometry:

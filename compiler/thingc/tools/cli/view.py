@@ -15,11 +15,14 @@ from urllib.parse import quote
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Diagnostic, shown_path
+from thingc.base.diagnostics import Code, Diagnostic, Report, shown_path
 from thingc.base.suggestions import did_you_mean
+from thingc.documents.load.discovery import documents_near, is_document
+from thingc.documents.workspace import Workspace
 from thingc.driver import pipeline
 from thingc.driver.build_document import BuildRequest
 from thingc.driver.environment import Environment, Options, attempted
+from thingc.geometry.store.local import cache_root
 from thingc.targets.artifact import MANIFEST
 from thingc.targets.html.emit import Page, page_of
 from thingc.tools.cli import console
@@ -155,9 +158,6 @@ def _page(environment: Environment) -> tuple[Page | None, list[Diagnostic]]:
 
 
 def _server(arguments: argparse.Namespace) -> Server:
-    from thingc.base.diagnostics import Report
-    from thingc.documents.workspace import Workspace
-
     workspace = Workspace.find(arguments.document, Report())
     root = workspace.root if workspace is not None else os.path.dirname(os.path.abspath(arguments.document))
     editor = arguments.editor.replace("{file}", f"{quote(root)}/{{file}}")
@@ -170,8 +170,6 @@ def _server(arguments: argparse.Namespace) -> Server:
 
 def _key() -> bytes | None:
     """Random bytes that this user alone can read, the same every time; None where they cannot be kept so."""
-    from thingc.geometry.store.local import cache_root
-
     path = os.path.join(cache_root(), "view.key")
     try:
         os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
@@ -212,8 +210,6 @@ def _is_page(name: str) -> bool:
 
 def _build_meant(name: str) -> Path:
     """The build that a folder is, or the only one that it holds. Raises `WrongCommandLine` with what to type."""
-    from thingc.documents.load.discovery import documents_near, is_document
-
     folder = Path(name)
     if (folder / MANIFEST).is_file():
         return folder

@@ -6,7 +6,6 @@ import contextlib
 import hashlib
 import json
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from msgspec import convert, to_builtins
 from msgspec.structs import replace
@@ -17,12 +16,9 @@ from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation
 from thingc.driver.up_to_date import fingerprint
+from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.tools.diff.snapshot import Snapshot, TestOutcome
 from thingc.tools.diff.take_snapshot import take_snapshot
-
-if TYPE_CHECKING:
-    from thingc.geometry.store.local import Store
-
 
 ASSETS = "mjcf/assets/"
 """Where the meshes of models are."""
@@ -64,8 +60,6 @@ class Subject:
 
     def tested(self) -> Snapshot:
         """The snapshot with the outcomes of the tests; those that have been run before are in the store."""
-        from thingc.geometry.store.local import StoreUnusable
-
         key = self._key()
         earlier = self.store.get_json("diff-tests", key)
         if earlier is not None:

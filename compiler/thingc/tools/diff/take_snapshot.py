@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Origin, Span
+from thingc.driver.pipeline import Compilation
 from thingc.geometry.record import PartDefinition
 from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge
 from thingc.model.resolve.coordinates import Dynamics, Limit
@@ -19,9 +20,6 @@ from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component
 from thingc.tools.diff.assembly_facts import edges_of, links_of, occurrences_of, rows_of, sensor_values, tendon_facts
 from thingc.tools.diff.snapshot import PLACES, ComponentNode, Fact, Named, Snapshot, SnapshotElement, Value, What, field_values
 from thingc.tools.diff.source_locations import DocumentTrees
-
-if TYPE_CHECKING:
-    from thingc.driver.pipeline import Compilation
 
 KEYS = {"minimum": "min", "maximum": "max", "base": "from"}
 """Keys of tests, where what is read of them is called otherwise."""

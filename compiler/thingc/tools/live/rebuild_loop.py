@@ -15,12 +15,12 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.file_watcher import FileWatcher, looks, stat_of
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
+from thingc.documents.workspace import Workspace
 from thingc.driver import build_document, pipeline, up_to_date
 from thingc.driver.build_document import BuildRequest, BuildResult
 from thingc.driver.environment import Environment, Options, geometry_of
@@ -30,9 +30,6 @@ from thingc.geometry.client import EndingWorkers
 from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import BlobMissing, Store
 from thingc.targets.artifact import MANIFEST, Content
-
-if TYPE_CHECKING:
-    from thingc.documents.workspace import Workspace
 
 PAUSE = 0.01
 """Between two looks at the files [s]."""

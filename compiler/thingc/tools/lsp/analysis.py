@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from msgspec.structs import replace
 
@@ -14,22 +14,18 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.source import Document, MappingNode
 from thingc.batch.variants_document import read_plan
-from thingc.documents.load.documents import load
+from thingc.documents.load.documents import Documents, load
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
-from thingc.documents.workspace import OWN_FILE
+from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.driver import pipeline, up_to_date
 from thingc.driver.environment import Environment, Lend, Options
+from thingc.geometry.record import PartFailure, PartRecord, PartSchema
+from thingc.model.assembly.types import Assembly
+from thingc.model.resolve.types import AssemblyDefinition
+from thingc.model.robot.types import Robot
+from thingc.tools.lsp.cached_parts import AvailableNames
 from thingc.tools.lsp.positions import TextLines
 from thingc.tools.schemas.document_facts import DocumentFacts, facts_of
-
-if TYPE_CHECKING:
-    from thingc.documents.load.documents import Documents
-    from thingc.documents.workspace import Workspace
-    from thingc.geometry.record import PartFailure, PartRecord, PartSchema
-    from thingc.model.assembly.types import Assembly
-    from thingc.model.resolve.types import AssemblyDefinition
-    from thingc.model.robot.types import Robot
-    from thingc.tools.lsp.cached_parts import AvailableNames
 
 T = TypeVar("T")
 

@@ -13,20 +13,19 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from msgspec.structs import replace
 
 from thingc.base.source import Path
+from thingc.documents.workspace import Workspace
 from thingc.driver.environment import Options, geometry_of
+from thingc.geometry.build_reasons import BuildReason
 from thingc.geometry.client import ABSENT, EndingWorkers
+from thingc.geometry.key.modules import Module
+from thingc.geometry.lock.json_format import BadLock
+from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import FailureKind, PartDefinition, PartFailure, PartRecord, PartSchema
-from thingc.geometry.store.local import StoreUnusable
+from thingc.geometry.service import GeometryService
+from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.tools.schemas.refresh_schemas import Schemas
 
 if TYPE_CHECKING:
-    from thingc.documents.workspace import Workspace
-    from thingc.geometry.build_reasons import BuildReason
-    from thingc.geometry.key.modules import Module
-    from thingc.geometry.lock.json_format import BadLock
-    from thingc.geometry.print_slices import Slicing
-    from thingc.geometry.service import GeometryService
-    from thingc.geometry.store.local import Store
     from thingc.tools.lsp.analysis import Analysis
 
 _T = TypeVar("_T")

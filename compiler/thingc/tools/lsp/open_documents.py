@@ -6,8 +6,8 @@ import gc
 import os
 import threading
 import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Hashable, Mapping
+from typing import Any
 
 from msgspec.structs import replace
 
@@ -15,22 +15,17 @@ from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.file_watcher import FileWatcher, looks
 from thingc.base.memo import Memo
 from thingc.documents.load.discovery import has_header
-from thingc.documents.workspace import OWN_FILE
+from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.driver.environment import Options, geometry_of
 from thingc.driver.up_to_date import state_of
 from thingc.geometry.client import NoWorkers
 from thingc.geometry.lock.lock import read_lock
+from thingc.geometry.part_source import PartSource
+from thingc.geometry.record import PartFailure
+from thingc.geometry.store.local import Store
 from thingc.tools.lsp.analysis import Analysis, OpenText, analyse, is_document_path
 from thingc.tools.lsp.cached_parts import AvailableNames, BackgroundWorkers, CachedParts, PendingRequests
 from thingc.tools.lsp.code_actions import by_file
-
-if TYPE_CHECKING:
-    from collections.abc import Hashable, Mapping
-
-    from thingc.documents.workspace import Workspace
-    from thingc.geometry.part_source import PartSource
-    from thingc.geometry.record import PartFailure
-    from thingc.geometry.store.local import Store
 
 Publish = Callable[[str, "int | None", "list[dict[str, Any]]"], None]
 """`publish(uri, version, diagnostics)`; the version is None for a file that is not open."""
