@@ -1,4 +1,4 @@
-"""Values that another thread works out."""
+"""Run functions in background threads."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ Value = TypeVar("Value")
 
 
 def in_background(work: Callable[[], Value]) -> Future[Value]:
-    """What `work()` gives or raises, begun now in a daemon thread, for a caller that has something else to do while another process works.
-    The result need not be asked for."""
+    """Call `work()` in a daemon thread and return its future, for callers that wait for another process meanwhile.
+
+    The result may be ignored.
+    """
     future: Future[Value] = Future()
 
     def run() -> None:

@@ -1,5 +1,4 @@
-"""Diagnostics for people and for programs: code frames, and the contract of `--format json`. GitHub's and SARIF's forms are in
-`reporting`."""
+"""Diagnostics as text with code frames, and as JSON (`--format json`). The formats of GitHub and SARIF are in `reporting`."""
 
 from __future__ import annotations
 
@@ -12,11 +11,11 @@ from thingc.base.safe_text import escape_control, shown_line
 from thingc.base.source import SET, Span
 
 OPTIONS = ("-p ", SET, "set ")
-"""What the path of a diagnostic begins with that is about a value of the command line."""
+"""Prefixes of the `path` of diagnostics about values from the command line."""
 
 
 def as_json(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
-    """The contract of `--format json`: see `docs/` for the keys."""
+    """Convert diagnostics to the objects of `--format json` (the keys are documented in `docs/`)."""
 
     def place(span: Span | None) -> dict[str, object]:
         if span is None:
@@ -34,9 +33,9 @@ def as_json(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
 
 
 def as_text(diagnostics: Sequence[Diagnostic], *, color: bool = False, debug: bool = False, texts: Mapping[str, str] | None = None) -> str:
-    """Code frames for people: position, source line, caret, hint, and the second place where there is one.
+    """Format diagnostics as text: position, source line with carets, notes and help.
 
-    `texts` are those of documents that are in no file, by the name in their spans.
+    `texts` contains the text of documents that are not files, by the name in their spans.
     """
     lines: list[str] = []
     sources = {file: re.split("\r\n|\r|\n", text) for file, text in (texts or {}).items()}
@@ -61,7 +60,7 @@ def as_text(diagnostics: Sequence[Diagnostic], *, color: bool = False, debug: bo
 
 
 def summary(diagnostics: Sequence[Diagnostic]) -> str:
-    """`2 errors, 1 warning`, or an empty text when there is nothing to say."""
+    """Return a summary such as `2 errors, 1 warning`; empty if there are neither."""
     parts: list[str] = []
     for severity in (Severity.ERROR, Severity.WARNING):
         count = sum(1 for d in diagnostics if d.severity is severity)
@@ -79,7 +78,7 @@ def _frame(span: Span, sources: dict[str, list[str]], tint: str, color: bool) ->
         try:
             with open(span.file, encoding="utf-8-sig", errors="replace", newline=None) as stream:
                 sources[span.file] = stream.read(10_000_001).split("\n")
-        except (OSError, ValueError):  # a name that cannot be a file's is a ValueError
+        except (OSError, ValueError):  # an invalid file name raises a ValueError
             sources[span.file] = []
     place = f"{escape_control(shown_path(span.file))}:{span.line}:{span.column}"
     text = sources[span.file][span.line - 1] if span.line <= len(sources[span.file]) else ""

@@ -1,6 +1,6 @@
-"""What thingc says when something is wrong: a closed set of codes, a place, what was expected, what to type next.
+"""Diagnostics: a closed set of codes, with the place, the expected value and a help.
 
-Passes never raise for bad input: they add to a `Report`, so that everything wrong is said in one run.
+Passes never raise for bad input: they add to a `Report`, so that one run reports all errors.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from thingc.base.suggestions import Suggestion
 
 
 class Severity(str, Enum):
-    """How bad it is. Only errors stop a build (with `--strict` warnings do, too)."""
+    """Severity of a diagnostic. Only errors stop a build (warnings do with `--strict`)."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -28,7 +28,7 @@ class Severity(str, Enum):
 
 
 class Stage(str, Enum):
-    """The command that has said all warnings of a code once it has succeeded."""
+    """The command that reports all warnings of a code if it succeeds."""
 
     CHECK = "check"
     BUILD = "build"
@@ -38,11 +38,10 @@ class Stage(str, Enum):
 
 
 class Code(Enum):
-    """Every diagnostic there is: `NAME = ("code", "title", "cure")`. Codes are never used twice or renumbered.
+    """All diagnostic codes: `NAME = ("code", "title", "cure")`. Codes are never reused or renumbered.
 
-    A code that is, or may be, a warning of an assembly document has a fourth value, the command that says it: such a warning can
-    be allowed where it stands (`allow: {TC407: reason}`), and so can a loss.
-
+    A code that may be a warning about an assembly document has a fourth value, the command that reports it. Such warnings can be suppressed
+    where they occur (`allow: {TC407: reason}`), and so can export losses.
     TC1xx reading, TC2xx one document, TC3xx names and values across documents, TC4xx parts, TC5xx the assembly,
     TC6xx modes (TC65x tests), TC7xx targets, TC8xx folders and files, TC9xx variants (TC95x import).
     """
@@ -275,7 +274,7 @@ class Code(Enum):
 
 
 class Note(OneLineRepr, FrozenStruct):
-    """A second place, or more to know: "mount declared here". The message is shortened as that of a `Diagnostic`."""
+    """A second place or more information, such as "mount declared here". The message is shortened as in `Diagnostic`."""
 
     message: str
     span: Span | None = None
@@ -285,15 +284,15 @@ class Note(OneLineRepr, FrozenStruct):
 
 
 def noted(message: str, origin: Origin) -> tuple[Note, ...]:
-    """A note at the innermost place of `origin`, or none where it has no place."""
+    """Return a note at the innermost place of `origin`; empty if `origin` is empty."""
     return (Note(message=message, span=origin[0]),) if origin else ()
 
 
 class Diagnostic(OneLineRepr, FrozenStruct):
-    """One thing to say. `path` is the key path in the document or the path of the occurrence or joint; `detail` is
-    shown only with `--debug` (the traceback of a part); `fixes` what surely mends it, for `thingc check --fix`.
+    """A diagnostic.
 
-    Of what `message` and `help` quote nobody reads more than a line: they are shortened here, for every form of printing.
+    `path` is the key path in the document, or the path of the occurrence or joint. `detail` (such as the traceback of a part) is shown only
+    with `--debug`. `fixes` are unambiguous edits for `thingc check --fix`. `message` and `help` are shortened here, for all output formats.
     """
 
     code: Code
@@ -313,9 +312,11 @@ class Diagnostic(OneLineRepr, FrozenStruct):
 
 
 class Allowance(FrozenStruct, eq=False):
-    """A line of `allow:`. Warnings of `code` are meant so where they show a place in one of `nodes`, each with the span of its
-    key: the mapping that the line is written in, and (of a mode) those that are merged over it. `where` is the line's place;
-    `path` that of its mapping in the document."""
+    """A line of `allow:`, which suppresses warnings of `code` that show a place in one of `nodes`.
+
+    `nodes` are the mapping that contains the line and, for a mode, those that are merged over it, each with the span of its key. `where` is
+    the place of the line, `path` that of its mapping in the document.
+    """
 
     code: Code
     reason: str
@@ -324,20 +325,21 @@ class Allowance(FrozenStruct, eq=False):
     nodes: tuple[tuple[Span, Node], ...]
 
     def covers(self, code: Code, places: Collection[Span]) -> bool:
-        """Whether a warning is allowed: one of the places that it shows lies in the mapping."""
+        """Return whether this suppresses a warning of `code`: one of `places` is in the mapping."""
         return code is self.code and any(key.holds(place) or stands_in(node, place) for key, node in self.nodes for place in places)
 
 
 def allow_hint(code: Code) -> str:
-    """What to type where a warning is no mistake."""
+    """Return a hint on how to suppress a warning."""
     return f'if that is meant so, write `allow: {{{code.code}: "the reason"}}`'
 
 
 @dataclass(slots=True)
 class Report:
-    """Collects diagnostics through the passes. The only mutable thing that passes share.
+    """Collects the diagnostics of all passes; the only mutable object that passes share.
 
-    A warning that one of the `allowances` covers is not said; `needed` are those that covered one, `allowed` is how often one did.
+    Warnings that one of the `allowances` covers are suppressed: `needed` are the allowances that were used, `allowed` is the number of
+    suppressed warnings.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -350,10 +352,9 @@ class Report:
         self, code: Code, message: str, where: Span | Origin | None, *, help: str | None = None, path: str | None = None,
         notes: Iterable[Note] = (), severity: Severity = Severity.ERROR, detail: str | None = None,
     ) -> bool:
-        """Say `message` at `where`; of an `Origin` the innermost span is the place and the others become notes.
-        False where it is allowed there.
+        """Add a diagnostic. The place is `where`, or the innermost span of an `Origin`, whose other spans become notes.
 
-        A `Suggestion` that is sure, as message or as help, gives the diagnostic its fix.
+        An unambiguous `Suggestion` as message or help adds a fix. Return False if the warning is suppressed.
         """
         span: Span | None
         extra: list[Note] = list(notes)
@@ -369,7 +370,7 @@ class Report:
         return self.say(diagnostic)
 
     def say(self, diagnostic: Diagnostic) -> bool:
-        """Say what was put together elsewhere; what has been said already is not said again. False where it is allowed."""
+        """Add a diagnostic unless it is a duplicate. Return False if it is suppressed."""
         diagnostic = _of_option(diagnostic)
         places = [place for place in (diagnostic.span, *(note.span for note in diagnostic.notes)) if place is not None]
         if diagnostic.severity is Severity.WARNING and self.allows(diagnostic.code, places):
@@ -380,7 +381,7 @@ class Report:
         return True
 
     def allows(self, code: Code, places: Collection[Span]) -> bool:
-        """Whether a warning that shows these places is allowed; then what allows it is needed."""
+        """Return whether a warning that shows these places is suppressed; if so, mark the allowances as needed."""
         covering = [allowance for allowance in self.allowances if allowance.covers(code, places)]
         self.needed.update(covering)
         self.allowed += bool(covering)
@@ -390,16 +391,17 @@ class Report:
         self, code: Code, message: str, where: Span | Origin | None, *, help: str | None = None, path: str | None = None,
         notes: Iterable[Note] = (),
     ) -> bool:
-        """`add` with severity warning."""
+        """Add a warning (see `add`)."""
         return self.add(code, message, where, help=help, path=path, notes=notes, severity=Severity.WARNING)
 
     def continued(self) -> Report:
-        """A report of its own that begins with what this one has."""
+        """Return a copy of this report, to continue separately."""
         return Report(list(self.diagnostics), self.allowances, set(self.needed), self.allowed, set(self._known))
 
     def say_unneeded(self, document: str, stages: Collection[Stage]) -> None:
-        """A warning for every allowance of `document` (an absolute path) of which no warning was found, if these stages, which
-        have been gone through, would have found one. (An allowance of a nested document may be for other robots.)"""
+        """Warn of each allowance in `document` (an absolute path) that suppressed nothing, if one of `stages`, the completed stages,
+        reports its code. Those of nested documents are skipped: other robots may need them.
+        """
         for allowance in self.allowances:
             if allowance.where.file == document and allowance.code.warned_by in stages and allowance not in self.needed:
                 where = f"`{allowance.path}`" if allowance.path else "the document"
@@ -412,25 +414,25 @@ class Report:
 
     @property
     def failed(self) -> bool:
-        """Whether an error was said."""
+        """Return whether there is an error."""
         return any(d.severity is Severity.ERROR for d in self.diagnostics)
 
     def ordered(self) -> list[Diagnostic]:
-        """By file, line and column (those without a place last), else in the order said."""
+        """Return the diagnostics by file, line and column (those without a place last), else in the order of reporting."""
         return sorted(
             self.diagnostics,
             key=lambda d: (d.span is None, d.span.file if d.span else "", *((d.span.line, d.span.column) if d.span else (0, 0))),
         )
 
     def judged(self, *, strict: bool) -> Report:
-        """What is held against the documents: where one is `strict`, warnings are errors."""
+        """Return this report; with `strict`, a copy in which warnings are errors."""
         return self if not strict else Report([
             replace(d, severity=Severity.ERROR) if d.severity is Severity.WARNING else d for d in self.diagnostics
         ])
 
 
 def _of_option(diagnostic: Diagnostic) -> Diagnostic:
-    """What shows a value that `--set` has put into a document is said of that option: there is no file to show."""
+    """Replace places in values of `--set` by the option, since there is no file to show."""
     notes = tuple(
         Note(message=f"{note.message}: `{note.span.option}`") if note.span is not None and note.span.option is not None else note
         for note in diagnostic.notes
@@ -443,7 +445,7 @@ def _of_option(diagnostic: Diagnostic) -> Diagnostic:
 
 
 MAX_FAULTS = 200
-"""Faults said of one document, or by one pass: nobody reads more."""
+"""Maximum number of faults reported per document or pass."""
 
 
 def _fixes(span: Span | None, *words: str | None) -> tuple[Edit, ...]:
@@ -452,9 +454,9 @@ def _fixes(span: Span | None, *words: str | None) -> tuple[Edit, ...]:
 
 
 def shown_path(file: str) -> str:
-    """A file as a person at this working folder would name it."""
+    """Return the display path of a file: relative to the working folder if it is near, else unchanged."""
     try:
         relative = os.path.relpath(file)
-    except (OSError, ValueError):  # the working folder is gone, or the name cannot be a file's
+    except (OSError, ValueError):  # the working folder was deleted, or the file name is invalid
         return file
     return file if relative.startswith(os.path.join("..", "..", "..")) else relative

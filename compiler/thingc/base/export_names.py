@@ -1,6 +1,6 @@
-"""Names in exported files: which fields of records hold paths that files may rename, and which texts are valid names.
+"""Names in exported files: which fields of records contain paths that files may rename, and which texts are valid names.
 
-The type of such a field states what the path belongs to; `targets/custom_names.py` finds the field by it. Type checkers see `str`.
+The type of such a field specifies what the path refers to, for `targets/custom_names.py`. Type checkers see `str`.
 """
 
 from __future__ import annotations
@@ -8,29 +8,29 @@ from __future__ import annotations
 from typing import Annotated, TypeAlias
 
 LinkPath: TypeAlias = Annotated[str, "components"]
-"""The component that a link is called after (`hand/cap`)."""
+"""Path of the component after which a link is named (`hand/cap`)."""
 SitePath: TypeAlias = Annotated[str, "mounts"]
-"""A mount that is shown (`hand/tip`), or a component, whose frame is meant."""
+"""Path of an exported mount (`hand/tip`), or of a component (its frame)."""
 JointPath: TypeAlias = Annotated[str, "joints"]
-"""A joint, or one of its coordinates (`hand/wrist_0`)."""
+"""Path of a joint or one of its coordinates (`hand/wrist_0`)."""
 TendonPath: TypeAlias = Annotated[str, "tendons"]
-"""A tendon (`hand/grip`)."""
+"""Path of a tendon (`hand/grip`)."""
 PoseName: TypeAlias = Annotated[str, "poses"]
-"""A pose of the robot."""
+"""Name of a pose."""
 SensorPath: TypeAlias = Annotated[str, "sensors"]
-"""A sensor (`leg/imu`)."""
+"""Path of a sensor (`leg/imu`)."""
 RawPath: TypeAlias = Annotated[tuple[str, ...], "raw"]
-"""Keys down to an attribute of a target (`("joint", "yaw", "margin")`), the second of which may be one of the paths above."""
+"""Keys of a target's attribute (`("joint", "yaw", "margin")`); the second may be one of the paths above."""
 RawAttributes: TypeAlias = Annotated[dict[str, str], "raw"]
-"""Those of an element of MuJoCo's, some of which name others."""
+"""Attributes of a MuJoCo element; some of them refer to other elements."""
 
 LONGEST = 200
-"""Characters of a name."""
+"""Maximum number of characters of a name."""
 
 TAKEN: dict[str, tuple[str, ...]] = {"components": ("world",), "mounts": ("world",), "joints": ("root",)}
-"""By kind, names that files have in any case: of the world, and of the joint of a free base."""
+"""Names that files always contain, by kind: the world, and the joint of a free base."""
 
 
 def is_file_name(text: str) -> bool:
-    """Whether it is one line without spaces around it, of bounded length."""
+    """Return whether `text` is a valid name in files: one line of bounded length, without leading or trailing spaces."""
     return 0 < len(text) <= LONGEST and text == text.strip() and text.isprintable()

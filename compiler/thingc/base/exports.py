@@ -1,4 +1,4 @@
-"""Names that a room exports, from modules that are imported when somebody asks for one of them (PEP 562)."""
+"""Public names of a package whose modules are imported lazily (PEP 562)."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any
 
 
 def exported(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
-    """The `__getattr__` of a package. `modules` says which of its modules has a name (`xml:number`: it is `number` there); any other name
-    is an `AttributeError`."""
+    """Return the `__getattr__` of a package. `modules` maps names to modules of the package (`xml:number` if the name there is `number`);
+    other names raise `AttributeError`.
+    """
 
     def get(name: str) -> Any:
         if name not in modules:

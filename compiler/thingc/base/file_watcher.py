@@ -1,7 +1,7 @@
-"""Which of many files have changed, looked at again and again.
+"""Detect changed files by polling.
 
-Looking at times and lengths works on every system and file system (also where nobody is told of changes: network drives, folders that a
-container shares), and a hundred files take 0.2 ms. What has another time and the same content has not changed.
+Polling times and sizes works on every system and file system (also without change notifications, such as network drives and folders
+shared with containers) and takes 0.2 ms for a hundred files. A file with a new time and the same content has not changed.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from typing import TypeVar
 Seen = TypeVar("Seen")
 
 Stat = tuple[int, int, int] | None
-"""When a file was changed [ns], how long it is and its inode (another one after a save by renaming); None where there is none."""
+"""Modification time [ns], size and inode of a file (saving by renaming changes the inode); None if it does not exist."""
 
 SHARE = 0.2
-"""How much of a core looking may take."""
+"""Maximum share of a core that polling may use."""
 
 
 def stat_of(path: str) -> Stat:
-    """What a file or folder is like, without reading it; a folder is another after every new name in it."""
+    """Return the status of a file or folder without reading it; that of a folder changes with every new name in it."""
     try:
         status = os.stat(path)
     except OSError:
@@ -31,7 +31,7 @@ def stat_of(path: str) -> Stat:
 
 
 def looks(look: Callable[[], Seen], stop: threading.Event, pause: float) -> Iterator[Seen]:
-    """What `look` finds, again and again until `stop` is set, with a pause [s] in between that is longer where looking takes long."""
+    """Call `look` repeatedly until `stop` is set and yield the results, with a pause of at least `pause` [s], longer if `look` is slow."""
     while not stop.is_set():
         started = time.monotonic()
         seen = look()
@@ -41,9 +41,9 @@ def looks(look: Callable[[], Seen], stop: threading.Event, pause: float) -> Iter
 
 
 class FileWatcher:
-    """Files and folders, there or not, and what they were like when they were last looked at.
+    """Watches files and folders, existing or not, for changes since the last call of `changed`.
 
-    With `content` (a function from a path to something that is equal for equal contents) those count only whose content is another.
+    If `content` is given (a function from a path to a value that is equal for equal contents), only changes of it count.
     """
 
     def __init__(self, paths: Iterable[str] = (), content: Callable[[str], object] | None = None) -> None:
@@ -53,23 +53,23 @@ class FileWatcher:
 
     @property
     def paths(self) -> frozenset[str]:
-        """All that is watched."""
+        """All watched paths."""
         return frozenset(self._seen)
 
     def note(self, paths: Iterable[str]) -> None:
-        """Watch these from now on, too."""
+        """Watch additional paths."""
         for path in paths:
             if path not in self._seen:
                 self._seen[path] = self._state(path, stat_of(path))
 
     def only(self, paths: Iterable[str]) -> None:
-        """Watch these from now on and no others; those that were watched before count as they were seen then."""
+        """Watch only these paths; those already watched keep their recorded state."""
         before, self._seen = self._seen, {}
         self._seen = {path: before[path] for path in paths if path in before}
         self.note(paths)
 
     def changed(self) -> tuple[str, ...]:
-        """Those that are not what they were at the last look, which this one is then."""
+        """Return the paths that changed since the last call."""
         changed: list[str] = []
         for path, (stat, content) in self._seen.items():
             now = stat_of(path)

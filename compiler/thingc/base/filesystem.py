@@ -1,5 +1,4 @@
-"""What lies on the disk, as everybody may find it: files that are no files, folders that are not there.
-And two folders that change places in one step."""
+"""File system operations: reading regular files only, writing trees safely, and exchanging two folders atomically."""
 
 from __future__ import annotations
 
@@ -14,15 +13,15 @@ from io import BufferedReader
 from typing import Any
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What the system says of a file that is open already, without its name: the disk is full, or a quota or a limit is reached."""
+"""System errors of writing to an open file that have no file name: the disk is full, or a quota or a limit is reached."""
 
 
 class NotARegularFile(OSError):
-    """What is there cannot be read twice: a pipe, which is waited for until somebody writes into it, or a device."""
+    """The path is not a regular file: a pipe, which would block, or a device."""
 
 
 class BadPath(OSError, ValueError):
-    """A text that was read from a file and names another file must not be used as a path. The message says why."""
+    """A path that was read from a file is not safe to use. The message contains the reason."""
 
 
 def hash_name(text: str, digits: int = 64) -> str:
@@ -33,7 +32,7 @@ def hash_name(text: str, digits: int = 64) -> str:
 
 
 def opened(path: str) -> BufferedReader:
-    """A file, to be read as bytes. Raises `OSError` where it cannot be, `NotARegularFile` among them."""
+    """Open a file for reading bytes. Raises `OSError`; `NotARegularFile` for pipes and devices."""
     mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
         raise NotARegularFile(errno.EINVAL, "It is no file that can be read again", path)
@@ -41,7 +40,7 @@ def opened(path: str) -> BufferedReader:
 
 
 def beginning(path: str, most: int) -> bytes:
-    """The first bytes of a file, `most` at most. Raises `OSError` as `opened` does."""
+    """Return the first bytes of a file, at most `most`. Raises `OSError` as `opened` does."""
     with opened(path) as stream:
         return stream.read(most)
 
@@ -55,7 +54,7 @@ def working_folder() -> str | None:
 
 
 def listing(folder: str) -> list[str]:
-    """The names in a folder, sorted; none where it cannot be read."""
+    """Return the sorted names in a folder; empty if it cannot be read."""
     try:
         return sorted(os.listdir(folder))
     except OSError:
@@ -89,7 +88,7 @@ def write_tree(root: str, files: Mapping[str, bytes], links: Mapping[str, str]) 
         for part in path.split("/")[:-1]:
             place = os.path.join(place, part)
             if not (os.path.isdir(place) and not os.path.islink(place)):
-                os.mkdir(place)  # fails where a link is
+                os.mkdir(place)  # fails if there is a link
         place = os.path.join(root, *path.split("/"))
         if path in links:
             os.symlink(links[path], place)
@@ -129,14 +128,14 @@ def write_whole(path: str, data: bytes, check: Callable[[], None] = lambda: None
 
 
 RENAME_EXCHANGE = 2
-"""Of `linux/fs.h`: both paths stay, each with what the other had."""
+"""From `linux/fs.h`: exchange the two paths."""
 AT_FDCWD = -100
-"""Of `fcntl.h`: paths are relative to the working folder."""
+"""From `fcntl.h`: paths are relative to the working folder."""
 
 
 @functools.cache
 def _renameat2() -> Any | None:
-    """The C library's `renameat2` (Linux, glibc 2.28 and musl 1.2.6 on), or None."""
+    """Return the C library's `renameat2` (Linux; glibc since 2.28, musl since 1.2.6), or None."""
     try:
         import ctypes
 
@@ -149,7 +148,7 @@ def _renameat2() -> Any | None:
 
 
 def exchange(a: str, b: str) -> None:
-    """Two folders change places in one step. Raises `NotImplementedError` where the system or the file system cannot."""
+    """Exchange two folders atomically. Raises `NotImplementedError` if the system or the file system does not support it."""
     function = _renameat2()
     if function is None:
         raise NotImplementedError

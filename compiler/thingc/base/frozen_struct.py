@@ -18,5 +18,7 @@ class _KeywordOnly(msgspec.StructMeta):
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(msgspec.field,))
 class FrozenStruct(msgspec.Struct, metaclass=_KeywordOnly, frozen=True):
-    """Frozen, with keywords for fields, equal and hashed by its fields. Options of a class: `eq=False`, `kw_only=False`, `dict=True` (for
-    `cached_property`); every field is compared."""
+    """A frozen struct with keyword-only fields, equal and hashable by its fields.
+
+    Options of a class: `eq=False`, `kw_only=False`, `dict=True` (for `cached_property`); every field is compared.
+    """

@@ -1,4 +1,4 @@
-"""The line that generated files begin with, which says what they were made of: how it is written, and read again."""
+"""The first line of generated files, which names the source document and mode: write and parse it."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ _OF_MODE = re.compile(rb"Written by thingc from [^\r\n]*, mode (\w+)\.")
 
 
 def heading(document: str, mode: str | None = None) -> str:
-    """Of a file that is written from a document, of one of its modes if it is of one."""
+    """Return the header line of a file that is generated from a document, or from one of its modes."""
     return f"Written by thingc from {document}." if mode is None else f"Written by thingc from {document}, mode {mode}."
 
 
 def mode_of(text: bytes) -> str | None:
-    """The mode that a file is of, by the heading among what stands before its contents; None of a file of others."""
+    """Return the mode in the header line of a generated file; None if there is none."""
     found = _OF_MODE.search(text)
     return None if found is None else found[1].decode("ascii", "replace")

@@ -1,4 +1,4 @@
-"""Things that lead to one another, what to say where they do so in a circle, and things in disjoint sets."""
+"""Find and format cycles, and disjoint sets."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
 MAX_CIRCLE = 12
-"""Members of a circle that are shown."""
+"""Maximum number of members of a cycle that are shown."""
 
 T = TypeVar("T", bound=Hashable)
 
 
 def find_cycles(starts: Iterable[T], after: Callable[[T], T | None]) -> Iterator[list[T]]:
-    """Every circle once, from the member that is met first, each behind the one that leads to it. `after` is what a thing leads to, None
-    where that is nothing."""
+    """Yield every cycle once, in order, starting at the member that is reached first. `after` returns the successor, or None."""
     done: set[T] = set()
     for start in starts:
         way: dict[T, None] = {}
@@ -28,7 +27,7 @@ def find_cycles(starts: Iterable[T], after: Callable[[T], T | None]) -> Iterator
 
 
 def circle_words(names: Sequence[str]) -> str:
-    """A circle of names as a chain that ends where it begins, its middle left out where it is long."""
+    """Format a cycle of names as a chain that ends with its first name; long cycles are abbreviated in the middle."""
     shown = [f"`{name}`" for name in names]
     if len(shown) > MAX_CIRCLE:
         shown = [*shown[: MAX_CIRCLE - 2], f"... ({len(shown) - MAX_CIRCLE + 1} more)", shown[-1]]
@@ -36,19 +35,19 @@ def circle_words(names: Sequence[str]) -> str:
 
 
 class DisjointSets:
-    """Numbers (0 to `count` - 1) in sets, of which two can be joined; the smallest number in a set represents it."""
+    """Disjoint sets of the numbers 0 to `count` - 1 (union-find); the smallest number of a set represents it."""
 
     def __init__(self, count: int) -> None:
         self._above = list(range(count))
 
     def join(self, one: int, other: int) -> bool:
-        """Make one set of the two sets of these numbers; False if they were in one already."""
+        """Join the sets of two numbers; return False if it was one set already."""
         one, other = self.representative(one), self.representative(other)
         self._above[max(one, other)] = min(one, other)
         return one != other
 
     def representative(self, number: int) -> int:
-        """The smallest number in the set of `number`."""
+        """Return the smallest number in the set of `number`."""
         while self._above[number] != number:
             self._above[number] = self._above[self._above[number]]
             number = self._above[number]

@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia: moved, added up and checked, in plain Python at full double precision."""
+"""Mass, centre of mass and inertia: transform, sum and check them, in pure Python with double precision."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ ZERO: Matrix = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
-    """Of a rigid body, in some frame: mass [kg], centre of mass [m], inertia [kg m^2] about the centre, frame axes."""
+    """Mass properties of a rigid body in some frame: mass [kg], centre of mass [m], inertia [kg m^2] about the centre, frame axes."""
 
     mass: float
     centre: Vector = (0.0, 0.0, 0.0)
     inertia: Matrix = ZERO
 
     def seen_from(self, pose: Pose) -> MassProperties:
-        """The same body in frame A, where `pose` is `X_AB` and these are in B."""
+        """Transform properties in frame B to frame A; `pose` is `X_AB`."""
         r = pose.rotation
         turned = multiply(multiply(r, self.inertia), transpose(r))
         return MassProperties(mass=self.mass, centre=pose.apply(self.centre), inertia=symmetric(turned))
 
     def about(self, point: Vector) -> Matrix:
-        """The inertia [kg m^2] about another point [m] of the same frame (parallel-axis theorem)."""
+        """Return the inertia [kg m^2] about another point [m] of the same frame (parallel-axis theorem)."""
         x, y, z = (self.centre[k] - point[k] for k in range(3))
         m, i = self.mass, self.inertia
         return (
@@ -40,7 +40,7 @@ class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
         )
 
     def with_mass(self, mass: float) -> MassProperties:
-        """Another mass [kg] of the same shape: the inertia scales with it (none there is stays none)."""
+        """Return the properties of the same shape with another mass [kg]: the inertia is scaled (0 if the mass was 0)."""
         scale = mass / self.mass if self.mass > 0.0 else 0.0
         i = self.inertia
         scaled: Matrix = (
@@ -52,7 +52,7 @@ class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
 
 
 def total(bodies: Iterable[MassProperties]) -> MassProperties:
-    """Bodies of one frame as one rigid body: masses added, inertias moved to the common centre and added."""
+    """Combine bodies in one frame: masses are added, inertias are moved to the common centre and added."""
     parts = list(bodies)
     mass = numeric.fsum(body.mass for body in parts)
     if mass > 0.0:
@@ -74,25 +74,26 @@ def total(bodies: Iterable[MassProperties]) -> MassProperties:
 
 
 def symmetric(a: Matrix) -> Matrix:
-    """The symmetric part of `a`: rounding must not leave two values for one product of inertia."""
+    """Return the symmetric part of `a`, so that rounding errors do not leave two values for one product of inertia."""
     xy, xz, yz = (a[0][1] + a[1][0]) / 2.0, (a[0][2] + a[2][0]) / 2.0, (a[1][2] + a[2][1]) / 2.0
     return ((a[0][0], xy, xz), (xy, a[1][1], yz), (xz, yz, a[2][2]))
 
 
 @lru_cache(maxsize=1024)
 def principal_moments(a: Matrix) -> Vector:
-    """The eigenvalues of a symmetric matrix, ascending."""
+    """Return the eigenvalues of a symmetric matrix, ascending."""
     x, y, z = sorted(principal_axes(a)[0])
     return (x, y, z)
 
 
 def principal_axes(a: Matrix) -> tuple[Vector, Matrix]:
-    """The eigenvalues of a symmetric matrix and its eigenvectors, the columns of a proper rotation R: `a = R diag(values) R^T`. They are
-    in the order of the axes that they are near: of a diagonal matrix R is the identity.
+    """Return the eigenvalues of a symmetric matrix and its eigenvectors, the columns of a proper rotation R: `a = R diag(values) R^T`.
 
-    Cyclic Jacobi rotations (Golub and Van Loan, "Matrix Computations", section 8.5): exact to rounding even where
-    the closed formula loses digits (equal moments). `math.hypot` differs between Pythons where a root is next to half way between two
-    floats. That of round numbers may be; here are quotients of sums, and with `numeric.hypot` a family evaluates half as many variants.
+    Each eigenvector is next to the axis in its position: for a diagonal matrix R is the identity.
+    Cyclic Jacobi rotations (Golub and Van Loan, "Matrix Computations", section 8.5): accurate to rounding even for equal moments, for which
+    the closed formula loses digits. `math.hypot` may differ between Python versions if the exact root is almost half way between two
+    floats. This can happen for round numbers; the arguments here are quotients of sums, and with `numeric.hypot` a family would evaluate
+    half as many variants.
     """
     return _principal_axes(*a[0], *a[1], *a[2])
 
@@ -125,25 +126,25 @@ def _principal_axes(
 
 
 LEAST_MOMENT = 1e-14
-"""Principal moments [kg m^2] below it MuJoCo does not take for those of a body (mjEPS, in the reader of `fullinertia`)."""
+"""Smallest principal moment [kg m^2] that MuJoCo accepts for a body (mjEPS, in the reader of `fullinertia`)."""
 HEAVIEST = 1e12
-"""Masses [kg] beyond it are not read: products and sums of larger ones come to no number that is finite."""
+"""Largest mass [kg] that is accepted: products and sums of larger ones may overflow."""
 LARGEST_MOMENT, DENSEST = 1e24, 1e12
-"""Of moments and products of inertia [kg m^2] and of densities [kg/m^3] the same."""
+"""Largest moments and products of inertia [kg m^2], and largest density [kg/m^3], that are accepted."""
 LEAST_MASS = 1e-15
-"""Masses [kg] up to it MuJoCo does not take for those of a body that moves (mjMINVAL)."""
+"""MuJoCo does not accept masses [kg] of moving bodies up to this value (mjMINVAL)."""
 
 
 def physical_fault(a: Matrix) -> str | None:
-    """Why no rigid body can have this inertia, in words, or None when one can.
+    """Return why no rigid body can have this inertia, or None if it is physical.
 
-    Positive definite, and no principal moment above the sum of the other two (with 1e-9 of room for rounding).
+    It must be positive definite, and no principal moment may exceed the sum of the other two (with a relative tolerance of 1e-9).
     """
     return moments_fault(*principal_moments(a))
 
 
 def moments_fault(low: float, middle: float, high: float) -> str | None:
-    """The same of principal moments [kg m^2], the smallest first."""
+    """Return the result of `physical_fault` for principal moments [kg m^2] in ascending order."""
     if low <= 0.0:
         return f"its principal moments are {low:.6g}, {middle:.6g}, {high:.6g} kg m^2, and all must be above 0"
     if high > (low + middle) * (1.0 + 1e-9):
@@ -155,8 +156,9 @@ def moments_fault(low: float, middle: float, high: float) -> str | None:
 
 
 def within_triangle(a: Matrix) -> Matrix:
-    """The same inertia, of a flat body lifted by a 1e-12 part: MuJoCo demands A + B >= C of the principal moments to the
-    last bit after finding them, and a plate has A + B = C."""
+    """Return the inertia with moments increased by a relative 1e-12 if the body is flat: MuJoCo computes the principal moments and requires
+    A + B >= C exactly, and a plate has A + B = C.
+    """
     low, middle, high = principal_moments(a)
     short = high - low - middle
     if short < -1e-12 * high:

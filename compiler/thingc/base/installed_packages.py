@@ -1,4 +1,4 @@
-"""What is installed in this environment: found by name, without importing it."""
+"""Find installed packages by name, without importing them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from thingc.base.filesystem import working_folder
 
 @cache
 def import_path() -> tuple[str, ...]:
-    """`sys.path` without the current folder or the script's, which must not decide what a name means."""
+    """Return `sys.path` without the current folder and that of the script, which must not affect what a name refers to."""
     entries = list(sys.path)
     if entries and not getattr(sys.flags, "safe_path", False):
         here = working_folder() or os.sep
@@ -26,8 +26,7 @@ _PYTHONS_OWN = (importlib.machinery.PathFinder, importlib.machinery.BuiltinImpor
 
 
 def specification_of(name: str) -> importlib.machinery.ModuleSpec | None:
-    """Where a top-level module of the environment lies; None where there is none (editable packages that bring a finder of their own are
-    asked for, too)."""
+    """Return the spec of a top-level module of the environment, or None (also from finders of editable packages)."""
     specification = importlib.machinery.PathFinder.find_spec(name, list(import_path()))
     if specification is None or specification.origin is None and specification.submodule_search_locations:
         for finder in sys.meta_path:
@@ -42,14 +41,14 @@ def specification_of(name: str) -> importlib.machinery.ModuleSpec | None:
 
 
 def package_folder(name: str) -> str | None:
-    """The folder of an installed package (a top-level one with an `__init__.py`); None where there is none."""
+    """Return the folder of an installed top-level package with an `__init__.py`, or None."""
     specification = specification_of(name)
     folders = list(specification.submodule_search_locations or ()) if specification is not None and specification.origin else []
     return folders[0] if folders else None
 
 
 def dotted_name(file: str) -> str:
-    """What a file in a package is called: `thingc_stock.materials`, without its ending, wherever the package lies."""
+    """Return the dotted name of a file in a package, such as `thingc_stock.materials`, independent of where the package is installed."""
     folder, name = os.path.split(os.path.splitext(file)[0])
     words = [name]
     while os.path.isfile(os.path.join(folder, "__init__.py")):

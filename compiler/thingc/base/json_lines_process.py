@@ -1,5 +1,4 @@
-"""A process of ours that is asked, and answers, in lines of JSON: the worker that models parts, runners of batches, and what draws their
-pictures."""
+"""Child processes that exchange lines of JSON: the worker that models parts, runners of batches, and the renderer of their pictures."""
 
 from __future__ import annotations
 
@@ -16,16 +15,16 @@ from collections.abc import Mapping
 from typing import Any
 
 FAREWELL = 5.0
-"""How long [s] a process may take to end once its input has."""
+"""Time [s] that a process may take to end after its input was closed."""
 KEPT = 10_000
-"""How many bytes of the end of a process's standard error are looked at."""
+"""Number of bytes at the end of standard error that are read."""
 
 
 Lines = queue.SimpleQueue["tuple[JsonLinesProcess, Any]"]
 
 
 class ProcessLost(Exception):
-    """A process that cannot be asked any more: `hung`, or what it died of."""
+    """A process died or does not answer (`hung`); `words` is the cause."""
 
     def __init__(self, words: str, *, hung: bool = False) -> None:
         super().__init__(words)
@@ -34,9 +33,11 @@ class ProcessLost(Exception):
 
 
 class JsonLinesProcess:
-    """`python -m MODULE WORDS` in a session of its own (an interrupt of the terminal is the driver's to act on), and the pipes to it. What
-    it says is put into `lines`, each with the process, and None when it has said its last; several processes may share one. Raises
-    `OSError` where the system has no process for it."""
+    """A child process `python -m MODULE WORDS` in its own session (so that the terminal's interrupt does not reach it), with pipes.
+
+    Its output is put into the queue `lines` as `(process, value)`, with None as the last value; several processes may share a queue. Raises
+    `OSError` if the process cannot be started.
+    """
 
     def __init__(
         self, module: str, *words: str, cwd: str | None = None, env: Mapping[str, str] | None = None, lines: Lines | None = None,
@@ -55,19 +56,18 @@ class JsonLinesProcess:
 
     @property
     def pid(self) -> int:
-        """Its process id."""
+        """Process id."""
         return self._process.pid
 
     def ask(self, value: Any) -> None:
-        """Send it a line."""
+        """Send a value as a line; a broken pipe is ignored."""
         assert self._process.stdin is not None
-        with contextlib.suppress(OSError):  # the answer that does not come will tell
+        with contextlib.suppress(OSError):  # `answer` reports the death of the process
             self._process.stdin.write(json.dumps(value, separators=(",", ":")).encode() + b"\n")
             self._process.stdin.flush()
 
     def answer(self, timeout: float) -> Any:
-        """The next line that it says, waited for at most `timeout` [s]. Raises `ProcessLost` where it dies or is silent too long; then
-        `close` it."""
+        """Return the next value, waiting at most `timeout` [s]. Raises `ProcessLost` if the process dies or times out; then `close` it."""
         try:
             _, said = self._lines.get(timeout=timeout)
         except queue.Empty:
@@ -77,18 +77,18 @@ class JsonLinesProcess:
         return said
 
     def errors(self) -> str:
-        """The end of what it wrote to standard error."""
+        """Return the end of its standard error."""
         size = self._errors.seek(0, os.SEEK_END)
         self._errors.seek(max(0, size - KEPT))
         return self._errors.read().decode(errors="replace")
 
     def kill(self) -> None:
-        """End it at once; safe from any thread."""
+        """Kill the process; safe from any thread."""
         with contextlib.suppress(OSError):
             self._process.kill()
 
     def close(self) -> None:
-        """End it, at once where it does not end by itself, and forget it."""
+        """Close the input, wait for the process (kill it after `FAREWELL` seconds), and release its resources."""
         assert self._process.stdin is not None
         with contextlib.suppress(OSError):
             self._process.stdin.close()
@@ -100,8 +100,7 @@ class JsonLinesProcess:
         self._errors.close()
 
     def _read(self) -> None:
-        """Lines as they come. Halves of characters, which nobody can write to a file, become question marks; of a line that breaks off
-        nobody is told."""
+        """Put lines into the queue as they arrive. Lone surrogates become question marks; an incomplete last line is dropped."""
         assert self._process.stdout is not None
         try:
             with self._process.stdout as stream:

@@ -1,4 +1,4 @@
-"""What pure functions answered last, by place: asked again with equal inputs, they need not work again."""
+"""A cache with one entry per place: the last result of a pure function."""
 
 from __future__ import annotations
 
@@ -8,16 +8,15 @@ from typing import Any, TypeVar
 Answer = TypeVar("Answer")
 
 PLACES = 100_000
-"""How many answers are kept: when there are more, all are forgotten."""
+"""Maximum number of entries; above it the cache is cleared."""
 
 
 class Memo:
-    """One answer per place (`("geom", "hand/cap")`), the last one, with the inputs that it belongs to.
+    """A cache with one result per place (`("geom", "hand/cap")`), the last one, with its inputs.
 
-    Compiling a document again changes few of the inputs, whatever the settings, so that the last answer is the one worth keeping,
-    and what is kept does not grow with the number of compilations. Functions must depend on their inputs alone, and inputs and
-    answers are shared: nobody may change them. Inputs are compared by value (the same object is equal at once); zeros of either
-    sign are equal, which no artifact tells apart.
+    Compiling a document again changes few of the inputs, so that keeping the last result is enough, and the cache does not grow with the
+    number of compilations. Functions must depend on their inputs alone. Inputs and results are shared and must not be modified. Inputs are
+    compared by value (identical objects quickly); zeros of either sign are equal, which does not affect any output.
     """
 
     __slots__ = ("_kept",)
@@ -26,7 +25,7 @@ class Memo:
         self._kept: dict[Hashable, tuple[tuple[Any, ...], Any]] = {}
 
     def __call__(self, place: Hashable, function: Callable[..., Answer], *inputs: Any) -> Answer:
-        """`function(*inputs)`, worked out unless the last inputs at this place were equal: then the same object as then."""
+        """Return `function(*inputs)`; the cached object if the last inputs at this place were equal."""
         known = self._kept.get(place)
         if known is not None and known[0] == inputs:
             kept: Answer = known[1]
@@ -36,22 +35,22 @@ class Memo:
         return answer
 
     def apart(self) -> Memo:
-        """An empty one, for answers that hold in one run alone."""
+        """Return an empty memo, for results that are valid in one run only."""
         return Memo()
 
     def last(self, place: Hashable, inputs: tuple[Any, ...]) -> Any | None:
-        """The answer at this place if its inputs were equal to these, else None; for answers that `keep` notes."""
+        """Return the result at this place if its inputs were equal, else None; for results stored with `keep`."""
         known = self._kept.get(place)
         return known[1] if known is not None and known[0] == inputs else None
 
     def keep(self, place: Hashable, inputs: tuple[Any, ...], answer: Any) -> None:
-        """Note an answer."""
+        """Store a result."""
         if len(self._kept) >= PLACES:
             self._kept.clear()
         self._kept[place] = (inputs, answer)
 
     def same(self, place: Hashable, value: Answer) -> Answer:
-        """`value`, or the equal object that was last seen at this place, so that what compares it next is quick."""
+        """Return the last object at this place if it equals `value`, else `value`, so that later comparisons are quick."""
         kept: Answer | None = self.last(place, (value,))
         if kept is not None:
             return kept

@@ -1,4 +1,4 @@
-"""Numeric operations of the passes: the same result in every Python, and also of recorded numbers."""
+"""Numeric operations of the passes, with the same results in every Python version, also for recorded numbers."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 Formatter = Callable[[float], str]
 
 OPERATIONS: dict[str, Callable[..., Any]] = {}
-"""The functions that a `Recorded` records as one operation, by name."""
+"""Functions that a `Recorded` records as one operation, by name."""
 FORMATTERS: dict[str, Formatter] = {}
-"""The functions that write numbers into files, by the form that they write."""
+"""Functions that format numbers in files, by name of the format."""
 
 
 class Recorded:
-    """A number that stands for many: what is computed from it is recorded, and computed again with other values."""
+    """A placeholder for numbers: computations with it are recorded and repeated with other values."""
 
     __slots__ = ()
 
     def operate(self, name: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """The result of `function`, one of `OPERATIONS`. At least one of the arguments is recorded."""
+        """Return the result of `function`, one of `OPERATIONS`. At least one of the arguments is recorded."""
         raise NotImplementedError
 
     def slot(self, form: str) -> str:
-        """The text that holds the place of the number in a file. `form` is one of `FORMATTERS`, or `:` and a format specification."""
+        """Return the placeholder of the number in a file. `form` is one of `FORMATTERS`, or `:` and a format specification."""
         raise NotImplementedError
 
 
 def one_operation(function: Function) -> Function:
-    """Make a function of numbers one operation on recorded numbers. Its result is a number, a truth value, or numbers in tuples."""
+    """Decorate a function of numbers to be recorded as one operation. It must return a number, a boolean, or tuples of numbers."""
     name = function.__name__
     OPERATIONS[name] = function
 
@@ -47,7 +47,7 @@ def one_operation(function: Function) -> Function:
 
 
 def formatter(form: str) -> Callable[[Formatter], Callable[[float | Recorded], str]]:
-    """Make a function that writes a number also write the slot of a recorded one."""
+    """Decorate a function that formats a number to return the placeholder of a recorded one."""
 
     def decorate(function: Formatter) -> Callable[[float | Recorded], str]:
         FORMATTERS[form] = function
@@ -62,7 +62,7 @@ def formatter(form: str) -> Callable[[Formatter], Callable[[float | Recorded], s
 
 
 def _extreme(function: Function) -> Function:
-    """`min` or `max` of numbers without a `key`: which of them it is, is not decided."""
+    """Wrap `min` or `max` of numbers without a `key`: which argument is the extreme one is not decided for recorded numbers."""
     extreme = one_operation(function)
 
     def operation(*arguments: Any, **default: Any) -> Any:

@@ -1,4 +1,4 @@
-"""What a joint kind is: the contract between the table of kinds and the passes."""
+"""Definition of a joint kind, shared by the table of kinds and the passes."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from thingc.base.pose import Vector
 from thingc.base.units import Dimension
 
 JointType = Literal["fixed", "revolute", "continuous", "prismatic", "cylindrical", "universal", "ball", "planar", "screw"]
-"""What may be written after `type:` of a joint: the names of all kinds (`kinds.KINDS`)."""
+"""Values of a joint's `type:`, the names of all kinds (`kinds.KINDS`)."""
 
 Limits = Literal["required", "optional", "none", "cone"]
-"""Whether `limit.lower` and `limit.upper` must, may or must not be written; or `limit.cone` may."""
+"""Whether `limit.lower` and `limit.upper` are required, optional or not allowed; or whether `limit.cone` is allowed."""
 
 
 class JointKind(FrozenStruct):
-    """One kind of joint.
+    """A kind of joint.
 
-    `twists` are what its coordinates do, in order, each seen in the parent mount's frame as those before it have moved it: the
-    child's side is at `exp(twist_0 q_0) exp(twist_1 q_1) ...` in the parent's. None: it does not move. `limits` is what is expected
-    of `limit.lower` and `limit.upper` of each; where it `leads`, a document says by how much it slides in a turn. The twists of one that
-    turns `at_once` are turns about axes through the mount's origin, and its coordinates together a rotation vector: the child's side is at
+    `twists` are the motions of its coordinates, in order, each in the parent mount's frame as moved by those before it: the child's side is
+    at `exp(twist_0 q_0) exp(twist_1 q_1) ...` in the parent's. Without twists it does not move. `limits` applies to `limit.lower` and
+    `limit.upper` of each coordinate. If it `leads`, the document specifies the lead, the advance per turn. With `at_once`, the coordinates
+    are exponential coordinates, a rotation vector about axes through the mount's origin: the child's side is at
     `exp(twist_0 q_0 + twist_1 q_1 + ...)`.
     """
 
@@ -36,28 +36,28 @@ class JointKind(FrozenStruct):
     at_once: bool = False
 
     def with_lead(self, lead: float) -> tuple[Twist, ...]:
-        """The twists of a joint of this kind that also slides by `lead` [m] along its axis in every turn."""
+        """Return the twists of this kind with an advance of `lead` [m] along the axis per turn."""
         turn = lead / (2.0 * math.pi)
         return tuple(replace(one, linear=(turn * one.angular[0], turn * one.angular[1], turn * one.angular[2])) for one in self.twists)
 
     @property
     def axial(self) -> bool:
-        """Whether all that it does is about z, or along it, so that another axis may take its place."""
+        """Whether all motions are about z or along z, so that another axis can replace z."""
         return self.moves and all(one.axis == Z for one in self.twists)
 
     def about(self, axis: Vector, lead: float = 0.0) -> tuple[Twist, ...]:
-        """The twists of an `axial` joint about the unit vector `axis` in place of z; of one that leads with its `lead` [m]."""
+        """Return the twists of an `axial` joint about the unit vector `axis` instead of z; `lead` [m] applies if the kind `leads`."""
         twists = self.with_lead(lead) if self.leads else self.twists
         return tuple(Twist(angular=_scaled(axis, one.angular[2]), linear=_scaled(axis, one.linear[2])) for one in twists)
 
     @property
     def moves(self) -> bool:
-        """Whether the joint has a coordinate: one that has none fuses what it connects into one link."""
+        """Whether the joint has a coordinate; if not, it joins its components into one link."""
         return bool(self.twists)
 
     @property
     def may_stop(self) -> bool:
-        """Whether a document may say `limit.lower` and `limit.upper`."""
+        """Whether `limit.lower` and `limit.upper` are allowed."""
         match self.limits:
             case "required" | "optional":
                 return True
@@ -68,7 +68,7 @@ class JointKind(FrozenStruct):
 
     @property
     def coordinate(self) -> Dimension | None:
-        """The dimension of q, where there is one coordinate."""
+        """Dimension of q if there is exactly one coordinate, else None."""
         return self.twists[0].coordinate if len(self.twists) == 1 else None
 
 

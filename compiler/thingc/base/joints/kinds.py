@@ -1,4 +1,4 @@
-"""The joint kinds: how each moves, as a sequence of twists; and as which of them a base moves."""
+"""The joint kinds, each a sequence of twists, and the kinds of base motions."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ KINDS: Mapping[str, JointKind] = {kind.name: kind for kind in (
     # A turn about the parent mount's z that also slides along it by `lead` in every turn. q is the turn.
     JointKind(name="screw", twists=(Twist(angular=Z),), limits="optional", leads=True),
 )}
-"""Every kind by the word written after `type:`, in the order of `JointType`."""
+"""Every kind by its `type:`, in the order of `JointType`."""
 
 
 def coordinates_of(kind: JointType) -> range:
-    """The numbers of the coordinates of a kind that has several; nothing of any other."""
+    """Return the indices of the coordinates of a kind with several coordinates; empty for other kinds."""
     count = len(KINDS[kind].twists)
     return range(count if count > 1 else 0)
 
 
 BaseType = Literal["fixed", "held", "free", "planar", "ball"]
-"""What may be written after `base:` of a mode."""
+"""Values of a mode's `base:`."""
 
 
 def moving_as(base: BaseType) -> JointKind | None:
-    """The joint kind that describes the motion of a base; None for a fixed, held or free base."""
+    """Return the joint kind of a base's motion; None for a fixed, held or free base."""
     match base:
         case "planar" | "ball":
             return KINDS[base]
@@ -52,7 +52,7 @@ def moving_as(base: BaseType) -> JointKind | None:
 
 
 def stays(base: BaseType) -> bool:
-    """Whether the root link keeps the pose of the mode, unless a program moves it at run time."""
+    """Return whether the root link keeps the pose of the mode, unless a program moves it at run time."""
     match base:
         case "fixed" | "held":
             return True

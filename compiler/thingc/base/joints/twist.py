@@ -1,8 +1,8 @@
-"""Twists: what one coordinate of a joint does, and the dimensions of its values. Every joint moves by a sequence of these.
+"""Twists: the motion of one coordinate of a joint, and the dimensions of its values.
 
-By Chasles' theorem any rigid motion of one coordinate at a constant rate is a turn about a line together with a slide along it, so
-one form serves turns, slides and screws alike. For the exponential, and for how a twist is seen from another frame, see Lynch and
-Park, Modern Robotics, 2017, sections 3.3.2 and 3.3.3.
+By Chasles' theorem any rigid motion of one coordinate at a constant rate is a rotation about a line with a translation along it, so
+one type serves revolute, prismatic and screw joints. For the exponential and changes of frame see Lynch and Park, Modern Robotics, 2017,
+sections 3.3.2 and 3.3.3.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ TURN: Mapping[str, Dimension] = {
     "velocity": ANGULAR_VELOCITY, "damping": ANGULAR_DAMPING, "friction": TORQUE, "armature": INERTIA, "stiffness": ANGULAR_STIFFNESS,
     "rest": ANGLE,
 }
-"""The dimension of every value of a coordinate that turns, by its key."""
+"""Dimensions of the values of a rotational coordinate, by key."""
 SLIDE: Mapping[str, Dimension] = {
     "lower": LENGTH, "upper": LENGTH, "offset": LENGTH, "kp": LINEAR_STIFFNESS, "kv": LINEAR_DAMPING, "effort": FORCE,
     "velocity": VELOCITY, "damping": LINEAR_DAMPING, "friction": FORCE, "armature": MASS, "stiffness": LINEAR_STIFFNESS,
     "rest": LENGTH,
 }
-"""The same of one that slides."""
+"""Dimensions of the values of a translational coordinate, by key."""
 
 
 def dimensions_of(coordinate: Dimension) -> Mapping[str, Dimension]:
-    """The dimension of every value of a coordinate with this dimension, by key."""
+    """Return the dimensions of the values of a coordinate by key, given the dimension of the coordinate."""
     return TURN if coordinate == ANGLE else SLIDE
 
 
@@ -52,8 +52,9 @@ NONE: Vector = (0.0, 0.0, 0.0)
 
 
 class Twist(FrozenStruct, kw_only=False):
-    """What moves per unit of q, seen in some frame: it turns by `angular` (a unit vector, or 0 where it only slides), and its point
-    `anchor` [m], which lies on the axis, moves by `linear` (along the axis where there is one, else a unit vector: m per unit of q)."""
+    """A motion per unit of q, in some frame: rotation by `angular` (a unit vector, or 0 for a pure translation), while the point `anchor`
+    [m] on the axis moves by `linear` (parallel to the axis; a unit vector for a pure translation).
+    """
 
     angular: Vector = NONE
     linear: Vector = NONE
@@ -61,41 +62,43 @@ class Twist(FrozenStruct, kw_only=False):
 
     @property
     def core(self) -> Literal["hinge", "slide"]:
-        """The joint that every target has for it: one about an axis, or one along it."""
+        """The type of joint in targets: about an axis, or along it."""
         return "hinge" if self.angular != NONE else "slide"
 
     @property
     def turns(self) -> bool:
-        """Whether q is an angle [rad]; else it is a length [m]."""
+        """Whether q is an angle [rad]; otherwise it is a length [m]."""
         return self.angular != NONE
 
     @property
     def axis(self) -> Vector:
-        """The unit vector about which, or along which, it goes."""
+        """Unit vector of the rotation axis, or of the direction of translation."""
         return self.angular if self.turns else self.linear
 
     @property
     def pitch(self) -> float:
-        """How far [m/rad] it slides along its axis as it turns about it; 0 of a plain turn or slide."""
+        """Advance along the axis [m/rad]; 0 for a pure rotation or translation."""
         return dot(self.angular, self.linear)
 
     @property
     def coordinate(self) -> Dimension:
-        """The dimension of q."""
+        """Dimension of q."""
         return ANGLE if self.turns else LENGTH
 
     @property
     def dimensions(self) -> Mapping[str, Dimension]:
-        """The dimension of every value that is written of this coordinate, by key (`kp`, `damping`, ...)."""
+        """Dimensions of the values of this coordinate by key (`kp`, `damping`, ...)."""
         return dimensions_of(self.coordinate)
 
     def shown(self, q: float) -> str:
-        """A coordinate [rad or m] as a person would write it: `30 deg`, `20 mm`."""
+        """Format a coordinate [rad or m] for display: `30 deg`, `20 mm`."""
         return f"{degrees(q):z.6g} deg" if self.turns else f"{q * 1000.0:z.6g} mm"
 
     def exponential(self, q: float) -> Pose:
-        """The pose at `q` [rad or m] of what was at the frame at q = 0. Turns about x, y and z through the origin are exact at
-        quarter turns; others are by Rodrigues' formula."""
+        """Return the pose at `q` [rad or m] of a frame that is at the identity at q = 0.
+
+        Rotations about x, y and z through the origin are exact at quarter turns; others use Rodrigues' formula.
+        """
         lx, ly, lz = self.linear
         if not self.turns:
             return Pose(translation=(lx * q, ly * q, lz * q))
@@ -106,7 +109,7 @@ class Twist(FrozenStruct, kw_only=False):
         return Pose(rotation=rotation, translation=(a[0] - moved[0] + lx * q, a[1] - moved[1] + ly * q, a[2] - moved[2] + lz * q))
 
     def velocity(self, point: Vector) -> tuple[Vector, Vector]:
-        """(linear, angular): how fast a point [m] moves, and how fast whatever it is on turns, per unit of q."""
+        """Return (linear, angular), the velocity of a point [m] and the angular velocity, per unit of q."""
         if not self.turns:
             return self.linear, NONE
         a, w, v = self.anchor, self.angular, self.linear
@@ -114,12 +117,12 @@ class Twist(FrozenStruct, kw_only=False):
         return (x + v[0], y + v[1], z + v[2]), w
 
     def seen_from(self, X_AB: Pose) -> Twist:
-        """In frame A, of a twist that is given in B."""
+        """Return this twist, given in frame B, in frame A."""
         turn = X_AB.rotation
         return Twist(rotate(turn, self.angular), rotate(turn, self.linear), X_AB.apply(self.anchor))
 
     def reversed(self) -> Twist:
-        """The twist that undoes it: `reversed().exponential(q)` is the inverse of `exponential(q)`."""
+        """Return the inverse twist: `reversed().exponential(q)` is the inverse of `exponential(q)`."""
         return Twist(_negated(self.angular), _negated(self.linear), self.anchor)
 
 
@@ -128,8 +131,11 @@ _PLAIN = {X: turned_x, Y: turned_y, Z: turned_z}
 
 
 def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = False) -> Pose:
-    """Where twists take a frame at coordinates `q` (as many): one after the other, each seen in the frame that those before it have moved,
-    or `at_once`, turns about axes through one point by the rotation vector that their angles make together."""
+    """Return the pose of a frame that twists move by coordinates `q` (one per twist).
+
+    Twists are applied in sequence, each in the frame that those before it have moved; or, with `at_once`, as exponential coordinates:
+    rotations about axes through one point, by the rotation vector that they add up to.
+    """
     if at_once:
         vector = rotation_vector(twists, q)
         angle = hypot(*vector)
@@ -144,8 +150,9 @@ def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = Fa
 
 
 def velocities(twists: tuple[Twist, ...], q: tuple[float, ...], pose: Pose, *, at_once: bool = False) -> Iterator[tuple[int, Twist]]:
-    """The number of every coordinate, the last first, and how its change alone moves what they move, which is at `pose`, per unit at `q`:
-    a twist as seen from where `pose` is seen (of what turns at once its angular part is no unit vector)."""
+    """Yield the index of every coordinate, the last first, and the twist of its motion at `q`, in the frame of `pose` (the pose of the
+    frame that the twists move). With `at_once`, the angular part is not a unit vector.
+    """
     if at_once:
         turned = rotation_vector(twists, q)
         for number in range(len(twists) - 1, -1, -1):
@@ -158,7 +165,7 @@ def velocities(twists: tuple[Twist, ...], q: tuple[float, ...], pose: Pose, *, a
 
 
 def within_turn(vector: Vector) -> Vector:
-    """The rotation vector [rad] of the same turn that is no longer than pi."""
+    """Return the equivalent rotation vector [rad] with a length of at most pi."""
     angle = hypot(*vector)
     if angle <= pi:
         return vector
@@ -167,15 +174,16 @@ def within_turn(vector: Vector) -> Vector:
 
 
 def rotation_vector(twists: tuple[Twist, ...], q: tuple[float, ...]) -> Vector:
-    """The axis times the angle [rad] of the turn that twists make at once, in the frame that they are seen from."""
+    """Return the rotation vector (axis times angle [rad]) of twists with exponential coordinates `q`."""
     x, y, z = (sum_of(value * twist.angular[k] for twist, value in zip(twists, q, strict=True)) for k in range(3))
     return (x, y, z)
 
 
 def _right_jacobian(w: Vector, v: Vector) -> Vector:
-    """How fast what is turned by the rotation vector w turns, in its own axes, while w changes by v: `v - b w x v + c w x (w x v)` with
-    b = (1 - cos a) / a^2, c = (a - sin a) / a^3, a = |w| (Chirikjian, Stochastic Models, Information Theory, and Lie Groups 2, 2012,
-    section 10.3.3); near 0 by their series."""
+    """Return the angular velocity, in body axes, of a body rotated by the rotation vector w while w changes by v: `v - b w x v + c w x (w x
+    v)` with b = (1 - cos a) / a^2, c = (a - sin a) / a^3, a = |w| (Chirikjian, Stochastic Models, Information Theory, and Lie Groups 2,
+    2012, section 10.3.3); by their series near 0.
+    """
     a = hypot(*w)
     if a < 1e-2:
         b, c = 0.5 - a * a / 24.0 + a**4 / 720.0, 1.0 / 6.0 - a * a / 120.0 + a**4 / 5040.0

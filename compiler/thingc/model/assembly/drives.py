@@ -1,4 +1,4 @@
-"""The moving part of a mate: a joint with what its drive leaves to the actuator filled in."""
+"""Joint edges of the mate graph, with the values that their drives provide."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.types import Drive, Joint
 
 _INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`drive: {kind: position, kp: 200 N/m}`"}
-"""By the joint of the core an example of a drive written in the document."""
+"""Example of an inline drive, by kind of joint."""
 
 
 def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
-    """The joint at its path as its document states it, without what its drive adds."""
+    """Return the joint edge as the document states it, without values of its drive."""
     mimic = None if joint.mimic is None else replace(joint.mimic, joint=_named(instance, joint.mimic.joint))
     return JointEdge(
         name=_named(instance, joint.name), kind=joint.kind, twist=twist, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset,
@@ -29,12 +29,12 @@ def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
 
 
 def _named(instance: Instance, name: CoordinateName) -> CoordinateName:
-    """What the top document calls a coordinate of the document at `instance`."""
+    """Return the name of a coordinate of the document at `instance` in the top document."""
     return CoordinateName(f"{instance.path.replace('/', '.')}.{name}") if instance.path else name
 
 
 def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findings: LinkReport) -> JointEdge:
-    """The joint at its path. Effort, velocity and armature come from the drive unless the joint states them."""
+    """Return the joint edge. Effort, velocity and armature come from the drive unless the joint states them."""
     origin = joint.origin + instance.origin
     path = instance.within(joint.path)
     limit, dynamics = joint.limit, joint.dynamics
@@ -79,7 +79,9 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
 
 
 def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: Drive, findings: LinkReport) -> Drive | None:
-    """The drive with the numbers of the Thing's actuator, what is written inline first. None where it is wrong."""
+    """Fill in a drive from the actuator of its Thing; inline values take precedence. Return None if it is invalid or the part is not
+    exact.
+    """
     if drive.component is None:
         return drive
     named = tree.component(instance, drive.component)
@@ -96,7 +98,7 @@ def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: D
 
 
 def _drive_notes(tree: Tree, instance: Instance, drive: Drive) -> tuple[Note, ...]:
-    """The note that shows where the Thing that drives is written; none of an inline drive."""
+    """Return the note that shows where the Thing of a drive is written; empty for an inline drive."""
     named = tree.component(instance, drive.component) if drive.component is not None else None
     if named is None or named.part is None or named.part.record is None:
         return ()

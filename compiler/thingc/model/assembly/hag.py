@@ -1,4 +1,4 @@
-"""The hierarchical assembly graph: definitions, and which is a subcomponent of which."""
+"""The hierarchical assembly graph (HAG): definitions and their subcomponents."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Reference
 
 DefinitionKind = Literal["assembly", "part", "file", "link", "frame"]
-"""What a node of the HAG is."""
+"""Kind of a node of the HAG."""
 
 
 class Definition(OneLineRepr, FrozenStruct):
-    """A node of the HAG. `text` prints it exactly and is its identity together
-    with `reference` (`module:Class`, a file or a document path in the workspace); `label` prints it for people. Of a mirror image
-    `mirror` is the axis, `plain` what it mirrors."""
+    """A node of the HAG.
+
+    `text` prints it exactly and is, with `reference` (`module:Class`, a file, or the path of a document in the workspace), its identity.
+    `label` is the display name. `mirror` is the axis of a mirror image, and `plain` the definition that it mirrors.
+    """
 
     text: str
     label: str
@@ -30,7 +32,7 @@ class Definition(OneLineRepr, FrozenStruct):
 
     @classmethod
     def of(cls, made: PartDefinition | LinkDefinition | AssemblyDefinition) -> Definition:
-        """The node of a part, a link or an assembly."""
+        """Return the node of a part, a link or an assembly."""
         kind: DefinitionKind
         match made:
             case PartDefinition():
@@ -46,9 +48,9 @@ class Definition(OneLineRepr, FrozenStruct):
 
 
 class DefinitionEdge(OneLineRepr, FrozenStruct):
-    """"is a subcomponent of": `child` stands in `parent` (texts of definitions) as `component`.
+    """An edge of the HAG: `parent` contains `child` (texts of definitions) as its component `component`.
 
-    `mounts` prints how (`back -> plate.servo_seat`), `joint` is the name of the joint that places it, if one does.
+    `mounts` shows how it is placed (`back -> plate.servo_seat`), `joint` is the name of the joint that places it, if any.
     """
 
     parent: str
@@ -59,7 +61,7 @@ class DefinitionEdge(OneLineRepr, FrozenStruct):
 
 
 class Hag(OneLineRepr, FrozenStruct):
-    """The hierarchical assembly graph: acyclic, equal definitions one node, in the order first met (top first)."""
+    """The hierarchical assembly graph: acyclic, one node per distinct definition, in depth-first order from the top."""
 
     root: str
     definitions: tuple[Definition, ...]
@@ -67,16 +69,16 @@ class Hag(OneLineRepr, FrozenStruct):
 
     @property
     def label(self) -> str:
-        """What the whole robot is called, for people."""
+        """Display name of the robot."""
         return self.definitions[0].label
 
 
 FRAME = Definition(text="frame", label="frame", reference="frame", kind="frame")
-"""The one definition of every component without geometry."""
+"""The definition that all components without geometry share."""
 
 
 def hag_of(model: AssemblyDefinition) -> Hag:
-    """The graph of `model`: equal definitions are one node, in the order first met, the top first (depth first)."""
+    """Return the graph of `model`: one node per distinct definition, in depth-first order from the top."""
     names = _Names()
     edges: list[DefinitionEdge] = []
     met: dict[Definition, None] = {}
@@ -105,15 +107,16 @@ def hag_of(model: AssemblyDefinition) -> Hag:
 
 
 class _Names:
-    """The nodes of definitions. Texts are what edges refer to: where two documents (or an assembly and a frame) print alike, the
-    later one met gets its document in brackets."""
+    """Nodes by definition. Edges refer to texts: if two definitions print the same text (two documents, or an assembly and a frame),
+    the later one gets its reference in brackets.
+    """
 
     def __init__(self) -> None:
         self._given: dict[tuple[str, str, str], Definition] = {}
         self._taken: set[str] = set()
 
     def of(self, made: PartDefinition | LinkDefinition | AssemblyDefinition | None) -> Definition:
-        """The node of an assembly, a part, a link, or a frame (None)."""
+        """Return the node of an assembly, a part, a link, or a frame (None)."""
         node = Definition.of(made) if made is not None else FRAME
         key = (node.kind, node.reference, node.text)
         if key not in self._given:
@@ -124,7 +127,7 @@ class _Names:
 
 
 def _mounts(component: Component, joint: Joint | None) -> str:
-    """`back -> plate.servo_seat`; `in bracket.board` for a plain placement; empty for the base."""
+    """Describe how a component is placed: `back -> plate.servo_seat`, `in bracket.board` for `at`, empty for the base."""
     placement = component.placement
     if isinstance(placement, Attach):
         return f"{_own(component, placement.mount)} -> {_reference_text(placement.to)}"
@@ -134,7 +137,7 @@ def _mounts(component: Component, joint: Joint | None) -> str:
 
 
 def _own(component: Component, reference: Reference) -> str:
-    """A reference of the component to its own mount, without its own name."""
+    """Format a reference to a mount of the component itself, without the component's name."""
     shown = _reference_text(reference)
     return shown.removeprefix(f"{component.name}.")
 

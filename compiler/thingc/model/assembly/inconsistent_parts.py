@@ -1,4 +1,4 @@
-"""Parts that are not the same twice: what two records of one definition do not agree on, and where that is said."""
+"""Non-deterministic parts: compare two records of one definition and report the differences."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from thingc.model.assembly.report import written_at
 from thingc.model.assembly.types import Assembly
 
 OTHER_SEED = 1
-"""The hash seed of the second time. It is fixed, so that a part that differs does so in every run."""
+"""Hash seed of the second run; fixed, so that a part that depends on it differs in every run."""
 
 _HELP = (
     "sort what comes from a set: `sorted(names)`; seed generators; make a parameter of what the clock, the environment or another "
@@ -21,12 +21,11 @@ _HELP = (
 )
 
 Show = Callable[[Any, int], str]
-"""A value for people, numbers to so many digits."""
+"""Format a value with a number of significant digits."""
 
 
 class RecordDifference(FrozenStruct, kw_only=False):
-    """Something that two records do not agree on: what it is called (`volume`), and in words (`its volume is 1.2 cm^3 and
-    1.3 cm^3`)."""
+    """A difference of two records: the name of the property (`volume`), and a description (`its volume is 1.2 cm^3 and 1.3 cm^3`)."""
 
     name: str
     words: str
@@ -49,13 +48,13 @@ def _text(value: Any, digits: int) -> str:
 
 
 class _Field(FrozenStruct, kw_only=False):
-    """A field of a record as people call it, and how its value is shown; what cannot be shown in a few words only differs."""
+    """Display name of a field of a record, and how to format its values; without `show`, a difference is reported without values."""
 
     name: str
     show: Show | None = None
 
     def difference(self, first: Any, second: Any) -> RecordDifference | None:
-        """What to say of these two values, or None where they are equal, in order as well."""
+        """Describe how two values differ, including their order. Return None if they are equal."""
         if isinstance(first, DeclaredValue) and isinstance(second, DeclaredValue) and first.source == second.source:
             first, second = first.value, second.value
         if isinstance(first, Mapping):
@@ -95,28 +94,28 @@ FIELDS: Mapping[str, _Field] = {
     "up": _Field("way to lie on a printer"), "apart": _Field("number of bodies, or their volume"),
     "meshes": _Field("meshes"), "pieces": _Field("collision geometry"), "fits": _Field("smallest enclosing shapes"),
 }
-"""By field of a record, the most telling first."""
+"""Compared fields of a record, most informative first."""
 
 LEFT_OUT = frozenset({"text", "code", "own_image", "warnings", "convex", "slices", "exact", "brep"})
-"""Fields that say nothing of what a part has become, or follow from its meshes. The B-rep has noise of the kernel
-(see `modelling.DECIMALS`)."""
+"""Fields that are not compared: they do not affect the part, or follow from its meshes. The B-rep has numerical noise of the kernel
+(see `modelling.DECIMALS`).
+"""
 
 
 def differences(first: PartRecord, second: PartRecord) -> list[RecordDifference]:
-    """Everything that two records do not agree on, to the last bit; the most telling first."""
+    """Return all differences of two records (compared exactly), most informative first."""
     compared = (field.difference(getattr(first, name), getattr(second, name)) for name, field in FIELDS.items())
     return [difference for difference in compared if difference is not None]
 
 
 def definitions_of(assembly: Assembly) -> tuple[PartDefinition, ...]:
-    """Every part of an assembly, once, in the order in which they stand in it."""
+    """Return the distinct parts of an assembly, in the order of their first occurrence."""
     parts = (one.component.definition for one in assembly.occurrences)
     return tuple({part.text: part for part in parts if isinstance(part, PartDefinition)}.values())
 
 
 def compare(assembly: Assembly, again: Mapping[str, PartRecord | PartFailure], report: Report) -> None:
-    """An error for each part of which the record in `again` (by text) is another than in the assembly, at the first of its
-    occurrences."""
+    """Report an error for each part whose record in `again` (by text) differs from that in the assembly, at its first occurrence."""
     waiting = dict(again)
     for occurrence in assembly.occurrences:
         second = waiting.pop(occurrence.definition.text, None)

@@ -1,4 +1,4 @@
-"""Whether every link that moves can: mass above 0, an inertia that some solid has, and both of a size that MuJoCo reckons with."""
+"""Check that every moving link has a mass above 0, a physically possible inertia, and values that MuJoCo accepts."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from thingc.model.assembly.types import Connected, Occurrence
 from thingc.model.resolve.plausibility import SMALLEST, density_doubt, mass_words, measures, unit_meant
 
 _ROOM = 1e-9
-"""For rounding, as a part of a moment."""
+"""Relative tolerance for rounding errors."""
 
 
 def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
-    """The occurrences with an inertia, written in a document, that no solid has, in a link that has none either: each is an error.
+    """Report stated inertias that are not physical, and return the indices of these occurrences.
 
-    Where the link as a whole has one that is, as after `fixed` joints of URDF, nothing will move otherwise than a solid.
+    A non-physical inertia is accepted if that of the whole link is physical (common after `fixed` joints of URDF); a zero inertia is not.
     """
     faulty = []
     for index, one in enumerate(robot.occurrences):
@@ -45,12 +45,11 @@ def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
 
 
 def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport) -> None:
-    """One error per link that moves in some mode and cannot.
+    """Report one error per link that moves in some mode without a valid mass and inertia.
 
-    A link moves in a mode unless it is that mode's root and the base is `fixed` or `held`. Those `between` two joints, which are several
-    joints of the link behind them, have to weigh something where they are the root alone. Links with an occurrence
-    of `faulty` (its mass is wrong, and that has been reported) are left out; of links that the same line of a document
-    made (a definition used several times), the first is named.
+    A link moves in a mode unless it is the root and the base is `fixed` or `held`. Massless intermediate links (`between` two joints) only
+    need a mass in modes whose root they are. Links with an occurrence in `faulty` (already reported) are skipped. Links that the same
+    line of a document defines (a definition used several times) are reported once.
     """
     said: set[Span] = set()
     modes, link_of = robot.modes, robot.link_of
@@ -93,7 +92,7 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
 
 
 def _light(mass: float, least: float) -> str | None:
-    """What of a link that moves is too small for MuJoCo, its mass or its smallest moment, in words; None where neither is."""
+    """Describe why the mass or the smallest principal moment [kg m^2] of a moving link is too small for MuJoCo; None if neither is."""
     if mass <= LEAST_MASS:
         return f"it weighs {mass_words(mass)}, and must weigh more than {mass_words(LEAST_MASS)}"
     if least < LEAST_MOMENT * (1.0 + _ROOM):
@@ -102,13 +101,13 @@ def _light(mass: float, least: float) -> str | None:
 
 
 def _measured(one: Occurrence) -> str:
-    """`arm` (`foot.stl`) measures 0.06 x 0.06 x 0.06 mm and weighs 2.7e-07 g."""
+    """Describe size and mass: `arm`, `foot.stl`, measures 0.06 x 0.06 x 0.06 mm and weighs 2.7e-07 g."""
     size = f" measures {measures(one.box)} and" if one.box is not None else ""
     return f"`{one.path}`, `{one.definition.label}`,{size} weighs {mass_words(one.properties.mass)}"
 
 
 def _cause(one: Occurrence) -> str:
-    """What is probably wrong with the heaviest component of a link that is too light: its unit, its density, or nothing."""
+    """Return a hint on why a link is too light: the unit or the density of its heaviest component, else a general hint."""
     record = one.record
     if record is not None and record.box is not None:
         longest = numeric.maximum(above - below for below, above in zip(*record.box))
@@ -121,5 +120,5 @@ def _cause(one: Occurrence) -> str:
 
 
 def _format_members(members: Sequence[Occurrence]) -> str:
-    """`components a, b and 3 more`."""
+    """Format names: `components a, b and 3 more`."""
     return f"component{'' if len(members) == 1 else 's'} {quoted([one.path for one in members], 6)}"

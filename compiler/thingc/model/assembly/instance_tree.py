@@ -1,6 +1,6 @@
-"""The definitions unrolled into a tree of instances, and references looked up in it.
+"""The tree of instances of all definitions, and lookup of references in it.
 
-An instance is one place of a definition: of a nested assembly, or of a part or frame (an occurrence).
+An instance is one use of a definition: of a nested assembly, or of a part or frame (an occurrence).
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, R
 
 @dataclass(slots=True, eq=False)
 class Instance:
-    """A place in the tree. `path` is `hand/cap` (empty at the top); `origin` the chain of spans that made it.
+    """A node of the tree. `path` is like `hand/cap` (empty for the top), `origin` the chain of spans that created it.
 
-    Exactly one of `assembly` and `part` is there, unless the component was wrong and has been reported (neither).
-    `index` counts occurrences in document order; of an assembly, whose `base` is the component that nothing places, it is
-    that of the base's occurrence. None where that is missing.
+    Either `assembly` or `part` is set; neither, if the component is invalid (already reported).
+    `index` counts occurrences in document order. For an assembly it is the index of `base`, the component that is not placed; None if
+    there is no base.
     """
 
     path: str
@@ -39,11 +39,11 @@ class Instance:
     base: Instance | None = None
 
     def within(self, name: str) -> str:
-        """The path of something called `name` in this assembly."""
+        """Return the path of the element `name` in this assembly."""
         return f"{self.path}/{name}" if self.path else name
 
     def occurrences(self) -> Iterator[Instance]:
-        """The occurrences in it, itself if it is one, in document order."""
+        """Yield the occurrences in this instance (including itself), in document order."""
         waiting = [self]
         while waiting:
             instance = waiting.pop()
@@ -53,13 +53,13 @@ class Instance:
 
 
 class FoundMount(MountAt):
-    """A mount that was looked up, and its frame in the occurrence's."""
+    """A mount that was found, with its pose in the occurrence's frame."""
 
     pose: Pose
 
 
 class _Fault(FrozenStruct):
-    """Why a name leads nowhere. `silent`: because of something that has been, or will be, reported by itself."""
+    """Why a name could not be resolved. `silent`: the cause is reported elsewhere."""
 
     code: Code = Code.INCOMPLETE
     message: str = ""
@@ -72,16 +72,16 @@ _SILENT = _Fault(silent=True)
 
 
 def unplaced(definition: AssemblyDefinition) -> list[str]:
-    """The names of the components that nothing places: exactly one, the base, in a sound document."""
+    """Return the names of components that are not placed; in a valid document only the base."""
     placed = {joint.child.path[0] for joint in definition.joints if joint.child.path and not joint.loop}
     return [c.name for c in definition.components if c.placement is None and c.name not in placed]
 
 
 class Tree:
-    """The unrolled model.
+    """The tree of instances of a model.
 
-    `assemblies` are parents first, `occurrences` in document order (those of a nested assembly where it stands); `added`
-    are mounts that documents add to nested assemblies, per occurrence: they lie on the base of the assembly.
+    `assemblies` lists parents before children, `occurrences` is in document order (including those of nested assemblies). `added` contains
+    the mounts that documents add to nested assemblies, by occurrence: they are on the base of the assembly.
     """
 
     def __init__(self, model: AssemblyDefinition, instances: PartInstances, findings: LinkReport) -> None:
@@ -120,7 +120,7 @@ class Tree:
                     self.occurrences.append(instance)
 
     def _find_bases(self) -> None:
-        for instance, definition in reversed(self.assemblies):  # a base that is an assembly has found its own before
+        for instance, definition in reversed(self.assemblies):  # children first: the base may itself be an assembly
             bases = unplaced(definition)
             if len(bases) != 1:
                 self._findings.leave_out()
@@ -145,7 +145,7 @@ class Tree:
                     self.added.setdefault(instance.index, {})[f"{instance.path}/{name}"] = frame
 
     def find(self, instance: Instance, reference: Reference) -> FoundMount | None:
-        """The mount that `reference` names, read in the document of `instance`; None where it is wrong (reported)."""
+        """Resolve `reference` in the document of `instance` to a mount. Report an error and return None if it is invalid."""
         place: FoundMount | Instance | _Fault = self._walk(instance, reference.path)
         if isinstance(place, Instance):
             place = self._mount(place, reference.mount or "origin", ".".join(reference.path), instance)
@@ -155,12 +155,12 @@ class Tree:
         return None
 
     def shown(self, instance: Instance, name: str) -> FoundMount | None:
-        """The mount called `name` that a component shows; None where it has none of that name."""
+        """Return the mount `name` that a component exports; None if it has no such mount."""
         mount = self._mount(instance, name, "", self.top)
         return mount if isinstance(mount, FoundMount) else None
 
     def component(self, instance: Instance, reference: Reference) -> Instance | None:
-        """The component that `reference` names (its mount, if it has one, is not looked at)."""
+        """Resolve `reference` to its component, ignoring the mount, if any. Report an error and return None if it is invalid."""
         place = self._walk(instance, reference.path)
         if isinstance(place, Instance):
             return place
@@ -169,7 +169,7 @@ class Tree:
 
     def _say(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
         self._findings.leave_out()
-        # One line of a document may refer to many things (a `repeat`, a nested document used twice): it is said once.
+        # One line of a document may refer to many things (a `repeat`, a nested document used twice): report it once.
         place = (fault.code, re.sub(r"\d+", "#", reference.text), reference.origin[:1])
         if not fault.silent and place not in self._said:
             self._said.add(place)
@@ -193,9 +193,10 @@ class Tree:
         return instance
 
     def _mount(self, instance: Instance, name: str, shown: str, document: Instance) -> FoundMount | _Fault:
-        """A mount by name: of a part, of an assembly (exported or added), or `origin`. `shown` names the instance, as `document` does.
+        """Find a mount by name: of a part, of an assembly (exported or added), or `origin`.
 
-        What is wrong with an exported mount is said of the line that exports it, not of those that use it.
+        `shown` is the name of the instance in `document`, for messages. An invalid exported mount is reported at the line that exports it,
+        not where it is used.
         """
         met: set[tuple[str, str]] = set()
         exported, within = False, document.assembly
@@ -230,14 +231,14 @@ class Tree:
                     help=_mount_help(name, [*definition.mounts, *added, "origin"], document), notes=_shown_by(definition),
                 )
         if instance.part is not None and instance.index is not None and name in instance.part.mounts:
-            mirror = within.mirror if within is not None and name == "origin" else None  # the image of a frame, as a mount, is another
+            mirror = within.mirror if within is not None and name == "origin" else None  # the mirror image of a frame is another mount
             pose = Mirror(mirror).origin if mirror else instance.part.mounts[name].pose
             return FoundMount(occurrence=instance.index, mount=name, pose=pose)
         return _SILENT if exported else _no_mount(instance, name, shown, document)
 
 
 def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> _Fault:
-    """What there is to say of a part that has no such mount."""
+    """Return the fault for a part without a mount of this name."""
     part = instance.part
     if part is None or instance.index is None:
         return _SILENT
@@ -252,8 +253,9 @@ def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> 
 
 
 def _mount_help(name: str, mounts: Collection[str], document: Instance) -> str:
-    """A hint for a mount that a component does not have: the numbers of a list, the nearest name, or the mounts that it has and those of
-    this name that one other component has."""
+    """Suggest a fix for an unknown mount: the indices of a list, the nearest name, the existing mounts, or the one other component that
+    has a mount of this name.
+    """
     numbers = sorted(int(one[len(name) + 1 :]) for one in mounts if re.fullmatch(rf"{re.escape(name)}_\d+", one))
     if numbers:
         return f"`{name}` is a list: its mounts are `{name}_{numbers[0]}`" + (f" to `{name}_{numbers[-1]}`" if len(numbers) > 1 else "")
@@ -264,25 +266,26 @@ def _mount_help(name: str, mounts: Collection[str], document: Instance) -> str:
 
 
 def _may_be_there(name: str, mounts: Collection[str]) -> bool:
-    """Whether a part of which only the mounts of a relative are known may have this one, too: where none are known, and a member
-    of a list (`hip_7` where there is a `hip_0`), for how many a list has may follow from any parameter."""
+    """Return whether a part that is only approximately known may have this mount: no mounts are known, or `name` is an element of a list
+    (`hip_7` if there is a `hip_0`), whose length may depend on any parameter.
+    """
     stem, _, index = name.rpartition("_")
     return not mounts or index.isdigit() and f"{stem}_0" in mounts
 
 
 def _counted(reference: Reference) -> tuple[Note, ...]:
-    """The note that shows how often a reference with an index is repeated; none where both are on one line."""
+    """Return the note that shows where the `repeat` of an indexed reference is written; empty if both are on one line."""
     here, there = reference.repeat_origin[:1], reference.origin[:1]
     return noted(COUNTED, here) if here and there and here[0].line != there[0].line else ()
 
 
 def _owner(instance: Instance, shown: str) -> str:
-    """`hand.cap` (`arm:Cap`): as the document that refers to it names it, and what it is."""
+    """Format an instance by its name in the referring document and its definition: `hand.cap` (`arm:Cap`)."""
     label = instance.assembly.label if instance.assembly is not None else instance.part.definition.label if instance.part else ""
     return f"`{shown}` (`{label}`)" if shown and label else f"`{shown or label}`"
 
 
 def _shown_by(definition: AssemblyDefinition) -> tuple[Note, ...]:
-    """Where an assembly says what it shows."""
+    """Return the note that shows where an assembly exports its mounts."""
     places = [reference.origin[0] for reference in definition.mounts.values() if reference.origin] or list(definition.origin[:1])
     return (Note(message=f"the mounts that `{definition.label}` shows are written here", span=places[0]),) if places else ()

@@ -1,4 +1,4 @@
-"""Where everything is at given joint coordinates: forward kinematics over the mate graph, whatever the root."""
+"""Forward kinematics over the mate graph, from any root."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from thingc.model.assembly.types import Assembly, JointEdge, Mate
 
 
 def joints_of(assembly: Assembly) -> tuple[JointEdge, ...]:
-    """The coordinates of the joints, in joint order: a document's own as written, then those of the documents nested in it."""
+    """Return the coordinates of all joints: a document's own as written, then those of its nested documents."""
     return tuple(joint for mate in assembly.mates for joint in mate.joints)
 
 
 def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dict[str, float]:
-    """q [rad or m] of every joint, in the order of `joints`: as `values` says, else by the joint it mimics, else 0.
+    """Return q [rad or m] by joint path, in the order of `joints`: from `values`, else from the joint that it mimics, else 0.
 
-    Joints that mimic each other in a circle are at 0 (the circle is reported when documents are resolved).
+    Joints that mimic each other in a cycle are at 0 (the cycle is reported when documents are resolved).
     """
     by_path = {joint.path: joint for joint in joints}
     known: dict[str, float] = {}
@@ -41,9 +41,10 @@ def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dic
 
 
 def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -> dict[str, tuple[str, float, float]]:
-    """Of every joint, by path in the order of `joints`: the one that it follows in the end (itself, where it mimics none), and
-    the multiplier and offset [rad or m] by which, q = offset + multiplier q(leader): of polynomials near `q` (every joint by path, rad or
-    m; None: where the leaders are at 0)."""
+    """Return for each joint, by path in the order of `joints`, the joint that it finally follows (itself if it mimics none), a multiplier
+    and an offset [rad or m]: q = offset + multiplier q(leader). Polynomials are linearized at `q` (all joints by path [rad or m]; by
+    default with all leaders at 0).
+    """
     by_path = {joint.path: joint for joint in joints}
     if q is None:
         q = coordinates(by_path.values(), {}) if bent(by_path.values()) else dict.fromkeys(by_path, 0.0)
@@ -51,7 +52,7 @@ def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -
     for path, joint in by_path.items():
         leader, multiplier, offset, mimic = path, 1.0, 0.0, joint.mimic
         met = [path]
-        while mimic is not None and mimic.joint.path in by_path and mimic.joint.path not in met:  # circles are faults of the document
+        while mimic is not None and mimic.joint.path in by_path and mimic.joint.path not in met:  # cycles are errors of the document
             slope, start = mimic.tangent(q[mimic.joint.path])
             offset += multiplier * start
             multiplier *= slope
@@ -63,12 +64,12 @@ def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -
 
 
 def bent(joints: Iterable[JointEdge]) -> bool:
-    """Whether any of them follows another by a polynomial, so that `leaders` depend on q."""
+    """Return whether any joint follows another one by a nonlinear polynomial, so that `leaders` depends on q."""
     return any(joint.mimic is not None and joint.mimic.higher for joint in joints)
 
 
 def across(mate: Mate, q: Mapping[str, float]) -> Pose:
-    """`X_PC(q)`: the child occurrence in the parent occurrence, q [rad or m] by joint path (0 where it says nothing)."""
+    """Return `X_PC(q)`: the child occurrence in the parent occurrence, q [rad or m] by joint path (0 by default)."""
     if not mate.joints:
         return mate.X_PJ @ mate.X_JC
     values = tuple(q.get(joint.path, 0.0) + joint.offset for joint in mate.joints)
@@ -76,13 +77,13 @@ def across(mate: Mate, q: Mapping[str, float]) -> Pose:
 
 
 def balls(joints: Iterable[JointEdge]) -> Iterator[tuple[JointEdge, ...]]:
-    """The coordinates of every ball among coordinates in joint order."""
+    """Yield the three coordinates of every ball joint; `joints` are in joint order."""
     for _, own in groupby((joint for joint in joints if joint.kind.at_once), key=lambda joint: joint.name.joint):
         yield tuple(own)
 
 
 def in_cones(balls: Iterable[tuple[JointEdge, ...]], q: Mapping[str, float]) -> dict[str, float]:
-    """The coordinates of balls [rad] by path: within half a turn, and where they leave the cone of theirs the nearest within it."""
+    """Clamp the coordinates of balls [rad]: return them by path, within half a turn and within the cone limit of each ball."""
     angles: dict[str, float] = {}
     for ball in balls:
         x, y, z = within_turn((q[ball[0].path], q[ball[1].path], q[ball[2].path]))
@@ -93,8 +94,7 @@ def in_cones(balls: Iterable[tuple[JointEdge, ...]], q: Mapping[str, float]) -> 
 
 
 def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
-    """For each occurrence the numbers of the mates that it takes part in, without those that close loops: what is left is the
-    tree by which the documents place things."""
+    """Return for each occurrence the indices of its mates, without those that close loops: the remaining mates form a tree."""
     neighbours: list[list[int]] = [[] for _ in range(count)]
     for number, mate in enumerate(mates):
         if mate.loop is not None:
@@ -106,12 +106,12 @@ def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
 
 
 def on_loops(count: int, mates: Sequence[Mate]) -> frozenset[str]:
-    """The paths of the joints that lie on a loop: those that close one, and those between its ends in the tree of placements."""
+    """Return the paths of joints on loops: those that close a loop, and those between its ends in the tree of placements."""
     closing = [mate for mate in mates if mate.loop is not None]
     if not closing:
         return frozenset()
     neighbours = neighbourhood(count, mates)
-    above: dict[int, tuple[int, int, int]] = {}  # occurrence to the one it was reached from, the mate between, its depth
+    above: dict[int, tuple[int, int, int]] = {}  # by occurrence: predecessor, mate between them, depth
     for start in range(count):
         if start in above:
             continue
@@ -142,10 +142,10 @@ def forward_kinematics(
     mates: Sequence[Mate], neighbours: Sequence[Sequence[int]], start: int, base: Pose, q: Mapping[str, float], *,
     rigid: bool = False,
 ) -> dict[int, Pose]:
-    """Poses of the occurrences that hang together with `start`, which is at `base`: the mates walked outwards.
+    """Return the poses of the occurrences that are connected to `start`, whose pose is `base`.
 
-    `q` [rad or m] by joint path (0 where it says nothing); `rigid` walks only mates without a joint. Linear in what is
-    reached; the answer is in the frame that `base` is given in.
+    `q` [rad or m] is by joint path (0 by default); `rigid` follows only mates without a joint. Poses are in the frame of `base`. Takes time
+    linear in the number of connected occurrences.
     """
     at = {start: base}
     waiting = [start]
@@ -163,9 +163,9 @@ def forward_kinematics(
 
 
 def poses(assembly: Assembly, q: Mapping[str, float], base: Pose = NO_POSE) -> tuple[Pose, ...]:
-    """The pose of every occurrence, in document order, when the assembly's base occurrence is at `base`.
+    """Return the pose of every occurrence, in document order, with the assembly's base occurrence at `base`.
 
-    `q` [rad or m] by joint path; a joint that is not named follows the one it mimics, else it is at 0.
+    `q` [rad or m] is by joint path; joints that it does not contain follow the joint that they mimic, or are at 0.
     """
     full = coordinates(joints_of(assembly), q)
     count = len(assembly.occurrences)

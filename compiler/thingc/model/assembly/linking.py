@@ -1,4 +1,4 @@
-"""The pass `link`: the resolved model and the part records to one assembly, before any root is chosen."""
+"""The pass `link`: build an assembly from the resolved model and the part records, before any root is chosen."""
 
 from __future__ import annotations
 
@@ -30,12 +30,13 @@ ABSENT = {
     "decompose": "there is no convex decomposition of it", "part": "its Thing has no `collision()`", "hull": "it has no hull",
     "mesh": "it has no mesh",
 }
-"""Why there is no shape, by what `collision` chose."""
+"""Why there is no shape, by value of `collision`."""
 
 
 def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """An error for each part of which there is no shape such as its `collision` chooses. Of one whose geometry nobody knows here, as
-    of one that comes from a lock, nothing is said."""
+    """Report an error for each part without the shape that its `collision` selects. Parts of unknown geometry, such as those of a lock, are
+    skipped.
+    """
     for one in occurrences:
         choice = one.overrides.collision
         if one.record is None or not one.record.meshes or choice == "none" or one.touching:
@@ -52,12 +53,11 @@ def link(
     model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure], report: Report, memo: Memo | None = None,
     meshes: Meshes | None = None, *, unmodelled: bool = False,
 ) -> Assembly | None:
-    """The linked assembly, or None where something is wrong (it is in `report`).
+    """Link the model. Return None if there are errors (in `report`).
 
-    `records` answers every part definition of `model` by its text; of one that is `unmodelled` nothing is there, and nothing comes of
-    it but what is wrong with documents alone. `meshes` are the records of the mesh files that links list, as far as they are known. What
-    depends on something that is wrong is left out without a word of its own. The work is linear in the occurrences. What `memo` has of it
-    is taken from there.
+    `records` contains the result of every part definition of `model`, by text. With `unmodelled`, parts are not modelled: only errors of
+    the documents are reported, and the result is None. `meshes` are the known records of mesh files of links. Whatever depends on something
+    invalid is skipped without a further message. Takes time linear in the number of occurrences; `memo` caches intermediate results.
     """
     memo = memo or Memo()
     findings = LinkReport(report)
@@ -92,7 +92,7 @@ def link(
 
 
 def _connected(tree: Tree, model: AssemblyDefinition, mates: tuple[Mate, ...], findings: LinkReport, memo: Memo) -> Connected:
-    """The occurrences, what mates make of them, and what is on them."""
+    """Return the occurrences, the links that mates make of them, and the modes, sensors, tendons and adhesions on them."""
     exported = exported_of(tree, findings)
     occurrences = tuple(
         memo.same(("occurrence", instance.path), _occurrence(index, instance, tree)) for index, instance in enumerate(tree.occurrences)
@@ -109,18 +109,18 @@ def _connected(tree: Tree, model: AssemblyDefinition, mates: tuple[Mate, ...], f
 
 
 def _check(robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
-    """What is wrong with parts where they are, and with links."""
+    """Check the parts and the links."""
     check_contacts(robot.occurrences, findings)
     faulty = check_stated(robot, findings)
     if not findings.incomplete:
-        # Only of whole assemblies: what was left out may be what carries the mass, or what sits on the mount.
+        # Only for complete assemblies: a component that was left out may have the mass, or be on the mount.
         faulty += [occurrence.index for occurrence in robot.occurrences if not occurrence.sound]
         check_links(robot, faulty, findings)
         check_expectations(robot, laid, findings)
 
 
 def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findings: LinkReport) -> None:
-    """Say which component is not `at` a place, where nothing that was said explains it."""
+    """Report a component that is not connected to the base (not in `at`), unless a previous error explains it."""
     if findings.failed or findings.earlier:
         return
     alone = next((one for k, one in enumerate(tree.occurrences) if k not in at), tree.top)
@@ -131,7 +131,7 @@ def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findin
 
 
 def _rest(tree: Tree, mates: Sequence[Mate], memo: Memo) -> dict[int, Pose]:
-    """The poses of the occurrences at q = 0 in the frame of the base, as far as they hang together with it."""
+    """Return the poses of the occurrences that are connected to the base at q = 0, in the frame of the base."""
     base, count = tree.top.index, len(tree.occurrences)
     lie = tuple((m.parent, m.child, m.X_PJ, m.X_JC, m.loop, tuple((j.twist, j.offset) for j in m.joints)) for m in mates)
 

@@ -1,5 +1,4 @@
-"""Occurrences joined rigidly are one link: which they are, their names and frames, their mass properties,
-and their neighbours."""
+"""Links, the sets of rigidly connected occurrences: their names, frames, mass properties and neighbours."""
 
 from __future__ import annotations
 
@@ -19,7 +18,7 @@ from thingc.model.assembly.types import Adhesion, Assembly, Link, LinkedMode, Ma
 
 
 def connected_components(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
-    """For each occurrence the number of its link: links are numbered by their first occurrence in document order.
+    """Return the link number of each occurrence; links are numbered by their first occurrence in document order.
 
     Union-find with path halving over the mates without a joint.
     """
@@ -32,7 +31,7 @@ def connected_components(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
 
 
 class _Naming(FrozenStruct, kw_only=False):
-    """A line of `links:`: what it calls a link, and the occurrence whose frame it picks."""
+    """A line of `links:`: the name of a link, and the occurrence whose frame it uses."""
 
     name: str
     occurrence: int
@@ -42,7 +41,9 @@ class _Naming(FrozenStruct, kw_only=False):
 
 
 def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: LinkReport, memo: Memo) -> tuple[Link, ...]:
-    """The links in order, named and framed as `links:` says (the outermost document wins), else as their first occurrence."""
+    """Return the links in order. Names and frames are those of `links:` (the outermost document wins), else those of the first
+    occurrence.
+    """
     link_of = connected_components(len(occurrences), mates)
     members: list[list[int]] = [[] for _ in range(max(link_of, default=-1) + 1)]
     for occurrence, number in enumerate(link_of):
@@ -76,12 +77,12 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
 
 
 def _summed(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> MassProperties:
-    """Bodies, each in its own frame, as one; `poses` are those of their frames."""
+    """Combine the mass properties of bodies, each in its own frame, whose poses are `poses`."""
     return total(own.seen_from(pose) for own, pose in zip(properties, poses, strict=True))
 
 
 def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[int, _Naming]:
-    """By link the line of `links:` that counts: of the outermost document, and there of the first."""
+    """Return the effective line of `links:` by link: that of the outermost document, and its first."""
     chosen: dict[int, _Naming] = {}
     for instance, definition in tree.assemblies:
         depth = instance.path.count("/") + 1 if instance.path else 0
@@ -108,7 +109,7 @@ def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[i
 
 
 def _clash(other: Link, link: Link, *, named: bool, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Two links of one name: one was named so by `links:`, the other is called after its first occurrence."""
+    """Report two links of the same name: one is named by `links:`, the other by its first occurrence."""
     written, called = (link, other) if named else (other, link)
     first = occurrences[called.members[0]]
     findings.error(
@@ -122,8 +123,9 @@ def links_between(
     links: Sequence[Link], link_of: Sequence[int], occurrences: Sequence[Occurrence], mates: Sequence[Mate], modes: Sequence[LinkedMode],
     adhesions: Sequence[Adhesion],
 ) -> frozenset[int]:
-    """The links (by index) that stand between exactly two joints, on no loop and none of them a ball, and have no mass, no inertia and no
-    geometry; nothing holds them, stands on them or pulls at them."""
+    """Return the indices of massless intermediate links: without mass, inertia and geometry, with exactly two joints, neither of them a
+    ball or on a loop, and without a hold, a foot or an adhesion.
+    """
     ends: dict[int, list[Mate]] = {link.index: [] for link in links if link.properties.mass == 0.0 and link.properties.inertia == ZERO}
     busy = [mount.occurrence for mount in adhesions]
     for mode in modes:
@@ -144,8 +146,7 @@ def links_between(
 
 
 def neighbouring_links(assembly: Assembly, root: int) -> Iterator[tuple[int, int]]:
-    """The links on both sides of every joint, in the order of the joints: beyond those that only join it to another one, but for the link
-    `root`, which is held and parts what stands on it."""
+    """Yield the links on both sides of every joint, in joint order, skipping massless intermediate links except `root`."""
     ends = [
         (assembly.link_of[mate.parent], assembly.link_of[mate.child]) for mate in assembly.mates if mate.joints or mate.loop is not None
     ]
@@ -159,7 +160,7 @@ def neighbouring_links(assembly: Assembly, root: int) -> Iterator[tuple[int, int
 
 
 def _beyond(between: Collection[int], at: dict[int, list[tuple[int, int]]], link: int, pair: tuple[int, int]) -> int:
-    """The first link from `link` on, away from the joint between `pair`, that is more than a joint between two others."""
+    """Return the first link, starting at `link` and moving away from the joint `pair`, that is not an intermediate link."""
     while link in between:
         pair = next(other for other in at[link] if other != pair)
         link = pair[0] if pair[1] == link else pair[1]

@@ -1,7 +1,7 @@
-"""The mass, centre and inertia of one component: who may say it, and who is asked first.
+"""Mass, centre of mass and inertia of one component.
 
-Component override, then the Thing's own `mass()` and `matrix_of_inertia()`, then density x what the part is made of: its exact volume,
-or, with an infill, what is printed of it.
+In order of precedence: overrides of the component, the Thing's `mass()` and `matrix_of_inertia()`, density x volume. The volume is that of
+the solid, or, with an infill, the estimated printed volume.
 """
 
 from __future__ import annotations
@@ -20,15 +20,17 @@ NOTHING = MassProperties(mass=0.0)
 
 
 class Density(FrozenStruct):
-    """A density [kg/m^3] and whether it is a guess, which makes every mass computed from it one."""
+    """A density [kg/m^3]. `estimated` marks a guess; every mass that is computed from it is estimated, too."""
 
     value: float
     estimated: bool = False
 
 
 class MassResult(FrozenStruct):
-    """The answer: properties in the component's frame, and where the mass came from
-    (`measured | vendor | stated | derived | estimated`); `estimate` is `layers | skin` where it was worked out from an infill."""
+    """Mass properties in the component's frame, and their source (`measured | vendor | stated | derived | estimated`).
+
+    `estimate` is the method (`layers | skin`) if an infill was taken into account, else None.
+    """
 
     properties: MassProperties
     source: str
@@ -36,7 +38,7 @@ class MassResult(FrozenStruct):
 
 
 def merged(over: Process | None, under: Process | None) -> Process | None:
-    """`over` key by key on top of `under`."""
+    """Merge two processes; keys of `over` take precedence."""
     if over is None or under is None:
         return over if over is not None else under
     stated = {name: value for name in Process.__struct_fields__ if (value := getattr(over, name)) is not None}
@@ -48,37 +50,38 @@ _NEEDED = {"skin": ("walls", "line_width"), "layers": ("walls", "line_width", "l
 
 
 def estimate_of(process: Process | None) -> str | None:
-    """How the volume that is printed with this process is worked out: `layers` or `skin`; None where the part is solid."""
+    """Return the method that estimates the printed volume: `layers` or `skin`; None for a solid part."""
     if process is None or process.infill is None or process.infill >= 1.0:
         return None
     return process.estimate or ("layers" if process.kind == "fdm" else "skin")
 
 
 def missing_keys(process: Process | None) -> tuple[str, ...]:
-    """The keys of a process that the estimate misses: `("walls",)`."""
+    """Return the keys that the estimate requires and the process lacks, such as `("walls",)`."""
     return tuple(key for key in _NEEDED.get(estimate_of(process) or "", ()) if getattr(process, key) is None)
 
 
 def unsaid_keys(process: Process | None) -> tuple[str, ...]:
-    """Those of the `missing_keys` that nothing is written for: of one that is wrong it has been said, and none may be missing where what
-    the estimate goes by is wrong."""
+    """Return the `missing_keys` that have not been reported: without invalid keys (already reported), and none if `kind` or `estimate` is
+    invalid.
+    """
     if process is None or not process.wrong.isdisjoint(("kind", "estimate")):
         return ()
     return tuple(key for key in missing_keys(process) if key not in process.wrong)
 
 
 def layers_too_high(process: Process) -> bool:
-    """Whether its layers are higher than its lines are wide."""
+    """Return whether layers are higher than lines are wide."""
     return process.layer is not None and process.line_width is not None and process.layer > process.line_width
 
 
 def slicing_of(process: Process | None, overrides: Overrides, record: PartRecord) -> Slicing | None:
-    """How a part is cut into layers, where its mass comes from them; None where it does not, or the process cannot say how."""
+    """Return how to slice a part whose mass is estimated from its layers; None if it is not, or if the process is incomplete."""
     return layers_of(process, overrides.up or record.up) if record.volume > 0.0 else None
 
 
 def layers_of(process: Process | None, up: Vector | None) -> Slicing | None:
-    """How a process cuts whatever lies on the printer this way `up`; None as above."""
+    """Return how a process slices a part with the print direction `up`; None if it does not estimate by layers or is incomplete."""
     if process is None or estimate_of(process) != "layers" or missing_keys(process) or layers_too_high(process):
         return None
     return Slicing(
@@ -89,10 +92,10 @@ def layers_of(process: Process | None, up: Vector | None) -> Slicing | None:
 
 
 def component_mass(record: PartRecord | None, density: Density | None, process: Process | None, overrides: Overrides) -> MassResult | None:
-    """The mass properties of a component, or None where nothing says its mass.
+    """Return the mass properties of a component, or None if its mass is not specified.
 
-    `record` is None for a frame. `density` is the Thing's own or the material's, None where there is neither. A mass
-    alone scales whatever inertia there is, a centre alone moves it unchanged; inertias are about the centre.
+    `record` is None for a frame. `density` is that of the Thing or the material, if any. If only the mass is overridden, the inertia is
+    scaled; if only the centre is, the inertia is unchanged. Inertias are about the centre.
     """
     matter, estimate = _matter(record, process, overrides)
     natural = _natural(matter, density, estimate)
@@ -125,20 +128,21 @@ def component_mass(record: PartRecord | None, density: Density | None, process: 
 
 
 def weigh_link(matter: MassProperties, overrides: Overrides) -> MassResult:
-    """The mass properties of a link: what the document states, else what its shapes weigh, which `matter` is then. A mass alone is spread
-    over them, as `matter` is."""
+    """Return the mass properties of a link: as stated in the document, else `matter`, those of its shapes. If only the mass is stated,
+    `matter` is scaled to it.
+    """
     if overrides.mass is None:
         return MassResult(properties=_with_overrides(matter, overrides), source="derived")
     return MassResult(properties=_with_overrides(matter.with_mass(overrides.mass.value[0]), overrides), source=overrides.mass.source)
 
 
 def is_fully_stated(overrides: Overrides) -> bool:
-    """Whether a document says all of a mass: how large it is, where it is, and how it is spread."""
+    """Return whether a document states mass, centre of mass and inertia."""
     return overrides.mass is not None and overrides.com is not None and overrides.inertia is not None
 
 
 def _with_overrides(properties: MassProperties, overrides: Overrides) -> MassProperties:
-    """With the centre and the inertia that the document states, as far as it does."""
+    """Apply the centre and the inertia that the document states."""
     if overrides.com is not None:
         x, y, z = overrides.com.value
         properties = replace(properties, centre=(x, y, z))
@@ -148,16 +152,16 @@ def _with_overrides(properties: MassProperties, overrides: Overrides) -> MassPro
 
 
 def stated_inertia(six: tuple[float, ...]) -> Matrix:
-    """The matrix of `ixx iyy izz ixy ixz iyz` [kg m^2]."""
+    """Return the matrix of `ixx iyy izz ixy ixz iyz` [kg m^2]."""
     xx, yy, zz, xy, xz, yz = six
     return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
 
 
 def _matter(record: PartRecord | None, process: Process | None, overrides: Overrides) -> tuple[MassProperties, str | None]:
-    """What a part is made of, at density 1: its volume [m^3] as the mass, centre and inertia [m^5]; and how that was estimated.
+    """Return the properties of a part at density 1: volume [m^3] as the mass, centre, inertia [m^5]; and the method of the estimate.
 
-    From layers as they are printed. By skin: `(V_s + infill * (V - V_s))` of the solid part with the volume V and the area A, where
-    `V_s = min(V, A * walls * line_width)`. Without an infill it is exact.
+    Without an infill they are exact. `layers` uses the sliced part. `skin` uses `V_s + infill * (V - V_s)` for a solid of volume V and area
+    A, where `V_s = min(V, A * walls * line_width)`.
     """
     if record is None or record.volume <= 0.0:
         return (NOTHING if record is None else replace(NOTHING, centre=record.centre)), None
@@ -173,7 +177,7 @@ def _matter(record: PartRecord | None, process: Process | None, overrides: Overr
 
 
 def _natural(matter: MassProperties, density: Density | None, estimate: str | None) -> MassResult | None:
-    """Density x matter; nothing weighs nothing; None without a density."""
+    """Return density x matter; zero without matter, None without a density."""
     if matter.mass <= 0.0:
         return MassResult(properties=NOTHING, source="derived")
     if density is None:

@@ -1,9 +1,7 @@
-"""Placements to edges of the mate graph: `attach`, `at` and joints. Child mount B of C on parent mount A of P is
-
+"""Edges of the mate graph from `attach`, `at` and joints. Child mount B of C on parent mount A of P is
     X_PC = X_PA @ Rz(turn) @ Tz(gap) @ X_J(q + offset) @ MATE @ inv(X_CB)
-
-(of a joint that is mirrored X_J is between two turns by pi about x; of one with an `axis` Rz, Tz and X_J are about that, and there is no
-MATE), and `at` lays a component's frame plainly: `X_PC = X_P,in @ X(xyz, rpy)`.
+For a mirrored joint, X_J is between two half turns about x. For a joint with an `axis`, Rz, Tz and X_J are about this axis, without MATE.
+`at` places a component's frame directly: `X_PC = X_P,in @ X(xyz, rpy)`.
 """
 
 from __future__ import annotations
@@ -25,14 +23,14 @@ from thingc.model.assembly.types import JointEdge, Link, Mate
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Reference
 
 UPSIDE_DOWN = turned_x(math.pi)
-"""Its own inverse: the frame in which a mirrored joint moves, in that of its mounts."""
+"""Frame in which a mirrored joint moves, relative to its mounts; its own inverse."""
 
 
 def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
-    """Every edge, and the numbers of those that `at` made (they put no mount onto another).
+    """Return all edges, and the indices of those from `at` (they do not connect mounts).
 
-    Of an assembly first its `attach` and `at` in component order, then its joints as written, then the edges of the
-    assemblies nested in it. An edge with a wrong reference is left out.
+    For each assembly: first `attach` and `at` in component order, then its joints as written; nested assemblies follow.
+    Edges with an invalid reference are left out.
     """
     mates: list[Mate] = []
     laid: set[int] = set()
@@ -43,7 +41,7 @@ def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, 
             _check_circles(instance, definition, findings)
             _check_bases(instance, definition, findings)
         for reference in definition.loose:
-            tree.find(instance, reference)  # what is wrong with it is said beside what is wrong with the other end
+            tree.find(instance, reference)  # reports an invalid reference, as well as that of the other end
         for component in definition.components:
             if isinstance(component.placement, Attach):
                 mates.extend(_attached(tree, instance, component.placement, memo))
@@ -72,7 +70,7 @@ def _laid(tree: Tree, instance: Instance, component: Component, at: At, memo: Me
 
 
 def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findings: LinkReport, memo: Memo) -> Iterator[Mate]:
-    """The mate of a joint, its `coordinates` in order (a `fixed` joint is one that moves nothing)."""
+    """Yield the mate of a joint with its `coordinates` in order (a `fixed` joint has a mate without joint edges)."""
     joint = coordinates[0]
     child, parent = tree.find(instance, joint.child), tree.find(instance, joint.parent)
     if child is None or parent is None:
@@ -94,7 +92,7 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findi
 
 
 def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, ...]:
-    """The `joints`, and those whose mounts are not known, because nobody knows the parts: their limits stand in documents."""
+    """Return `joints`, and those of parts whose mounts are unknown: documents specify their limits."""
     edges = {joint.path: joint for joint in joints}
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
@@ -105,12 +103,12 @@ def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, .
 
 
 def loops_in(tree: Tree) -> Iterator[Joint]:
-    """The joints that close loops."""
+    """Return the joints that close loops."""
     return (joint for _, definition in tree.assemblies for joint in definition.joints if joint.loop)
 
 
 def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[Link], findings: LinkReport) -> None:
-    """A loop must close between two links: within one nothing moves that it could hold."""
+    """Report loops that close within one link."""
     for mate in mates:
         if mate.loop is not None and link_of[mate.parent] == link_of[mate.child]:
             name = links[link_of[mate.parent]].name
@@ -144,7 +142,7 @@ def _laid_on(parent: FoundMount, child: FoundMount, pose: Pose, origin: Origin) 
 
 
 def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
-    """Component name to the name of the one that it is placed on, and where that is written."""
+    """Map each component to the component that it is placed on, and where this is written."""
     names = {component.name for component in definition.components}
     stands: dict[str, tuple[str, Origin]] = {}
     for component in definition.components:
@@ -157,9 +155,9 @@ def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
 
 
 def _check_circles(instance: Instance, definition: AssemblyDefinition, findings: LinkReport) -> None:
-    """Components of one document that stand on each other in a circle: each circle once, from its first component.
+    """Report cycles of components placed on each other, each once, starting at its first component.
 
-    Where nothing is left as a base, the resolver has said so.
+    If no component is left as the base, the resolver has reported it.
     """
     if findings.earlier and not unplaced(definition):
         findings.leave_out()
@@ -185,7 +183,7 @@ def _check_circles(instance: Instance, definition: AssemblyDefinition, findings:
 
 
 def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: LinkReport) -> None:
-    """Two components that nothing places would be two robots. (The resolver says so first, of whole documents.)"""
+    """Report a second component that is not placed. (For complete documents, the resolver reports it first.)"""
     bases = unplaced(definition)
     if len(bases) < 2 or findings.earlier:
         return

@@ -1,4 +1,4 @@
-"""Modes, poses, tests, exported mounts and raw attributes of the top document with their references worked out."""
+"""Link modes, poses, tests, exported mounts and raw attributes of the top document: resolve their references."""
 
 from __future__ import annotations
 
@@ -30,16 +30,17 @@ from thingc.model.resolve.raw_protected import NAMING
 from thingc.model.resolve.types import AssemblyDefinition, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference, Test
 
 _ROUNDING = 1e-9
-"""How far past a limit a pose may be without being outside, relative: limits and poses may come from expressions."""
+"""Relative tolerance of limits of poses: limits and poses may come from expressions."""
 
 
 SLIDE = 1.0
-"""Sliding friction of what states none: MuJoCo's own, on either side of a contact (it takes the larger one). One that a material
-states goes before that of the floor (it is written with a priority)."""
+"""Default sliding friction, that of MuJoCo for both sides of a contact (the larger one applies). The friction of a material takes
+precedence over that of the floor (it is written with a priority).
+"""
 
 
 def exported_of(tree: Tree, findings: LinkReport) -> tuple[ExportedMount, ...]:
-    """Every mount that an assembly shows, at every level, an assembly before those nested in it."""
+    """Return every exported mount at every level, an assembly before those nested in it."""
     exported: list[ExportedMount] = []
     for instance, definition in tree.assemblies:
         for name, reference in definition.mounts.items():
@@ -52,7 +53,7 @@ def exported_of(tree: Tree, findings: LinkReport) -> tuple[ExportedMount, ...]:
 
 
 def modes_of(tree: Tree, model: AssemblyDefinition, link_of: Sequence[int], findings: LinkReport) -> tuple[LinkedMode, ...]:
-    """The modes whose root is sound. Pairs within one link are dropped: a link does not collide with itself."""
+    """Return the modes with a valid root. Pairs within one link are dropped: a link does not collide with itself."""
     linked = (_mode(tree, mode, link_of, findings) for mode in model.modes)
     return tuple(mode for mode in linked if mode is not None)
 
@@ -79,7 +80,7 @@ def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: LinkReport) 
 
 
 def _holds(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[LinkedHold]:
-    """What the mode holds; one mount under two names (its own, and an exported one) is said."""
+    """Yield what the mode holds. A mount that is held twice (also by its own and an exported name) is reported."""
     met: dict[tuple[int, str], LinkedHold] = {}
     for hold in mode.holds:
         choice = mount_of(tree, tree.top, hold.mount)
@@ -97,7 +98,7 @@ def _holds(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[LinkedHold]
 
 
 def _feet(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[Foot]:
-    """What the mode stands on, each mount once; one that it holds as well is said."""
+    """Yield the mounts that the mode stands on, each once. A mount that is held as well is reported."""
     if mode.standing is None:
         return
     held = {(choice.occurrence, choice.mount): hold for hold in mode.holds if (choice := mount_of(tree, tree.top, hold.mount)) is not None}
@@ -121,7 +122,7 @@ def _feet(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[Foot]:
 
 
 def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
-    """Every sensor of every document, an assembly's before those of what is nested in it."""
+    """Return the sensors of all documents, an assembly's before those of nested assemblies."""
     sensors: list[LinkedSensor] = []
     for instance, definition in tree.assemblies:
         for one in definition.sensors:
@@ -140,7 +141,7 @@ def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
 
 
 def mount_of(tree: Tree, instance: Instance, reference: Reference) -> LinkedMount | None:
-    """A mount that the document of `instance` names; None where it is wrong (reported)."""
+    """Resolve a reference in the document of `instance` to a mount; None if it is invalid (reported)."""
     mount = tree.find(instance, reference)
     if mount is None:
         return None
@@ -152,8 +153,9 @@ def _path(reference: Reference) -> str:
 
 
 def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], within: Instance | None = None) -> Iterator[int]:
-    """The links of a component of the document `within`, else of the top one: of an assembly all that it has part in, through a mount the
-    one that carries it."""
+    """Yield the links of a component in the document `within` (by default the top): all links of an assembly; if the reference names a
+    mount, only the link of the mount.
+    """
     document = within or tree.top
     if reference.mount is not None:
         mount = tree.find(document, reference)
@@ -165,7 +167,7 @@ def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], withi
 
 
 def adhesions_of(tree: Tree, model: AssemblyDefinition) -> tuple[Adhesion, ...]:
-    """Every magnet of any mode, in the order first met, with its largest force [N]."""
+    """Return all magnets of all modes, in the order of first use, each with its largest force [N]."""
     largest: dict[str, Adhesion] = {}
     for mode in model.modes:
         for reference, force in mode.adhesion:
@@ -180,19 +182,19 @@ def adhesions_of(tree: Tree, model: AssemblyDefinition) -> tuple[Adhesion, ...]:
 
 
 def raw_of(tree: Tree) -> tuple[RawAttribute, ...]:
-    """Raw attributes of every document, the names in them made paths of the robot: `yaw` of `hand` is `hand/yaw`."""
+    """Return the raw attributes of all documents, with names converted to paths of the robot: `yaw` of `hand` is `hand/yaw`."""
     attributes: list[RawAttribute] = []
     for instance, definition in tree.assemblies:
         for raw in definition.raw:
             path = raw.path
-            if len(path) > 2:  # element, name, attribute; `option` and the like have no name
+            if len(path) > 2:  # element, name, attribute; `option` and similar elements have no name
                 path = (path[0], instance.within(path[1].replace(".", "/")), *path[2:])
             attributes.append(replace(raw, path=path, origin=raw.origin + instance.origin))
     return tuple(attributes)
 
 
 def added_of(tree: Tree) -> tuple[RawElement, ...]:
-    """What every document adds, with names and references made paths of the robot."""
+    """Return the raw elements of all documents, with names and references converted to paths of the robot."""
 
     def within(instance: Instance, element: RawElement) -> RawElement:
         attributes = {
@@ -209,9 +211,10 @@ def check_poses(
     poses: Sequence[NamedPose], modes: Sequence[Mode], joints: Sequence[JointEdge], findings: LinkReport,
     loops: Collection[str] = (), *, unset: bool,
 ) -> None:
-    """Every pose within the limits of every joint: values as written, and in poses that a mode uses also the joints
-    that are at 0 because the pose does not name them, and those that mimic (where not `unset` joints were left out: what is
-    there may follow one of those). A joint on a loop, one of `loops`, goes where the loop takes it."""
+    """Check every pose against the limits of joints. In poses that a mode uses, check also joints that are at 0 because the pose does not
+    set them, and those that mimic others (only if `unset`, which means that no joints were left out). Joints in `loops` are only checked if
+    the pose sets them.
+    """
     used = {name for mode in modes for name in mode.poses}
     names = {pose.name for pose in poses}
     for mode in modes:
@@ -237,7 +240,7 @@ def check_poses(
 
 
 def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: LinkReport) -> None:
-    """A pose keeps a ball within its cone; one that it does not set is at 0, which is."""
+    """Check that a pose keeps a ball joint within its cone; a ball that it does not set is at 0, which is inside."""
     joint, cone = ball[0], ball[0].limit.cone
     angle = hypot(*(pose.values.get(one.path, 0.0) for one in ball))
     if cone is not None and angle > cone * (1.0 + _ROUNDING):
@@ -286,7 +289,7 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
 
 
 def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge], findings: LinkReport) -> tuple[LinkedTest, ...]:
-    """The tests whose mounts and components are there; the others have been reported."""
+    """Return the tests whose mounts and components are valid; the others have been reported."""
     by_path = {joint.path: joint for joint in joints}
     linked: list[LinkedTest] = []
     for test in tests:
@@ -313,7 +316,7 @@ def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge], fin
 
 
 def _references(stated: object) -> Iterator[Reference]:
-    """Every reference in what a test states."""
+    """Yield all references in the specification of a test."""
     if isinstance(stated, Reference):
         yield stated
     elif isinstance(stated, tuple):

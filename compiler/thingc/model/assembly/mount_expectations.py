@@ -1,4 +1,4 @@
-"""Mounts that a part's geometry was cut for another part: a warning where the assembly puts something else."""
+"""Warn of mounts whose part was designed for another component than the assembly puts there."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _NUMBER = re.compile(r"\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+")
 
 
 def check_expectations(robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
-    """A warning per mount on which there is another part than the geometry was cut for, or none.
+    """Warn of each mount that lacks the part for which its geometry was cut.
 
-    `laid` are the numbers of the mates that `at` made: those put no mount onto another. Where nothing sits on a mount that the top
-    document shows, that is no fault: what goes there may come with a parent assembly.
+    `laid` are the indices of mates from `at`, which do not connect mounts. Empty mounts that the top document exports are accepted: a
+    parent assembly may use them.
     """
     occurrences = robot.occurrences
     open_mounts = {(mount.occurrence, mount.mount) for mount in robot.exported if "/" not in mount.path}
@@ -42,14 +42,16 @@ def check_expectations(robot: Connected, laid: Collection[int], findings: LinkRe
 
 
 def _is(other: Occurrence, expected: MountExpectation, owner: Occurrence) -> bool:
-    """Whether `other` is what was expected. In a mirror image its mirror image fits, and it itself if that is no other part."""
+    """Return whether `other` is the expected part. For a mirrored owner, the mirror image is expected, or the part itself if it is
+    symmetric.
+    """
     plain = other.definition.plain if owner.definition.mirror is not None else None
     texts = (other.definition.text,) if plain is None else (other.definition.text, plain.text)
     return other.record is not None and _rounded(expected.text) in map(_rounded, texts)
 
 
 def _rounded(definition: str) -> str:
-    """A definition with its numbers to 12 digits: parts count in millimetres, and a length that went through one has another last digit."""
+    """Round the numbers of a definition to 12 digits: conversion to millimetres may change the last digits."""
     return _NUMBER.sub(lambda number: f"{float(number[0]):.12g}", definition)
 
 
@@ -57,7 +59,7 @@ def _warn(owner: Occurrence, one: MountExpectation, others: Sequence[tuple[Occur
     name, wanted = owner.component.name, one.label
     other, mount = next(((o, m) for o, m in others if _is(o, one, owner)), others[0] if others else (None, ""))
     found = other.definition.label if other is not None else ""
-    if other is not None and found == wanted:  # they differ in digits that labels do not show
+    if other is not None and found == wanted:  # labels are equal; the difference is in digits that they do not show
         wanted, found = one.text, other.definition.text
     cut = f"`{name}.{one.mount}` was cut for `{wanted}`"
     help = f"put `{wanted}` there by its mount `{one.child_mount}`; {allow_hint(Code.EXPECTATION)}"

@@ -1,4 +1,4 @@
-"""What files call things, by what every document says of its own."""
+"""Names in output files, as specified by all documents."""
 
 from __future__ import annotations
 
@@ -13,12 +13,11 @@ from thingc.model.assembly.types import Connected, FileNames, JointEdge, LinkedT
 from thingc.model.resolve.types import NamedKind, NamedPose, NameInFiles, Reference
 
 Named = dict[NamedKind, dict[str, tuple[str, Origin]]]
-"""By kind, and by the path that the thing has: its name in files, and where that is written."""
+"""By kind and path of the element: its name in files, and where it is written."""
 
 
 def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings: LinkReport) -> FileNames | None:
-    """The names that files have, those of nested documents behind their paths; None where no document gives any. Two things of one name
-    are reported."""
+    """Return the names in files, with the path of nested documents in front; None if no document specifies any. Report duplicates."""
     named: Named = {}
     for instance, definition in tree.assemblies:
         for one in definition.names:
@@ -42,7 +41,7 @@ def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings:
     whole = named.get("joints", {})
     for kind, those in things.items():
         given = named.get(kind, {})
-        if kind == "actuators":  # without a name of its own a drive is called as its joint or tendon is
+        if kind == "actuators":  # the default name of an actuator is that of its joint or tendon
             given = {joint.path: whole[joint.name.joint.replace(".", "/")] for joint in joints if joint.path in whole} | given
             given = named.get("tendons", {}) | given
         if given:
@@ -52,7 +51,7 @@ def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings:
 
 
 def _own(tree: Tree, path: str, one: NameInFiles, occurrences: Sequence[Occurrence]) -> str | None:
-    """The path that a thing of an instance's document has; of a nested assembly that of its base."""
+    """Return the path of an element in the document of an instance; for a nested assembly that of its base."""
     if one.kind != "components":
         return path
     place = tree.component(tree.top, Reference(path=tuple(path.split("/")), mount=None, origin=one.origin))
@@ -60,7 +59,7 @@ def _own(tree: Tree, path: str, one: NameInFiles, occurrences: Sequence[Occurren
 
 
 def _check(things: Iterable[tuple[str, Origin]], given: Mapping[str, tuple[str, Origin]], findings: LinkReport) -> None:
-    """Report things of one kind that files would call alike."""
+    """Report elements of one kind that would have the same name in files."""
     owners: dict[str, tuple[str, Origin]] = {}
     for path, origin in things:
         name, where = given.get(path, (path, origin))

@@ -1,4 +1,4 @@
-"""What is known of a component that is a part or a frame, worked out once however often it occurs."""
+"""Instances of parts and frames, computed once per component."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _FAILED: Mapping[FailureKind, tuple[Code, str, str]] = {
     "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and keep what it writes with the documents"),
     "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and keep what it writes with the documents"),
 }
-"""By kind of failure: the code, the words that follow the part, and what to do."""
+"""By kind of failure: the code, the phrase that follows the part, and the help."""
 _INSTEAD: Mapping[ImpureInputs, str] = {
     ImpureInputs.ENVIRONMENT: "make it a parameter, or a file that the part reads with `asset(...)`",
     ImpureInputs.CLOCK: "make it a parameter",
@@ -60,14 +60,14 @@ _INSTEAD: Mapping[ImpureInputs, str] = {
     ImpureInputs.NETWORK: "fetch it into a file beforehand, and read that with `asset(...)`",
     ImpureInputs.LEFT: "let it wait for what it starts: `subprocess.run(...)`, or `with` a pool",
 }
-"""By what a part asks: what to do instead."""
+"""By impure input of a part: what to use instead."""
 _SHOWN_PLACES = 8
 
 
 class PartInstances:
-    """Part instances by component. A component of a definition that is used twice is asked for twice and worked out once.
+    """Part instances by component, cached: a component of a definition that is used twice is computed once.
 
-    `unknown`: a part was met of which nobody may know more (see `PartRecord.exact`); the caller has said so.
+    `unknown` is set if the properties of a part are not exactly known (see `PartRecord.exact`); the caller has reported it.
     """
 
     def __init__(self, records: Mapping[str, PartRecord | PartFailure], meshes: Meshes, findings: LinkReport, memo: Memo) -> None:
@@ -83,14 +83,14 @@ class PartInstances:
         self.unknown = False
 
     def of(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
-        """The instance of `component`, which stands in `scope` and was first met at `path`; None where its part failed."""
+        """Return the instance of `component` in the assembly `scope`, first used at `path`; None if its part failed."""
         key = id(component)
         if key not in self._known:
             self._known[key] = self._remembered(component, scope, path, origin)
         return self._known[key]
 
     def _remembered(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
-        """The instance as it was worked out last, if nothing at all was to be said then, or was allowed."""
+        """Return the cached instance, or compute it; it is cached only if it has no diagnostics, including suppressed ones."""
         record = self._records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
         material = scope.materials.get(record.material) if isinstance(record, PartRecord) and record.material else None
         files = mesh_files_of(component.definition)
@@ -105,7 +105,7 @@ class PartInstances:
         return instance
 
     def report_materials(self) -> None:
-        """One finding per default material that a document lacks: at its first component, the others as notes."""
+        """Report each default material that a document lacks once: at its first component, with the others as notes."""
         for (_, name, needed), users in self._unknown.items():
             component, record, scope, path, origin = users[0]
             hint = did_you_mean(name, scope.materials, what="materials")
@@ -129,7 +129,7 @@ class PartInstances:
             )
 
     def report_failures(self) -> None:
-        """One error per definition that could not be modelled: at its first component, the others as notes."""
+        """Report each definition that could not be modelled once: at its first component, with the others as notes."""
         for text, users in self._failures.items():
             failure = self._records[text]
             component, path, origin = users[0]
@@ -166,7 +166,7 @@ class PartInstances:
             if answer is None:
                 return None
             record = answer
-            if not record.exact:  # its numbers are those of a relative: nothing that follows from them is said
+            if not record.exact:  # its values are those of a similar part: report nothing that depends on them
                 self._findings.leave_out()
                 self.unknown = True
             self._warn(component, record, path, origin)
@@ -191,7 +191,7 @@ class PartInstances:
         )
 
     def _warn(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
-        """What is to be said of a part, each once: at the first component that it is and that does not allow it."""
+        """Report the warnings of a part, each once: at its first component that does not suppress them."""
         of = f"`{component.label}`"
         findings, place = self._findings, written_at(of, record.code)
         for warning in record.warnings:
@@ -202,7 +202,7 @@ class PartInstances:
                 self._warned.add(key)
         asked: dict[tuple[ImpureInputs, str], list[PartWarning]] = {}
         for warning in record.warnings:
-            # a line outside of any class is met by every part of its module
+            # a line outside of classes affects every part of its module
             if warning.asked is not None and (_line(warning) or record.text, warning.message) not in self._warned:
                 asked.setdefault((warning.asked, warning.message), []).append(warning)
         for (what, message), where in asked.items():
@@ -220,7 +220,7 @@ class PartInstances:
                 self._warned.add(key)
 
     def _warn_mirrored(self, component: Component, record: PartRecord, material: Material | None, path: str, origin: Origin) -> None:
-        """What is to be said of a mirror image that is no other part, or one that nobody may sell: once of each."""
+        """Warn, once per part, of a mirror image that equals the part itself, or of a mirrored part that is bought."""
         plain = component.definition.plain if isinstance(component.definition, PartDefinition) else None
         if plain is None or not record.exact:
             return
@@ -294,7 +294,7 @@ class PartInstances:
         try:
             return weigh_shapes(definition, material, self._meshes, component.overrides)
         except MissingDensity as why:
-            if not str(why):  # nobody has read the file, or what is wrong with it has been said
+            if not str(why):  # the file has not been read, or its error has been reported
                 self._findings.leave_out()
                 self.unknown = True
                 return None
@@ -307,7 +307,7 @@ class PartInstances:
     def _doubt(
         self, component: Component, record: PartRecord, material: Material | None, weighed: MassResult, path: str, origin: Origin,
     ) -> None:
-        """Warn where a density, or a mass for this volume, is one that no solid has: at the number that says it."""
+        """Warn of an implausible density, or mass for this volume, where it is written."""
         stated, warn = component.overrides.mass, self._findings.warn
         if record.volume <= 0.0 or stated is not None and stated.stand_in:
             return
@@ -329,7 +329,7 @@ class PartInstances:
                 )
 
     def _doubt_thing(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
-        """The same of what a Thing states itself: at the first component that it is."""
+        """Warn of an implausible density or mass that the Thing states, at its first component."""
         key = (record.text, Code.DENSITY.code)
         method, unit, doubt = "mass", "kg", None
         if record.mass is not None:
@@ -343,7 +343,7 @@ class PartInstances:
             self._warned.add(key)
 
     def _high_layers(self, component: Component, material: Material | None, process: Process, path: str, origin: Origin) -> None:
-        """Say that no line can be as high as that: once of a material that says so, else of the component."""
+        """Report layers that are higher than lines are wide: once per material if it specifies them, else per component."""
         of_material = material is not None and material.process is not None and layers_too_high(material.process)
         self._findings.error(
             Code.HIGH_LAYERS, f"`layer` is {1e3 * (process.layer or 0.0):g} mm, and `line_width` only "
@@ -355,7 +355,7 @@ class PartInstances:
         )
 
     def _unsliced(self, component: Component, record: PartRecord | None, process: Process, path: str, origin: Origin) -> None:
-        """Say why a part is not estimated by its layers: once of a part, however often it occurs."""
+        """Report why the mass of a part cannot be estimated from its layers, once per part."""
         slicing = slicing_of(process, component.overrides, record) if record is not None else None
         slices = record.slices.get(slicing) if record is not None and slicing is not None else None
         if record is None or not isinstance(slices, SliceFailure) or (record.text, slices) in self._told:
@@ -367,7 +367,7 @@ class PartInstances:
         )
 
     def _incomplete(self, component: Component, material: Material | None, missing: tuple[str, ...], path: str, origin: Origin) -> None:
-        """Say what the estimate misses: once of a material that does not have it, else of the component."""
+        """Report keys that the estimate requires: once per material if it lacks them, else per component."""
         of_material = material.process if material is not None and unsaid_keys(material.process) else None
         keys = unsaid_keys(of_material) or missing
         listed = " and ".join(filter(None, (", ".join(f"`{key}`" for key in keys[:-1]), f"`{keys[-1]}`")))
@@ -386,8 +386,9 @@ class PartInstances:
         )
 
     def _physical(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> bool:
-        """Whether what the Thing states as inertia can be one. What the document states is judged with its link (`check_stated`); what
-        nobody states is exact."""
+        """Return whether the inertia that the Thing states is physical (reported if not). One that the document states is checked with its
+        link (`check_stated`); a computed one is exact.
+        """
         if component.overrides.inertia is not None:
             return True
         if record is not None and record.exact and record.matrix is not None:
@@ -402,7 +403,7 @@ class PartInstances:
         return True
 
     def _mounts(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> dict[str, MountFrame]:
-        """`origin`, the part's own, then those that the document adds."""
+        """Return the mounts: `origin`, those of the part, then those that the document adds."""
         mounts = {"origin": MountFrame(pose=NO_POSE)}
         if record is not None:
             mirror = Mirror(component.mounts_mirrored) if component.mounts_mirrored is not None else None
@@ -422,12 +423,12 @@ class PartInstances:
 
 
 def doubted(help: str | None) -> str:
-    """What to do about a density that no solid has."""
+    """Return the help for an implausible density."""
     return f"{help}; {allow_hint(Code.DENSITY)}" if help is not None else allow_hint(Code.DENSITY)
 
 
 def _bom(component: Component, record: PartRecord | None) -> BomEntry:
-    """What the document says of buying or making it, on top of what the Thing says."""
+    """Return the BOM entry: values of the document take precedence over those of the Thing."""
     if record is None:
         return component.bom
     names = set(BomEntry.__struct_fields__)
@@ -437,19 +438,19 @@ def _bom(component: Component, record: PartRecord | None) -> BomEntry:
 
 
 def _density(record: PartRecord | None, material: Material | None) -> Density | None:
-    """What the Thing says, else its material."""
+    """Return the density of the Thing, else that of its material."""
     if record is not None and record.density is not None:
         return Density(value=float(record.density.value), estimated=record.density.source == "estimated")
     return Density(value=material.density) if material is not None and material.density is not None else None
 
 
 def _line(warning: PartWarning) -> str:
-    """The line of a part file that a warning is about, as text; empty where it names none."""
+    """Return the line of the part file that a warning refers to (`file:line`), or an empty string."""
     return "" if warning.file is None else f"{warning.file}:{warning.line}"
 
 
 def _places(warnings: Sequence[PartWarning]) -> list[Note]:
-    """Notes at the lines of part files, where there are any."""
+    """Return notes at the lines of part files that warnings refer to."""
     places = [line_of(warning.file, warning.line or 1) for warning in warnings if warning.file is not None]
     more = [Note(message=f"and {counted(len(places) - _SHOWN_PLACES, 'more line')}")] if len(places) > _SHOWN_PLACES else []
     return [*(Note(message="in the part file, here", span=place) for place in places[:_SHOWN_PLACES]), *more]

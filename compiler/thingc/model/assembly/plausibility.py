@@ -1,6 +1,6 @@
-"""What is well-formed and probably not meant: warnings that name the number and its likely cause.
+"""Warnings about suspicious values: each names the value and its likely cause.
 
-Each is decided on the numbers alone, so that `check` says it. What geometry tells is looked at by `build`.
+They depend on numbers alone, so that `check` reports them; `build` checks the geometry.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from thingc.model.resolve.plausibility import (
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Joint, StatedValue
 
 CLOSE = 1e-6
-"""How far entries of rotations, and places [m], may differ that count as equal."""
+"""Tolerance for equal entries of rotations, and for equal positions [m]."""
 
 
 def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
-    """A warning for each mirrored part that is turned by 90 or 180 deg against its counterpart on the opposite mount."""
+    """Warn of each mirrored part that is turned by 90 or 180 deg against its counterpart on the opposite mount."""
     groups: dict[object, list[Mate]] = {}
     for mate in assembly.mates:
         definition = assembly.occurrences[mate.child].definition
@@ -59,8 +59,9 @@ def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
 
 
 def _turn_between(assembly: Assembly, one: Mate, other: Mate) -> int:
-    """The turn [deg] about the mount's z that makes two children at q = 0 mirror images of each other; 0 if there is none, if they are
-    images already, or if their mounts do not lie opposite at a plane of the parent's frame."""
+    """Return the turn [deg] about the mount's z axis that makes two children at q = 0 mirror images of each other; 0 if there is none, if
+    they already are, or if their mounts are not opposite each other at a plane of the parent's frame.
+    """
     axes = [axis for mate in (one, other) if (axis := assembly.occurrences[mate.child].definition.mirror) is not None]
     if len(axes) != 1 or dist(one.X_PJ.translation, other.X_PJ.translation) < CLOSE:
         return 0
@@ -78,25 +79,25 @@ def _turn_between(assembly: Assembly, one: Mate, other: Mate) -> int:
 
 
 TURNS = 2.0
-"""A hinge that stops beyond so many turns is rarely one: what turns without end is `continuous`."""
+"""Limits of a hinge beyond this number of turns are suspicious; joints without limits are `continuous`."""
 FAR = 10.0
-"""An offset, or a travel, of so many times the largest part's diagonal leads away from the robot; of so many times its reach, a root."""
+"""Suspicious offsets or travels, relative to the diagonal of the largest part; of roots, relative to the robot's reach."""
 FEATHER, ELEPHANT = 1e-3, 1e4
-"""Of robots: what they weigh [kg]."""
+"""Range of plausible masses of robots [kg]."""
 DRAG = 0.5
-"""Dry friction of a joint that takes so much of what its drive gives is rarely meant; that of gears takes a tenth."""
+"""Suspicious dry friction of a joint, relative to the effort of its drive; gears have about a tenth."""
 SLOW = 0.05
-"""A joint that its damping keeps below so much of the speed that its drive has without a load."""
+"""Suspicious speed of a damped joint, relative to the no-load speed of its drive."""
 SPREAD, COMPACT = 3.0, 200.0
-"""A part has its mass at most so many times its diagonal from the centre, on average (root of the mean square), and at least this part."""
+"""Range of plausible radii of gyration: at most this many times the diagonal of the part, and at least this fraction of it."""
 BURDEN = 10.0
-"""A mass without a shape that weighs so many times all the rest of the robot."""
+"""Suspicious mass of a component without a shape, relative to the rest of the robot."""
 
 _PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
 
 
 def check_plausible(tree: Tree, assembly: Assembly, findings: LinkReport) -> None:
-    """Every such warning about a whole assembly, of documents without errors."""
+    """Check a whole assembly whose documents have no errors."""
     if findings.earlier:
         return
     occurrences, mates, links, modes = assembly.occurrences, assembly.mates, assembly.links, assembly.modes
@@ -130,7 +131,7 @@ def check_plausible(tree: Tree, assembly: Assembly, findings: LinkReport) -> Non
 
 
 def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> bool:
-    """Parts that are smaller or larger than parts are, each at the first component that it is; whether there are any."""
+    """Warn of parts of an implausible size, each at its first component; return whether there are any."""
     warned: set[str] = set()
     for one in occurrences:
         if one.box is None or one.record is not None and not one.record.exact or one.definition.text in warned:
@@ -150,8 +151,7 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> boo
 
 
 def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Centres and inertias that are stated, and cannot be those of the part's shape: it has its mass within its box, more or less. What
-    is worked out of a shape always fits it."""
+    """Warn of stated centres and inertias that do not fit the shape of the part. Computed ones always fit."""
     said: set[Origin] = set()
     for one in occurrences:
         doubt = _stated_doubt(one)
@@ -167,7 +167,7 @@ def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> No
 
 
 def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None:
-    """What the document states of a part that its shape cannot have (None: the Thing does), in words, and what to look at."""
+    """Return the stated value that does not fit the shape (None: the Thing states it), the message and the help; None if all fit."""
     mass = one.properties.mass
     if one.box is None or one.record is not None and not one.record.exact or mass <= 0.0:
         return None
@@ -186,7 +186,7 @@ def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None
 
 
 def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Densities that no solid has, of materials that no part weighs by: those of others are looked at with the parts."""
+    """Warn of implausible densities of materials that no part uses for its mass; the others are checked with the parts."""
     weighing = {
         one.material.density_origin for one in occurrences
         if one.material is not None and one.overrides.mass is None
@@ -204,7 +204,7 @@ def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: Li
 
 
 def _check_mass(top: Instance, mass: float, findings: LinkReport) -> None:
-    """A whole robot that weighs less, or more, than robots do; one that weighs nothing is another matter."""
+    """Warn of an implausible mass of the whole robot; a robot without mass is not checked here."""
     definition = top.assembly
     if definition is None or mass <= 0.0 or FEATHER <= mass <= ELEPHANT:
         return
@@ -218,13 +218,13 @@ def _check_mass(top: Instance, mass: float, findings: LinkReport) -> None:
 
 
 def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> None:
-    """Limits of a hinge beyond some turns; else limits of which one is in rad and the other in deg."""
+    """Warn of hinge limits beyond several turns, else of limits with different units (rad and deg)."""
     twist = joint.twist
     if twist is None or not twist.turns:
         return
     ends = {key: value for key, value in (("lower", joint.limit.lower), ("upper", joint.limit.upper)) if value is not None}
     path, here = instance.within(joint.path), joint.origin + instance.origin
-    wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * pi and not twist.pitch]  # a screw takes many turns
+    wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * pi and not twist.pitch]  # screws make many turns
     for key in wide:
         text, number, unit = _written_value(joint, key)
         cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "there is a digit too many"
@@ -236,7 +236,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
     if wide or len(ends) < 2 or not all(ends.values()):
         return
     (lower, _, low_unit), (upper, _, high_unit) = _written_value(joint, "lower"), _written_value(joint, "upper")
-    by_option = any(_origin_of(joint, f"limit.{key}", here)[0].option for key in ends)  # whoever sets one may know nothing of the other
+    by_option = any(_origin_of(joint, f"limit.{key}", here)[0].option for key in ends)  # an option may set only one of them
     if {low_unit, high_unit} == {"rad", "deg"} and not by_option:
         key, value = ("upper", upper) if high_unit == "rad" else ("lower", lower)
         findings.warn(
@@ -248,26 +248,26 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
 
 
 def _written_value(joint: Joint, key: str) -> tuple[str, str, str]:
-    """A limit as it is written, its number and its unit (empty of what is no plain quantity)."""
+    """Return a limit as written, its number and its unit (both empty if it is not a plain quantity)."""
     text = joint.written.get(f"limit.{key}", "").strip()
     plain = _PLAIN.fullmatch(text)
     return (text, plain[1], plain[2]) if plain is not None else (text, "", "")
 
 
 def _origin_of(joint: Joint, key: str, here: Origin) -> Origin:
-    """Where a value of the joint is written, with the documents around it."""
+    """Return where a value of the joint is written, with the enclosing documents."""
     span = joint.spans.get(key)
     return (span, *here[1:]) if span is not None else here
 
 
 def _elsewhere(joint: Joint, key: str) -> tuple[Note, ...]:
-    """The note on the joint whose value is written on another line (it may be that of the defaults)."""
+    """Return the note that shows the joint if its value is written on another line (possibly in the defaults)."""
     span = joint.spans.get(key)
     return noted(f"joint `{joint.name}` is here", joint.origin) if span is not None and span.line != joint.origin[0].line else ()
 
 
 def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findings: LinkReport) -> None:
-    """Friction or damping of a joint against which its drive can do little or nothing."""
+    """Warn of friction or damping that largely or completely cancels the effort of the drive."""
     if edge is None or edge.actuator is None or not edge.actuator.effort:
         return
     effort, fastest = edge.actuator.effort, edge.actuator.velocity
@@ -298,8 +298,11 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
 def _check_actuators(
     tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], shown: Collection[int], findings: LinkReport,
 ) -> None:
-    """Parts with an actuator that no joint is driven by. Of those in `shown` the top document shows a mount: what they drive may come
-    with an assembly around it; an inline drive of a joint on it says itself what the actuator does."""
+    """Warn of parts with an actuator that drives no joint.
+
+    Skipped are parts in `shown`, whose mounts the top document exports (a parent assembly may be driven by them), and parts on a joint
+    with an inline drive.
+    """
     driving: set[int] = set()
     inline: set[str] = set()
     for instance, definition in tree.assemblies:
@@ -334,8 +337,7 @@ def _check_actuators(
 
 
 def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> None:
-    """Mounts that a document shows by the name of another mount of the component that they are on. Of one with that name that
-    something sits on nothing is said: it has its use inside."""
+    """Warn of exported mounts that have the name of another mount of the same component, unless that mount is used by a mate."""
     used = {(end, mount) for mate in mates for end, mount in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount))}
     for instance, definition in tree.assemblies:
         for name, reference in definition.mounts.items():
@@ -358,7 +360,7 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> No
 
 
 class _Offset(FrozenStruct):
-    """What leads somewhere, in words that a length [m] follows, the path of its owner, where it is said, and what to look at."""
+    """A suspicious offset: a phrase that a length [m] follows, the path of its owner, its origin, and what to check."""
 
     words: str
     length: float
@@ -369,7 +371,7 @@ class _Offset(FrozenStruct):
 
 
 def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: LinkReport) -> None:
-    """Offsets, and travels of joints, that lead away from the robot, by the diagonal `size` [m] of its largest part."""
+    """Warn of offsets and joint travels that are large relative to `size` [m], the diagonal of the largest part."""
     for instance, definition in tree.assemblies:
         for offset in _offsets(definition, FAR * size):
             times = abs(offset.length) / size
@@ -382,7 +384,7 @@ def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: LinkR
 
 
 def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
-    """What a document moves, and how far its joints go: what matters is beyond `bound` [m]."""
+    """Yield the offsets and joint travels of a document; `bound` [m] is the smallest suspicious length."""
     for component in definition.components:
         name, placement = component.name, component.placement
         if isinstance(placement, At):
@@ -396,7 +398,7 @@ def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
 
 
 def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
-    """How far a joint is moved at q = 0, and how far it goes: of a screw whose lead is beyond `bound` [m] no more than that."""
+    """Yield the offset of a joint at q = 0 and its travel; for a screw whose lead exceeds `bound` [m], the lead instead of the travel."""
     per_unit, turns = (hypot(*joint.twist.linear), joint.twist.turns) if joint.twist is not None else (0.0, False)
     moved = maximum(abs(joint.gap), abs(joint.offset) * per_unit)
     yield _Offset(words=f"joint `{joint.name}` is moved by", length=moved, path=joint.name, origin=joint.origin)
@@ -417,7 +419,7 @@ def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
 
 
 def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport) -> None:
-    """Roots that are far from the origin of the world, by the `reach` [m]: the diagonals of the largest part of every link, summed."""
+    """Warn of roots far from the world origin, relative to `reach` [m]: the sum over links of the diagonal of their largest part."""
     for mode in modes:
         offset = _length(mode.at)
         if offset > FAR * reach:
@@ -429,8 +431,9 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport
 
 
 def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link], findings: LinkReport) -> None:
-    """Masses without a shape, of which only the rest of the robot can tell whether they are right: by how heavy it is, and by where the
-    parts of their link are. Where an offset is said to lead away from the robot, where they are is no news."""
+    """Warn of suspicious masses without a shape: too heavy relative to the rest of the robot, or too far from the parts of their link.
+    Positions are not checked if an offset has already been reported.
+    """
     whole = sum_of(link.properties.mass for link in links)
     for link in links:
         placed = [(occurrences[member], pose) for member, pose in zip(link.members, link.poses, strict=True)]
@@ -447,12 +450,12 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
                     path=one.path, help=f"mind the unit (`g`, `kg`); {allow_hint(Code.BARE_MASS)}",
                 )
             elif boxes and not findings.has_said(Code.FAR):
-                # the frame of the link counts: a joint may be there, and the parts far along the link
+                # include the origin of the link: a joint may be there, with the parts far along the link
                 _check_place(one, pose.apply(one.properties.centre), [*boxes, (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), NO_POSE)], findings)
 
 
 def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector, Vector], Pose]], findings: LinkReport) -> None:
-    """A mass without a shape, `at` a point of its link, that is far from the boxes around the parts of the link."""
+    """Warn of a mass without a shape whose position `at` in its link is far from the boxes of the link's parts."""
     corners = [corner for box, pose in boxes for corner in pose.around(box)]
     sides = [(minimum(side), maximum(side)) for side in zip(*corners, strict=True)]
     away = hypot(*(maximum(low - x, x - high, 0.0) for x, (low, high) in zip(at, sides, strict=True)))

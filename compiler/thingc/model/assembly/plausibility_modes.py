@@ -1,4 +1,4 @@
-"""Modes that are well-formed and probably not meant."""
+"""Warnings about suspicious modes."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from thingc.model.resolve.plausibility import times_words
 from thingc.model.resolve.types import AssemblyDefinition, Mode
 
 WEAK, STRONG = 0.1, 1000.0
-"""A magnet that pulls less, or more, than so many times what the robot weighs."""
+"""Range of plausible forces of a magnet, relative to the weight of the robot."""
 LONG_STEP = 10e-3
-"""[s] Time steps from here on: contacts of MuJoCo want a fifth of it."""
+"""[s] Smallest suspicious time step; contacts of MuJoCo need about a fifth of it."""
 GRAVITY = 9.81
-"""[m/s^2], for weights, whatever a mode's own gravity is."""
+"""[m/s^2] Used for weights, independent of the gravity of a mode."""
 
 
 def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: LinkReport) -> None:
@@ -39,7 +39,7 @@ def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: LinkR
 def check_modes(
     top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], mass: float, findings: LinkReport,
 ) -> None:
-    """Every such warning about the modes of the `top` document, whose robot has a `mass` [kg]; `magnets` are those of all modes."""
+    """Check the modes of the `top` document, whose robot has a `mass` [kg]; `magnets` are those of all modes."""
     _check_steps(top, findings)
     _check_gravity(top.modes, findings)
     _check_magnets(top, modes, mass, findings)
@@ -49,7 +49,7 @@ def check_modes(
 
 
 def _check_steps(top: AssemblyDefinition, findings: LinkReport) -> None:
-    """Time steps that are too long for contacts, where they are written."""
+    """Warn of time steps that are too long for contacts, where they are written."""
     owners: list[tuple[AssemblyDefinition | Mode, str]] = [(top, "simulation"), *((mode, mode.name) for mode in top.modes)]
     for owner, path in owners:
         step = owner.simulation.get("timestep")
@@ -61,7 +61,7 @@ def _check_steps(top: AssemblyDefinition, findings: LinkReport) -> None:
 
 
 def _check_gravity(modes: Sequence[Mode], findings: LinkReport) -> None:
-    """Gravity in numbers that points straight up: without a sign, as it is often said, and under a ceiling there is a word for it."""
+    """Warn of numeric gravity that points straight up: probably the sign is missing; for a ceiling there is a keyword."""
     for mode in modes:
         x, y, z = mode.gravity
         if mode.gravity_origin and x == y == 0.0 < z:
@@ -73,7 +73,7 @@ def _check_gravity(modes: Sequence[Mode], findings: LinkReport) -> None:
 
 
 def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: float, findings: LinkReport) -> None:
-    """Pulls of magnets that are far from what the robot weighs."""
+    """Warn of magnet forces that are implausible relative to the robot's weight."""
     weight = mass * GRAVITY
     places = {mode.name: mode for mode in top.modes}
     said: set[tuple[str, float]] = set()
@@ -93,7 +93,7 @@ def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: f
 
 
 def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], findings: LinkReport) -> None:
-    """Modes that are held at a magnet which is off, while one that nothing holds is on."""
+    """Warn of modes that are held at a magnet that is off, while another magnet is on that nothing holds."""
     places = {magnet.path: (magnet.occurrence, magnet.mount) for magnet in magnets}
     written = {mode.name: {reference.text: reference.origin for reference, _ in mode.adhesion} for mode in top.modes}
     for mode in modes:
@@ -111,7 +111,7 @@ def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: C
 
 
 def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
-    """Modes that say what an earlier one says, in other words or by what they extend: two models that are the same."""
+    """Warn of modes that are equal to an earlier one and would produce the same model."""
     met: dict[object, LinkedMode] = {}
     for mode in modes:
         first = met.setdefault(_content(mode), mode)
@@ -124,7 +124,7 @@ def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
 
 
 def _content(mode: LinkedMode) -> object:
-    """All that a mode says but its name and where it is written."""
+    """Return the content of a mode, without its name and origin."""
     return (
         (mode.root.occurrence, mode.root.mount, mode.root.of_component), mode.base, mode.at, mode.on_floor, mode.gravity, mode.pose,
         mode.poses, mode.actuators,

@@ -1,4 +1,4 @@
-"""Processes that are well-formed, and that no printer keeps to: numbers of a `process` that a slip of units or digits makes."""
+"""Warnings about suspicious values in a `process`, such as wrong units or digits."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from thingc.model.resolve.plausibility import length_words
 from thingc.model.resolve.types import Process
 
 WIDTHS, HEIGHTS = (0.05e-3, 3e-3), (0.01e-3, 1.5e-3)
-"""Of lines and layers [m]: what printers lay, from the finest nozzles to the widest."""
+"""Ranges of line widths and layer heights [m] that printers support."""
 USUAL_WIDTHS, USUAL_HEIGHTS = (0.2e-3, 1.2e-3), (0.05e-3, 0.6e-3)
-"""Of lines and layers [m]: what was probably meant by a number that is off by a unit."""
+"""Usual line widths and layer heights [m], to guess what was meant by a wrong unit."""
 SKINS, USUAL_SKINS = (0.05e-3, 30e-3), (1e-3, 10e-3)
-"""Of what is not printed in lines, where `line_width` is how thick a wall is [m]: bounds, and what was probably meant."""
+"""For processes without lines, where `line_width` is the wall thickness [m]: the supported and the usual range."""
 WALLS, LIDS = 50, 100
-"""Lines side by side, layers on top or below: more are a solid part."""
+"""Largest plausible numbers of walls, and of layers on top or below; more make a solid part."""
 LEAST_SHARE = 0.01
-"""An infill or an overlap below is one that was written with a unit too many (`0.15 %`)."""
+"""Smallest plausible infill or overlap; less suggests a wrong unit (`0.15 %`)."""
 
 _SLIPS = (1e-1, 1e-2, 1e-3, 1e1, 1e2, 1e3)
-"""By what a slip of units multiplies, the smallest first; those of a number that is too large before those of one that is too small."""
+"""Factors of common unit errors: for values that are too large, then for those that are too small; smallest errors first."""
 
 
 class _Doubt(FrozenStruct):
-    """The key of a process whose number is odd, in words, and what to look at."""
+    """A suspicious value of a process: its key, the message and the help."""
 
     key: str
     words: str
@@ -38,7 +38,7 @@ class _Doubt(FrozenStruct):
 
 
 def check_processes(tree: Tree, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """A warning at every such number: of what components say, of the materials that they are made of, and of those that none is made of."""
+    """Warn of suspicious values in processes of components, of their materials, and of materials that no component uses."""
     doubts_of: dict[int, Sequence[_Doubt]] = {}
 
     def doubts(process: Process) -> Sequence[_Doubt]:
@@ -75,7 +75,7 @@ def _warn(doubt: _Doubt, process: Process, outer: Sequence[Span], path: str, not
 
 
 def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:
-    """What is odd of these keys of a process."""
+    """Yield the suspicious values among `keys` of a process."""
     lines = process.kind in (None, "fdm")
     for key, value, (least, most), usual, words in (
         ("line_width", process.line_width, WIDTHS, USUAL_WIDTHS, "lines are {} to {} wide") if lines else

@@ -1,4 +1,4 @@
-"""How the parts of a model are printed, as far as their masses depend on it: what to ask the geometry service for."""
+"""Print settings of parts that affect their mass, as requested from the geometry service."""
 
 from __future__ import annotations
 
@@ -12,20 +12,19 @@ from thingc.model.resolve.types import AssemblyDefinition, Component, Material, 
 
 
 def material_of(component: Component, record: PartRecord | None, scope: AssemblyDefinition) -> Material | None:
-    """What a component is made of: what the document says, else the Thing's default where the document knows it."""
+    """Return the material of a component: that of the document, else the Thing's default if `scope` contains it."""
     if component.material is not None or record is None or record.material is None:
         return component.material
     return scope.materials.get(record.material)
 
 
 def process_of(component: Component, material: Material | None) -> Process | None:
-    """How a component is made: what it says, key by key on top of what its material says."""
+    """Return the process of a component; its keys take precedence over those of its material."""
     return merged(component.overrides.process, material.process if material is not None else None)
 
 
 def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> dict[str, set[Slicing]]:
-    """The ways in which parts of a model are cut into layers, by the text of their definition. Equal copies of a part are one;
-    a part that is printed in two ways has two."""
+    """Return the slicings of the parts of a model, by text of their definition. A part that is printed in two ways has two."""
     slicings: dict[str, set[Slicing]] = {}
     for definition, component, scope in _parts(model):
         record = records.get(definition.text)
@@ -39,7 +38,7 @@ def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | Pa
 
 
 def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema | PartFailure]) -> dict[str, set[LikelySlicing]]:
-    """What `slicings_of` will come to, as far as that can be said before parts are modelled: where a class says what they are made of."""
+    """Predict `slicings_of` before parts are modelled, as far as classes state their material."""
     likely: dict[str, set[LikelySlicing]] = {}
     for definition, component, scope in _parts(model):
         schema, material, up = schemas.get(definition.reference), component.material, component.overrides.up
@@ -52,7 +51,7 @@ def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema 
 
 
 def _parts(model: AssemblyDefinition) -> Iterator[tuple[PartDefinition, Component, AssemblyDefinition]]:
-    """Every component that is a part, once for each assembly that it is written in."""
+    """Yield every component that is a part, once per assembly that contains it."""
     for scope in assemblies_of(model):
         for component in scope.components:
             if isinstance(component.definition, PartDefinition):

@@ -1,4 +1,4 @@
-"""What linking has to say: each thing once, however often its definition is used, and whether anything was left out."""
+"""Diagnostics of linking: without duplicates, and with a record of what was left out."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ _Key = tuple[Code, str, Span | None]
 
 
 class LinkReport:
-    """A `Report` as `link` uses it.
+    """A `Report` for `link`.
 
-    A definition that stands in several places has the same fault in each: the first place is reported, with its chain
-    of documents, and the others are not. `failed` says whether linking found an error, `incomplete` whether something
-    was left out because it was wrong (here or in an earlier pass), `earlier` whether an earlier pass found an error.
+    A definition that is used several times has the same fault in each place: only the first is reported, with its chain of documents.
+    `failed`: linking found an error. `incomplete`: something was left out because of an error (here or in an earlier pass). `earlier`: an
+    earlier pass found an error.
     """
 
     def __init__(self, report: Report) -> None:
@@ -29,7 +29,7 @@ class LinkReport:
         self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: str | None = None, notes: Iterable[Note] = (),
         detail: str | None = None,
     ) -> None:
-        """Say an error at `origin`, unless the same was said of the same place."""
+        """Report an error at `origin`, unless the same one was reported there."""
         self.failed = True
         key = _key(code, message, origin)
         if self._may_say(key):
@@ -39,27 +39,27 @@ class LinkReport:
     def warn(
         self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: str | None = None, notes: Iterable[Note] = (),
     ) -> bool:
-        """Say a warning at `origin`, unless the same was said of the same place. False where it is allowed there."""
+        """Report a warning at `origin`, unless the same one was reported there. Return False if it is suppressed there."""
         key = _key(code, message, origin)
         if key in self._said:
-            self.report.allows(code, origin)  # what allows it at this place is needed, too
+            self.report.allows(code, origin)  # marks the `allow` at this place as used
         if not self._may_say(key):
             return True
         said = self.report.warn(code, message, origin or None, help=help, path=path, notes=notes)
-        if said:  # where it is allowed, it may still be said of another place that the definition is used at
+        if said:  # if suppressed here, it may still be reported at another use of the definition
             self._said.add(key)
         return said
 
     def has_said(self, code: Code) -> bool:
-        """Whether something of this code was said while linking."""
+        """Return whether linking reported a diagnostic of this code."""
         return any(known is code for known, _, _ in self._said)
 
     def leave_out(self) -> None:
-        """Note that something could not be linked because what it needs is wrong and has been reported."""
+        """Note that something could not be linked because of an error that has been reported."""
         self.incomplete = True
 
     def _may_say(self, key: _Key) -> bool:
-        """Whether it is new, and not one too many: of that is said, once, that there are more."""
+        """Return whether a diagnostic is new and within the limit; report once that the limit is exceeded."""
         if len(self._said) == MAX_FAULTS and key not in self._said:
             self._said.add(key)
             self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} faults; the rest is not said", None)
@@ -67,10 +67,10 @@ class LinkReport:
 
 
 def _key(code: Code, message: str, origin: Origin) -> _Key:
-    """What makes two findings the same one."""
+    """Return the key by which duplicates are detected."""
     return code, message, origin[0] if origin else None
 
 
 def written_at(what: str, code: tuple[str, int] | None) -> tuple[Note, ...]:
-    """The note "`arm:Pen` is written here", or none where the place is not known (a part of a file, a built-in)."""
+    """Return the note "`arm:Pen` is written here"; empty if the place is unknown (parts from files, built-ins)."""
     return (Note(message=f"{what} is written here", span=line_of(*code)),) if code is not None else ()
