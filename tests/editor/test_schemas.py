@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import jsonschema
 import pytest
 import yaml
+from jsonschema_specifications import REGISTRY
 
 from editor.running import ROOT, thingc
 from thingc.tools.cli.main import main
@@ -34,6 +37,19 @@ def small(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@cache
+def of_schemas() -> Any:
+    """A validator of schemas that is ten times as fast as `check_schema`. The standard divides its keywords among seven schemas, which are
+    looked up anew at every step of a schema; here they are in one."""
+    whole = jsonschema.Draft202012Validator.META_SCHEMA
+    merged: dict[str, Any] = {"type": whole["type"], "properties": {}, "$defs": {}}
+    for part in (whole, *(REGISTRY.contents(whole["$id"].removesuffix("schema") + one["$ref"]) for one in whole["allOf"])):
+        merged["properties"].update(part["properties"])
+        merged["$defs"].update(part.get("$defs", {}))
+    text = re.sub(r'"meta/\w+#', '"#', json.dumps(merged).replace('"$dynamicRef": "#meta"', '"$ref": "#"'))
+    return jsonschema.Draft202012Validator(json.loads(text), format_checker=jsonschema.Draft202012Validator.FORMAT_CHECKER)
+
+
 CHECKED: set[str] = set()
 """Definitions that are schemas, as text: most are those of every document."""
 
@@ -42,7 +58,7 @@ def schema_of(folder: Path, name: str) -> Any:
     found = json.loads((folder / ".thingc" / "schema" / f"{name}.json").read_text())
     defined = {json.dumps(one): (key, one) for key, one in found.get("$defs", {}).items()}
     news = dict(pair for text, pair in defined.items() if text not in CHECKED)
-    jsonschema.Draft202012Validator.check_schema({**found, "$defs": news})
+    of_schemas().validate({**found, "$defs": news})
     CHECKED.update(defined)
     assert found["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     return found

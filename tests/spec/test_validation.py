@@ -395,8 +395,10 @@ def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
     for path in places(tree):
         if not path or path == ("thingc",):
             continue
+        beside = {"thingc": tree["thingc"], "name": "x", "components": {"s": {"frame": True}}}
+        beside[path[0]] = {path[1]: tree[path[0]][path[1]]} if len(path) > 1 and path[0] == "components" else tree[path[0]]
         for wrong in ("?!", 3.7, True, [], ["?!"], {}, {"?!": 1}, [[1]], "", "=("):
-            changed = json.loads(json.dumps(tree))
+            changed = json.loads(json.dumps(beside))
             inner = changed
             for step in path[:-1]:
                 inner = inner[step]

@@ -40,7 +40,8 @@ from thingc.base.units import (
     parse_vector,
 )
 
-PINT = pint.UnitRegistry(non_int_type=Fraction)
+PINT = pint.LazyRegistry((), {"non_int_type": Fraction})
+"""Reads its table of units when it is first asked."""
 OURS_IN_PINT = {
     "%": "percent", "rev": "turn", "t": "metric_ton", "kgf": "kilogram_force", "lbf": "pound_force", "ozf": "ounce_force",
     "in": "inch", "us": "microsecond", "h": "hour", "um": "micrometer",
