@@ -67,8 +67,8 @@ def numbers(index: int) -> dict[str, float]:
 
 
 def pen(index: int) -> dict[str, float]:
-    """One of sixteen pens."""
-    return {"pen_diameter": 0.010 + 0.0005 * (index % 16)}
+    """One of a few pens."""
+    return {"pen_diameter": 0.010 + 0.0005 * index}
 
 
 def reach(index: int) -> dict[str, float]:
@@ -84,11 +84,11 @@ def source(session: Session, settings: Settings) -> tuple[str, dict[str, bytes]]
     return texts[MODE].replace("<compiler ", '<compiler discardvisual="true" ', 1), files
 
 
-def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[int]) -> dict[str, Callable[[int], None]]:
-    """What each lane does for so many variants."""
+def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[int], many: int) -> dict[str, Callable[[int], None]]:
+    """What each lane does for so many variants, which have so `many` pens."""
     session = family._session
     text, held = source(session, Settings())
-    pens = [source(session, Settings(parameters={name: f"{value} m" for name, value in pen(index).items()})) for index in range(16)]
+    pens = [source(session, Settings(parameters={name: f"{value} m" for name, value in pen(index).items()})) for index in range(many)]
     files = mujoco.MjVfs()
     for file, content in {file: content for _, some in ((text, held), *pens) for file, content in some.items()}.items():
         files[file] = content
@@ -120,8 +120,8 @@ def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[in
 
     def exchange(index: int) -> None:
         for mesh, own in exchanged:
-            if mesh.file != own[index % 16]:
-                mesh.file = own[index % 16]
+            if mesh.file != own[index % many]:
+                mesh.file = own[index % many]
         exchanging.compile(files)
 
     def patch(index: int) -> None:
@@ -143,16 +143,16 @@ def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[in
     def other_pens(count: int) -> None:
         for index in range(count):
             models._kept.clear()
-            assert next(family.models([pen(index)], mode=MODE, share=True))
+            assert next(family.models([pen(index % many)], mode=MODE, share=True))
 
     def parts(count: int) -> None:
         for index in itertools.islice(indices, count):
             assert next(family.models([reach(index)], mode=MODE, share=True))
 
     def seen(count: int) -> None:
-        settings = [pen(index) for index in range(16)]
+        settings = [pen(index) for index in range(many)]
         for index in range(count):
-            assert next(family.models([settings[index % 16]], mode=MODE, share=True))
+            assert next(family.models([settings[index % many]], mode=MODE, share=True))
 
     return {
         "lent": lent, "own": own, "results": lambda count: check(family.evaluate([numbers(k) for k in itertools.islice(indices, count)])),
@@ -208,6 +208,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=4000, help="variants of the quickest lanes, in each round (default: %(default)s)")
     parser.add_argument("--rounds", type=int, default=5, help="how often each lane is measured, after a first time that does not count")
+    parser.add_argument("--pens", type=int, default=16, help="of how many a variant of `a mesh` has one (default: %(default)s)")
     parser.add_argument("--scale", type=int, default=0, help="largest number of variants for growth (default: not measured)")
     parser.add_argument("--store", help="where modelled parts are kept")
     parser.add_argument("--verify", type=int, help="of so many models one is compared with a compilation (default: every 2^n-th)")
@@ -216,14 +217,15 @@ def main() -> None:
         document = workspace(Path(name))
         with thingc.family(document, store=arguments.store, mode=MODE, verify=arguments.verify) as family, \
                 kernel(Path(name) / "parts") as alone:
-            lanes = {**spent(family, family._of(MODE, False), itertools.count()), "kernel": alone}
+            lanes = {**spent(family, family._of(MODE, False), itertools.count(), arguments.pens), "kernel": alone}
             rates: dict[str, list[float]] = {label: [] for label in lanes}
             for turn in range(-1, arguments.rounds):
                 for label, make in lanes.items():
-                    count = max(int(arguments.count * SLOW.get(label, 1.0)), 1 if label in ELSEWHERE else min(16, arguments.count))
+                    least = 1 if label in ELSEWHERE else min(arguments.pens, arguments.count)
+                    count = max(int(arguments.count * SLOW.get(label, 1.0)), least)
                     clock = processor if label in ELSEWHERE else time.process_time
                     if label == "seen":
-                        make(16)  # they were forgotten for `a mesh`
+                        make(arguments.pens)  # they were forgotten for `a mesh`
                     begun = clock()
                     make(count)
                     if turn >= 0:

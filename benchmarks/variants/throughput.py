@@ -91,7 +91,6 @@ def modelled(index: int) -> Settings:
     return Settings(parameters={"reach": f"{70 + 45 * ((index + FRESH) * 0.6180339887498949 % 1.0)} mm"})
 
 
-ROUNDS = 5
 FRESH = int.from_bytes(os.urandom(3), "big") / 2**24
 
 
@@ -259,6 +258,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=400, help="variants that model nothing (default: %(default)s)")
     parser.add_argument("--models", type=int, default=40, help="variants that model a part each (default: %(default)s)")
+    parser.add_argument("--rounds", type=int, default=5, help="how often each takes its turn with a part of them (default: %(default)s)")
     parser.add_argument("--scale", type=int, default=0, help="largest number of variants for growth (default: not measured)")
     parser.add_argument("--store", help="where modelled parts are kept")
     arguments = parser.parse_args()
@@ -269,16 +269,16 @@ def main() -> None:
         document = workspace(folder)
         with contextlib.ExitStack() as stack:
             made = dict(lanes(document, arguments.store, folder, stack))
-            sizes = {label: -(-(arguments.models if label == "modelled" else arguments.count) // ROUNDS) for label in made}
+            sizes = {label: -(-(arguments.models if label == "modelled" else arguments.count) // arguments.rounds) for label in made}
             rates: dict[str, list[float]] = {label: [] for label in made}
-            for turn in range(ROUNDS):
+            for turn in range(arguments.rounds):
                 for label, lane in made.items():
                     begun = processor()
                     lane.make(range(turn * sizes[label], (turn + 1) * sizes[label]))
                     rates[label].append(sizes[label] / max(processor() - begun, 0.01))
             for label, found in rates.items():
-                print(f"{label:9}{ROUNDS * sizes[label]:6} variants {statistics.median(found):8.1f}/s of processor time "
-                      f"(median of {ROUNDS} rounds; {min(found):.1f} to {max(found):.1f})")
+                print(f"{label:9}{arguments.rounds * sizes[label]:6} variants {statistics.median(found):8.1f}/s of processor time "
+                      f"(median of {arguments.rounds} rounds; {min(found):.1f} to {max(found):.1f})")
             for label in ("loaded", "compiled"):
                 ratios = [ours / theirs for ours, theirs in zip(rates[label], rates["by hand"], strict=True)]
                 print(f"{label}, of by hand: {statistics.median(ratios):.2f} ({min(ratios):.2f} to {max(ratios):.2f})")
