@@ -8,11 +8,13 @@ The wrong example of a code is a case: `TC302.yaml` with what is said of it in `
 Where an example needs a workspace of its own they are `TC120/wrong/robot.yaml` and `TC120/right/robot.yaml`.
 
 The text between `<!-- generated: ... -->` and `<!-- /generated -->` comes from the files of `documents/checks/` in
-`docs/language/tests.md`, and from the capabilities of the targets in `docs/formats.md`.
+`docs/language/tests.md`, from the capabilities of the targets in `docs/formats.md`, and from the parsers of the command line in
+`docs/commands/`.
 """
 
 from __future__ import annotations
 
+import argparse
 import inspect
 import json
 import re
@@ -30,12 +32,14 @@ from thingc.base.joints.kinds import KINDS
 from thingc.documents.checks import kinds
 from thingc.targets.capabilities import Capabilities, Cell, Companion, Supported, joint_cell
 from thingc.targets.registry import TARGETS
+from thingc.tools.cli.main import COMMANDS, parser_for
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 PAGE = DOCS / "diagnostics.md"
 FORMATS = DOCS / "formats.md"
 TESTS = DOCS / "language" / "tests.md"
+COMMAND_PAGES = DOCS / "commands"
 MEANINGS = DOCS / "codes" / "meanings.toml"
 CASES = ROOT / "tests" / "cases" / "codes"
 EXAMPLES = ROOT / "compiler" / "thingc" / "tools" / "reporting" / "examples.json"
@@ -99,7 +103,7 @@ error[TC302]: this document has no component `plat`
 
 Several faults are said in one run. A document that is not well-formed, or whose keys and values are wrong (TC1xx, TC2xx), is
 mended first: names, parts and masses are looked at when it is right. Errors end a build. Warnings do not, unless `--strict` is
-given. How all this looks in JSON, as annotations of GitHub and in SARIF is in [outputs](outputs.md#json).
+given. How all this looks in JSON, as annotations of GitHub and in SARIF is in [outputs](outputs/json.md).
 
 Each code has a page with a wrong and a right example; `thingc explain TC302` prints it (`thingc explain 302` does, too), and
 `thingc explain` lists all codes.
@@ -202,7 +206,7 @@ def generated() -> dict[Path, str]:
     """Every file that is made here, with its text."""
     told = meanings()
     pages = {DOCS / "codes" / f"{code.code}.md": code_page(code, told.get(code.code)) for code in Code}
-    return {PAGE: page(), EXAMPLES: examples(), TESTS: tests(), FORMATS: formats(), **pages}
+    return {PAGE: page(), EXAMPLES: examples(), TESTS: tests(), FORMATS: formats(), **pages, **command_pages()}
 
 
 def formats() -> str:
@@ -249,6 +253,65 @@ def _test_page(text: str) -> str:
         text = text.replace(f"]({old})", f"]({new})")
     text = text.replace("| key | value | without it | |", "| Key | Type | Default | Description |")
     return text.replace("| an error |", "| required |").strip("\n")
+
+
+def command_pages() -> dict[Path, str]:
+    """Return the page of each command: written by hand, except for the usage and the options. A new command gets a page without text."""
+    pages = {}
+    for command, summary in COMMANDS.items():
+        path = COMMAND_PAGES / f"{command}.md"
+        empty = f"# thingc {command}\n\n{summary[0].upper()}{summary[1:]}.\n\n<!-- generated: options -->\n<!-- /generated -->\n"
+        pages[path] = _marked(_read(path) if path.exists() else empty, {"options": _options(command)})
+    return pages
+
+
+def _options(command: str) -> str:
+    """Return the usage line of a command and the tables of its arguments and options."""
+    parser = parser_for(command)[1]
+    assert parser is not None, command
+    actions = [action for action in parser._actions if action.help != argparse.SUPPRESS and action.dest != "help"]
+    arguments = [action for action in actions if not action.option_strings]
+    options = [action for action in actions if action.option_strings]
+    words = ["thingc", command, "[OPTIONS]", *map(_argument, arguments)]
+    lines = ["```", " ".join(words), "```"]
+    for name, rows in (("Argument", arguments), ("Option", options)):
+        if rows:
+            lines += ["", f"| {name} | Default | Description |", "|---|---|---|", *(_option(parser, action) for action in rows)]
+    return "\n".join(lines)
+
+
+def _words(action: argparse.Action) -> list[str]:
+    """Return the words between which an argument or an option chooses."""
+    return str(action.metavar).strip("{}").split(",") if str(action.metavar).startswith("{") else list(action.choices or ())
+
+
+def _metavar(action: argparse.Action) -> str:
+    """Return the placeholder of the value of an argument or an option; empty for a flag."""
+    if action.nargs == 0:
+        return ""
+    named = action.metavar and not _words(action)
+    return str(action.metavar) if named else re.sub(".*_", "", action.dest).upper()
+
+
+def _argument(action: argparse.Action) -> str:
+    """Return an argument as in a usage line: `[DOC]...`."""
+    name = _metavar(action)
+    return {"?": f"[{name}]", "*": f"[{name}]...", "+": f"{name}..."}.get(str(action.nargs), name)
+
+
+def _option(parser: argparse.ArgumentParser, action: argparse.Action) -> str:
+    """Return the row of an argument or an option."""
+    *short, last = action.option_strings or [""]
+    names = (*short, f"{last} {_metavar(action)}".strip())
+    text = parser._get_formatter()._expand_help(action)
+    found = re.search(r" \((?:(.*?)[;,] )?default: (.*)\)$", text)
+    default = found[2].strip("'") if found else "required" if action.required and action.nargs not in ("?", "*") else ""
+    if found:
+        text = text[: found.start()] + (f" ({found[1]})" if found[1] else "")
+    words = ", ".join(f"`{word}`" for word in _words(action))
+    text = re.sub(r"(?<![`\w-])(--[a-z][\w-]*)", r"`\1`", text) + (f": {words}" if words else "")
+    default = f"`{default or action.default}`" if (default or action.default) in _words(action) else default
+    return f"| {', '.join(f'`{_cell(name)}`' for name in names)} | {_cell(default)} | {_cell(text)} |"
 
 
 def _marked(text: str, parts: Mapping[str, str]) -> str:

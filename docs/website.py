@@ -54,7 +54,8 @@ MOVED = {
     }.items()
 } | {
     "import.md#again": "import.md#import-again", "import.md#mjcf": "import/mjcf.md", "import.md#sdf": "import/sdf.md",
-    "variants.md#very-many": "variants.md#packed-batches",
+    "variants.md#very-many": "variants.md#packed-batches", "outputs.md#adhesion": "outputs/mjcf.md#adhesion",
+    "outputs.md#other-readers": "outputs/mjcf.md#other-readers", "outputs.md#the-viewer": "outputs/viewer_glb.md#the-viewer",
 }
 """New places of sections to which entries of the changelog link."""
 SKIPPED = ("readme.md", "architecture.md", "contributing.md", "changelog.md", "decisions/index.md", "api.md")

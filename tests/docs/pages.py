@@ -18,7 +18,12 @@ from thingc.tools.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 LANGUAGE = ROOT / "docs" / "language"
-FOLDERS = (ROOT / "docs", ROOT / "docs" / "concepts", LANGUAGE, ROOT / "docs" / "import", ROOT / "docs" / "howto", ROOT / "docs" / "from")
+OUTPUTS = ROOT / "docs" / "outputs"
+COMMAND_PAGES = ROOT / "docs" / "commands"
+FOLDERS = (
+    ROOT / "docs", ROOT / "docs" / "concepts", LANGUAGE, OUTPUTS, COMMAND_PAGES, ROOT / "docs" / "import", ROOT / "docs" / "howto",
+    ROOT / "docs" / "from",
+)
 PAGES = (*(page for folder in FOLDERS for page in sorted(folder.glob("*.md"))), ROOT / "README.md", ROOT / "CONTRIBUTING.md")
 DECISIONS = ROOT / "docs" / "decisions"
 WITH_LINKS = (*PAGES, *sorted(DECISIONS.glob("*.md")), ROOT / "ARCHITECTURE.md")

@@ -11,8 +11,10 @@ from pathlib import Path
 import pytest
 
 from docs.pages import (
+    COMMAND_PAGES,
     DECISIONS,
     LANGUAGE,
+    OUTPUTS,
     PAGES,
     ROOT,
     WITH_LINKS,
@@ -36,7 +38,6 @@ from thingc.documents.workspace import Workspace
 
 pytestmark = pytest.mark.slow
 
-OUTPUTS = ROOT / "docs" / "outputs.md"
 IDS = [page.relative_to(ROOT).as_posix().removeprefix("docs/") for page in PAGES]
 
 
@@ -328,7 +329,7 @@ def test_annotations_overrides_and_actuators_of_things() -> None:
     assert [row[0].strip("`") for row in table(things, "actuator")] == fields
 
 
-# --- outputs.md ----------------------------------------------------------------------------------------------------
+# --- outputs/, commands/ -------------------------------------------------------------------------------------------
 
 
 def _same_shape(shown: object, real: object, path: str) -> None:
@@ -351,9 +352,10 @@ def _same_shape(shown: object, real: object, path: str) -> None:
         assert type(shown) is type(real), (path, shown, real)
 
 
-@pytest.mark.parametrize("page", [OUTPUTS], ids=["outputs.md"])
+@pytest.mark.parametrize("page", [OUTPUTS / "index.md"], ids=["index.md"])
 def test_shapes_of_json(page: Path, here: Path) -> None:
-    samples = dict(re.findall(r"<!-- shape: ([\w.]+) -->\n```json\n(.*?)```", page.read_text(), re.DOTALL))
+    text = "\n".join(one.read_text() for one in sorted(OUTPUTS.glob("*.md")))
+    samples = dict(re.findall(r"<!-- shape: ([\w.]+) -->\n```json\n(.*?)```", text, re.DOTALL))
     two_bases = "  plate: {frame: true}\n  other: {frame: true}\n"
     (here / "robot.yaml").write_text(f"thingc: assembly/1\nname: r\ncomponents:\n{two_bases}")
     build = json.loads(run("thingc build assemblies/arm.yaml --emit mjcf --emit bom --format json"))
@@ -386,24 +388,29 @@ def test_columns_of_the_bill_of_materials() -> None:
     assert [row[0].strip("`") for row in table(OUTPUTS, "bom")] == list(COLUMNS)
 
 
-def test_every_option_of_every_command_is_in_the_table() -> None:
-    from thingc.targets.registry import TARGETS
+def test_every_command_has_a_page_with_all_of_its_options() -> None:
     from thingc.tools.cli.main import COMMANDS, parser_for
 
-    real: dict[tuple[str, ...], set[str]] = {}
+    index = (COMMAND_PAGES / "index.md").read_text()
+    assert re.findall(r"^\| \[`thingc (\S+?)[` ].*\]\((\w+)\.md\)", index, re.MULTILINE) == [(name, name) for name in COMMANDS]
+    assert {page.stem for page in COMMAND_PAGES.glob("*.md")} == {*COMMANDS, "index"}
     for command in COMMANDS:
         own = parser_for(command)[1]
         assert own is not None
-        for action in own._actions:
-            if action.option_strings and "--help" not in action.option_strings and action.help != "==SUPPRESS==":
-                real.setdefault(tuple(action.option_strings), set()).add(command)
-    said = {}
-    for row in table(OUTPUTS, "options"):
-        of = set(COMMANDS) if row[1] == "all" else set(row[1].split(", "))
-        said[tuple(re.findall(r"`(\S+)`", row[0]))] = of
-        if "--emit" in row[0]:
-            assert re.findall(r"`(\w+)`", row[2]) == list(TARGETS)
-    assert said == real
+        actions = [action for action in own._actions if action.help != "==SUPPRESS==" and action.dest != "help"]
+        text = (COMMAND_PAGES / f"{command}.md").read_text()
+        made = text.partition("<!-- generated: options -->\n")[2].partition("<!-- /generated -->")[0]
+        cells = re.findall(r"^\| (`.*?`) \| ", made, re.MULTILINE)
+        options = [tuple(re.findall(r"`(-[\w-]+)", cell)) for cell in cells if cell.startswith("`-")]
+        assert options == [tuple(action.option_strings) for action in actions if action.option_strings], f"{command}: run make docs"
+        assert len(cells) == len(actions)
+
+
+def test_the_table_of_targets_has_every_target() -> None:
+    from thingc.targets.registry import TARGETS
+
+    rows = [(row[0].strip("`"), row[1] == "yes") for row in table(OUTPUTS, "targets")]
+    assert rows == [(name, target.unasked) for name, target in TARGETS.items()]
 
 
 # --- python.md, diagnostics.md, CONTRIBUTING.md ----------------------------------------------------------------------

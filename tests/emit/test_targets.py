@@ -54,14 +54,14 @@ def test_the_command_line_counts_before_the_workspace(
 
 
 def test_help_and_page_have_every_target(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`build --help` says what each is; the picture of the build folder in `docs/outputs.md` has what it writes."""
+    """`build --help` says what each is; the picture of the build folder in `docs/outputs/index.md` has what it writes."""
     assert main(["build", "--help"]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert all(f"{name} ({target.says})" in said for name, target in TARGETS.items())
-    shown = (root / "docs" / "outputs.md").read_text().partition("```\n")[2].partition("```")[0]
+    shown = (root / "docs" / "outputs" / "index.md").read_text().partition("```\n")[2].partition("```")[0]
     for pattern in (pattern for target in TARGETS.values() for pattern in target.writes):
         place = pattern.partition("/*")[0] + "/" if "*" in pattern else pattern
-        assert place in shown, f"docs/outputs.md: `{pattern}` is missing in the picture of the build folder"
+        assert place in shown, f"docs/outputs/index.md: `{pattern}` is missing in the picture of the build folder"
 
 
 SCREW = """\

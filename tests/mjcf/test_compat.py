@@ -75,7 +75,7 @@ def lost(models: emit.Models) -> list[tuple[str, str, str]]:
 def test_there_is_one_table_of_names(root: Path) -> None:
     """The page has the same consumers, and the versions of which it was found out."""
     assert tuple(one.name for one in CONSUMERS) == NAMES
-    rows = (root / "docs" / "outputs.md").read_text().partition("<!-- compat -->\n")[2].partition("\n\n")[0].splitlines()[2:]
+    rows = (root / "docs" / "outputs" / "mjcf.md").read_text().partition("<!-- compat -->\n")[2].partition("\n\n")[0].splitlines()[2:]
     cells = [[cell.strip() for cell in row.strip("|").split(" | ")][:3] for row in rows]
     assert cells == [[f"`{one.name}`", one.label, one.version] for one in CONSUMERS]
 

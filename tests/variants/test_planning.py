@@ -277,7 +277,7 @@ def test_the_page_names_every_result_and_the_table_every_column(root: Path) -> N
 
     said = [name for row in table(root / "docs" / "variants.md", "results") for name in re.findall(r"`([\w.]+)`", row[0])]
     assert said == [*RESULTS, f"{LENGTHS}JOINT"]
-    columns = [row[0] for row in table(root / "docs" / "outputs.md", "batch columns")]
+    columns = [row[0] for row in table(root / "docs" / "outputs", "batch columns")]
     assert columns == [
         *(f"`{name}`" for name in HEAD), "`parameters.NAME`", "`components.PATH`", f"`{next(iter(RESULTS))}` ... `{list(RESULTS)[-1]}`",
         "`length.JOINT`", *(f"`{name}`" for name in (*TAIL, *RUN)),

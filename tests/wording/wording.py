@@ -64,7 +64,7 @@ def pages() -> list[Path]:
 def prose(page: Path) -> Iterator[Text]:
     """The paragraphs, items of lists and cells of tables of a page, without code, pictures and the targets of links."""
     area, fenced, begin = page.relative_to(ROOT).as_posix(), False, 0
-    lines = page.read_text().splitlines()
+    lines = _without_options(page.read_text()).splitlines()
     paragraph: list[str] = []
     for number, line in enumerate((*lines, ""), 1):
         fence = line.lstrip().startswith(("```", "~~~"))
@@ -80,6 +80,12 @@ def prose(page: Path) -> Iterator[Text]:
         elif not line.startswith("<"):
             begin = begin if paragraph else number
             paragraph.append(_plain(line))
+
+
+def _without_options(text: str) -> str:
+    """Return a page with empty lines for the options of a command: their texts are messages, which are counted where they are written."""
+    options = r"(?s)<!-- generated: options -->.*?<!-- /generated -->"
+    return re.sub(options, lambda found: "\n" * found[0].count("\n"), text)
 
 
 def _plain(line: str) -> str:
