@@ -82,18 +82,19 @@ remainder, isfinite, isinf = one_operation(math.remainder), one_operation(math.i
 
 @one_operation
 def rounded(value: float, digits: int) -> float:
-    """A number with so many significant digits."""
+    """Round a number to significant digits."""
     return float(f"{value:.{digits}g}")
 
 
 def sum_of(values: Iterable[float]) -> float:
-    """The sum from left to right, each addition rounded by itself. From Python 3.12 on `sum` keeps what additions of floats lose, so that
-    a file would have other last digits there, and `plans` other numbers than the passes."""
+    """Return the sum of floats added from left to right, each addition rounded. `sum` compensates rounding errors since Python 3.12, which
+    would change last digits in files, and make `plans` differ from the passes.
+    """
     return reduce(operator.add, values, 0)
 
 
 def fsum(values: Iterable[float]) -> float:
-    """The sum, rounded once."""
+    """Return the sum, rounded once."""
     return _fsum(*values)
 
 
@@ -103,18 +104,19 @@ def _fsum(*values: float) -> float:
 
 
 def dist(p: Iterable[float], q: Iterable[float]) -> float:
-    """The distance of two points of as many coordinates."""
+    """Return the distance of two points of the same dimension."""
     return hypot(*(a - b for a, b in zip(p, q, strict=True)))
 
 
 @one_operation
 def hypot(*components: float) -> float:
-    """The length of a vector: the root of the sum of the squares, rounded once to the nearest float. `math.hypot` and `math.dist` have
-    another last digit in some Pythons: of 0.075 m and 0.18 m it is 0.195 m in 3.11, and 0.19499999999999998 m from 3.12 on.
+    """Return the Euclidean length of a vector, rounded once to the nearest float.
 
-    Floats are whole numbers over a power of two, and with those nothing is lost. The root has 64 bits or more, of which the last is set
-    where others would follow it: what is not half way between two floats does not look so. Where something is not finite, or the root
-    greater than all floats, it is what `math.hypot` has."""
+    `math.hypot` and `math.dist` differ in the last digit between Python versions: for 0.075 m and 0.18 m the result is 0.195 m in 3.11, and
+    0.19499999999999998 m since 3.12. Floats are integers divided by a power of two, so the sum of squares is exact. The root has at least
+    64 bits, and its last bit is set if it is inexact, so that it is never mistaken for the middle of two floats. For values that are not
+    finite, and on overflow, the result is that of `math.hypot`.
+    """
     try:
         ratios = [value.as_integer_ratio() for value in components]
         scale = max((denominator for _, denominator in ratios), default=1)

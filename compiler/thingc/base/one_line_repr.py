@@ -1,4 +1,4 @@
-"""How the compiler's data shows itself: one line, whatever hangs on it; and numbers of things."""
+"""One-line representations of the compiler's data, and counts with nouns."""
 
 from __future__ import annotations
 
@@ -11,18 +11,17 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Span
 
 LONGEST = 160
-"""Characters of a line."""
+"""Maximum number of characters of a representation."""
 LISTED = 6
-"""Names, or numbers, of a collection that are shown."""
+"""Maximum number of items of a collection that are listed."""
 _WORD = 40
 
 
 class OneLineRepr:
-    """A struct (or a dataclass with `repr=False`) that prints as one line:
+    """Base class of structs (or dataclasses with `repr=False`) with a one-line representation:
     `Robot('arm', mode=LinkedMode('bench'), base='fixed', bodies=[7 Body])`.
 
-    What it is called comes first, then its fields in order; those that are empty are left out. What it holds is named or counted,
-    never printed in full: that is what the attributes are for.
+    The name comes first, then the fields in order, without empty ones. Nested values are named or counted, not printed in full.
     """
 
     __slots__ = ()
@@ -32,7 +31,7 @@ class OneLineRepr:
 
 
 def counted(number: int, noun: str) -> str:
-    """`1 document`, `2 documents`."""
+    """Format a count with its noun: `1 document`, `2 documents`."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
@@ -53,13 +52,13 @@ def _line(self: Any) -> str:
 
 
 def _called(value: object) -> str | None:
-    """What an object is known by; None where it has no name."""
+    """Return the name of an object, or None."""
     names = (getattr(value, attribute, None) for attribute in ("name", "path", "text", "code"))
     return next((one for one in names if isinstance(one, str) and one), None)
 
 
 def _short_repr(value: Any) -> str:
-    """A value in a few words."""
+    """Return a short representation of a value."""
     if isinstance(value, (str, bytes)):
         return repr(value) if len(value) <= _WORD else f"{value[:_WORD]!r}..."
     if isinstance(value, Span):
@@ -77,7 +76,7 @@ def _short_repr(value: Any) -> str:
 
 
 def _listed(values: Sequence[Any]) -> str:
-    """`[bench, drawing]`, `[0, 0, -9.81]`, `[7 Body]`: few plain values are written out, others are counted."""
+    """Format a collection: `[bench, drawing]`, `[0, 0, -9.81]`, `[7 Body]`. A few plain values are listed, others are counted."""
     if len(values) <= LISTED and all(isinstance(one, (str, int, float)) and len(f"{one}") <= _WORD for one in values):
         return "[" + ", ".join(one if isinstance(one, str) else _short_repr(one) for one in values) + "]"
     kinds = {type(one).__name__ for one in values}

@@ -1,4 +1,4 @@
-"""What ROS packages say of themselves: who maintains them, their license and version."""
+"""Metadata of ROS packages: maintainer, license and version."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from collections.abc import Mapping
 from thingc.base.frozen_struct import FrozenStruct
 
 MAINTAINER = r"([^<>\s][^<>]{0,200}?)\s{0,10}<([A-Za-z0-9_%+-]+(?:\.[A-Za-z0-9_%+-]+)*@[A-Za-z0-9%-]+(?:\.[A-Za-z0-9%-]+)*\.[A-Za-z]{2,})>"
-"""Who maintains a package: a name and, as ROS demands it, a mail address."""
+"""Pattern of a maintainer: a name and an email address, which ROS requires."""
 MEMORY = r"([1-9][0-9]{0,5}) ?(MB|GB)"
-"""An amount of memory."""
+"""Pattern of an amount of memory."""
 VERSION = r"[0-9]+\.[0-9]+\.[0-9]+"
-"""The version of a package (REP 149)."""
+"""Pattern of a package version (REP 149)."""
 KEYS = frozenset({"maintainer", "license", "version"})
-"""What a workspace file may say of a package."""
+"""Keys of the package metadata in a workspace file."""
 
 
 class PackageInfo(FrozenStruct):
-    """What a ROS package says of itself: the name and `mail` of its `maintainer`, its `license` and its `version`."""
+    """Metadata of a ROS package: the name and `mail` of its `maintainer`, its `license` and its `version`."""
 
     maintainer: str = "TODO"
     mail: str = "todo@todo.todo"
@@ -27,8 +27,11 @@ class PackageInfo(FrozenStruct):
 
     @staticmethod
     def of(texts: Mapping[str, str]) -> PackageInfo:
-        """What a workspace file says of it, by key; what it does not say is what `ros2 pkg create` writes, to be replaced. Raises
-        `ValueError` or `TypeError` where a text is not what it should be."""
+        """Create the metadata from the texts of a workspace file, by key. Missing values are the placeholders that `ros2 pkg create`
+        writes.
+
+        Raises `ValueError` or `TypeError` for invalid texts.
+        """
         if not all(isinstance(text, str) for text in texts.values()):
             raise TypeError
         said = dict(texts)
@@ -43,5 +46,5 @@ class PackageInfo(FrozenStruct):
 
 
 def one_line(text: str) -> bool:
-    """Whether a text has something to read, and nothing that cannot be seen."""
+    """Return whether a text is not blank, and printable."""
     return bool(text.strip()) and text.isprintable()

@@ -1,6 +1,6 @@
-"""Rigid poses in plain Python: `X_AB` is the pose of frame B in frame A, and `X_AC = X_AB @ X_BC`.
+"""Rigid poses in pure Python: `X_AB` is the pose of frame B in frame A, and `X_AC = X_AB @ X_BC`.
 
-Plain tuples of floats, because `check` must not pay for numpy; lengths in metres, angles in radians. `Mirror` reflects them at a plane.
+Tuples of floats, because importing numpy would slow `check` down; lengths in metres, angles in radians. `Mirror` reflects them at a plane.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from thingc.base.numeric import atan2, copysign, cos, hypot, maximum, one_operat
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
-"""A 3 x 3 matrix, row by row."""
+"""A 3 x 3 matrix, by rows."""
 
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def multiply(a: Matrix, b: Matrix) -> Matrix:
-    """The matrix product `a b`."""
+    """Return the matrix product `a b`."""
     columns = transpose(b)
     return (
         (dot(a[0], columns[0]), dot(a[0], columns[1]), dot(a[0], columns[2])),
@@ -30,54 +30,54 @@ def multiply(a: Matrix, b: Matrix) -> Matrix:
 
 
 def transpose(a: Matrix) -> Matrix:
-    """The transpose of `a`."""
+    """Return the transpose of `a`."""
     return ((a[0][0], a[1][0], a[2][0]), (a[0][1], a[1][1], a[2][1]), (a[0][2], a[1][2], a[2][2]))
 
 
 def dot(a: Vector, b: Vector) -> float:
-    """The scalar product."""
+    """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def added(a: Vector, b: Vector, factor: float) -> Vector:
-    """`a + factor b`."""
+    """Return `a + factor b`."""
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """The vector product `a x b`."""
+    """Return the cross product `a x b`."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def rotate(a: Matrix, v: Vector) -> Vector:
-    """The matrix times the vector."""
+    """Return the product of a matrix and a vector."""
     return (dot(a[0], v), dot(a[1], v), dot(a[2], v))
 
 
 class Pose(FrozenStruct):
-    """The pose of a frame: rotation (a proper orthogonal matrix) and translation [m]."""
+    """Pose of a frame: rotation (a proper orthogonal matrix) and translation [m]."""
 
     rotation: Matrix = IDENTITY
     translation: Vector = (0.0, 0.0, 0.0)
 
     def __matmul__(self, other: Pose) -> Pose:
-        """`X_AB @ X_BC` is `X_AC`."""
+        """Return `X_AC`, given `X_AB` and `X_BC`."""
         return Pose(rotation=multiply(self.rotation, other.rotation), translation=self.apply(other.translation))
 
     def inverse(self) -> Pose:
-        """`X_BA` of `X_AB`."""
+        """Return `X_BA`, given `X_AB`."""
         back = transpose(self.rotation)
         x, y, z = rotate(back, self.translation)
         return Pose(rotation=back, translation=(-x, -y, -z))
 
     def apply(self, point: Vector) -> Vector:
-        """A point given in B, in A [m]."""
+        """Transform a point from B to A [m]."""
         x, y, z = rotate(self.rotation, point)
         t = self.translation
         return (x + t[0], y + t[1], z + t[2])
 
     def around(self, box: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-        """The smallest box along the axes of A around a box along those of B: each its lowest and highest corner [m]."""
+        """Return the smallest box along the axes of A around a box along those of B, as lowest and highest corner [m]."""
         (ax, ay, az), (bx, by, bz) = box
         x, y, z = self.apply(((ax + bx) / 2.0, (ay + by) / 2.0, (az + bz) / 2.0))
         u, v, w = (
@@ -86,7 +86,7 @@ class Pose(FrozenStruct):
         return (x - u, y - v, z - w), (x + u, y + v, z + w)
 
     def rows(self) -> tuple[tuple[float, float, float, float], ...]:
-        """The homogeneous 4 x 4 matrix, row by row."""
+        """Return the homogeneous 4 x 4 matrix, by rows."""
         r, t = self.rotation, self.translation
         return ((*r[0], t[0]), (*r[1], t[1]), (*r[2], t[2]), (0.0, 0.0, 0.0, 1.0))
 
@@ -125,8 +125,9 @@ NO_POSE = Pose()
 
 
 def turn_of(quaternion: Quaternion) -> Vector:
-    """The rotation vector of a quaternion (w, x, y, z) of any length but 0: the axis times the angle [rad] from 0 to pi, exact near 0 and
-    near pi alike."""
+    """Return the rotation vector, axis times angle [rad] from 0 to pi, of a nonzero quaternion (w, x, y, z); accurate near 0 and near
+    pi.
+    """
     w, x, y, z = quaternion if quaternion[0] >= 0.0 else (-quaternion[0], -quaternion[1], -quaternion[2], -quaternion[3])
     size = sqrt(x * x + y * y + z * z)
     if size == 0.0:
@@ -136,7 +137,7 @@ def turn_of(quaternion: Quaternion) -> Vector:
 
 
 def quaternion_of(turn: Vector) -> Quaternion:
-    """The unit quaternion (w, x, y, z) of a rotation vector [rad]."""
+    """Return the unit quaternion (w, x, y, z) of a rotation vector [rad]."""
     angle = hypot(*turn)
     if angle == 0.0:
         return (1.0, 0.0, 0.0, 0.0)
@@ -144,16 +145,16 @@ def quaternion_of(turn: Vector) -> Quaternion:
     return (cos(angle / 2.0), scale * turn[0], scale * turn[1], scale * turn[2])
 
 MATE = Pose(rotation=((0.0, -1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, -1.0)))
-"""How two mounts meet: z axes opposed, x and y swapped and negated; its own inverse.
+"""Pose of a mount in the mount that it is mated with: z axes opposed, x and y swapped and negated; its own inverse.
 
-The matrix of build123d's `Location((0, 0, 0), (180, 0, 90))`, kept as a matrix because the same three angles
+This is build123d's `Location((0, 0, 0), (180, 0, 90))`, stored as a matrix because the same three angles
 read extrinsically are another rotation.
 """
 
 
 @one_operation
 def quarter_exact(angle: float) -> tuple[float, float]:
-    """(cos, sin) of an angle [rad], exact at multiples of a quarter turn, so that a turn of 90 deg leaves no 6e-17."""
+    """Return (cos, sin) of an angle [rad], exact at multiples of 90 deg, so that a rotation by 90 deg has no entries like 6e-17."""
     quarters = angle / (math.pi / 2.0)
     nearest = round(quarters)
     if abs(quarters - nearest) < 1e-15 * max(1.0, abs(quarters)):
@@ -162,10 +163,10 @@ def quarter_exact(angle: float) -> tuple[float, float]:
 
 
 def turned_about(axis: Vector, angle: float) -> Matrix:
-    """A turn [rad] about a unit axis through the origin: Rodrigues' formula `R = c 1 + s [a]x + (1 - c) a a^T`."""
+    """Return a rotation [rad] about a unit axis through the origin: Rodrigues' formula `R = c 1 + s [a]x + (1 - c) a a^T`."""
     x, y, z = axis
     c, s = quarter_exact(angle)
-    # 1 - cos without the digits that the subtraction loses near 0
+    # 1 - cos without cancellation near 0
     d = 2.0 * sin(angle / 2.0) ** 2
     return (
         (c + d * x * x, d * x * y - s * z, d * x * z + s * y),
@@ -175,37 +176,37 @@ def turned_about(axis: Vector, angle: float) -> Matrix:
 
 
 def turned_x(angle: float) -> Pose:
-    """A turn [rad] about x."""
+    """Return a rotation [rad] about x."""
     c, s = quarter_exact(angle)
     return Pose(rotation=((1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c)))
 
 
 def turned_y(angle: float) -> Pose:
-    """A turn [rad] about y."""
+    """Return a rotation [rad] about y."""
     c, s = quarter_exact(angle)
     return Pose(rotation=((c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c)))
 
 
 def turned_z(angle: float) -> Pose:
-    """A turn [rad] about z."""
+    """Return a rotation [rad] about z."""
     c, s = quarter_exact(angle)
     return Pose(rotation=((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
 
 
 def shifted(x: float, y: float, z: float) -> Pose:
-    """A translation [m]."""
+    """Return a translation [m]."""
     return Pose(translation=(x, y, z))
 
 
 def placed(xyz: Vector, rpy: Vector) -> Pose:
-    """`xyz` [m] and `rpy` [rad]: extrinsic roll, pitch, yaw about fixed x, y, z, as URDF reads them."""
+    """Return the pose with translation `xyz` [m] and rotation `rpy` [rad]: extrinsic roll, pitch, yaw about fixed x, y, z, as in URDF."""
     roll, pitch, yaw = rpy
     turned = turned_z(yaw) @ turned_y(pitch) @ turned_x(roll)
     return Pose(rotation=turned.rotation, translation=xyz)
 
 
 def rotation_of(quaternion: Quaternion) -> Matrix:
-    """The rotation of a quaternion (w, x, y, z) of any length but 0. No root is taken, so that quarter turns about an axis are exact."""
+    """Return the rotation of a nonzero quaternion (w, x, y, z), without a square root, so that quarter turns about an axis are exact."""
     w, x, y, z = quaternion
     squared = w * w + x * x + y * y + z * z
     return (
@@ -216,7 +217,7 @@ def rotation_of(quaternion: Quaternion) -> Matrix:
 
 
 def along(z: Vector, origin: Vector) -> Pose:
-    """A frame at a point [m] whose z is a unit vector; its x and y are any that make it proper, those of the axes where z is theirs."""
+    """Return a frame at a point [m] whose z axis is a given unit vector; x and y are chosen (the coordinate axes if z is one of them)."""
     least = min(range(3), key=lambda k: abs(z[k]))
     y = cross(z, IDENTITY[least])
     size = sqrt(dot(y, y))
@@ -225,8 +226,9 @@ def along(z: Vector, origin: Vector) -> Pose:
 
 
 def rpy_of(rotation: Matrix) -> Vector:
-    """Roll, pitch and yaw [rad] of a rotation, as `placed` takes them. Where the pitch is a quarter turn yaw and roll are one
-    turn: the yaw is whatever it comes to, and the roll what that leaves, so that the rotation is what it was to the last digits."""
+    """Return roll, pitch and yaw [rad] of a rotation, as in `placed`. At a pitch of 90 deg, yaw and roll are about the same axis: the yaw
+    is arbitrary, and the roll complements it.
+    """
     (xx, xy, xz), (yx, yy, yz), (zx, _, _) = rotation
     yaw = atan2(yx, xx)
     c, s = cos(yaw), sin(yaw)
@@ -234,37 +236,33 @@ def rpy_of(rotation: Matrix) -> Vector:
 
 
 class Mirror:
-    """The mirror at the plane through the origin that is normal to `axis` (`x | y | z`).
-
-    With S the reflection at the plane in a component's frame, and D the one that reverses y of a mount's own frame, a mount at X is at
-    `S X D` in the image: its origin, x and z are mirrored, and y follows, so that frames stay right-handed.
-    """
+    """Reflection at the plane through the origin that is normal to `axis` (`x | y | z`)."""
 
     def __init__(self, axis: str) -> None:
         x, y, z = (-1.0 if axis == name else 1.0 for name in "xyz")
         self.signs: Vector = (x, y, z)
 
     def vector(self, value: Any) -> Vector:
-        """The image of a point, or of a direction."""
+        """Reflect a point or a direction."""
         x, y, z = (entry * sign + 0.0 for entry, sign in zip(value, self.signs, strict=True))
         return (x, y, z)
 
     def matrix(self, value: Any) -> Matrix:
-        """The image `S I S` of a matrix of inertia."""
+        """Reflect an inertia matrix: `S I S`."""
         a, b, c = (self.vector([entry * sign for entry in row]) for row, sign in zip(value, self.signs, strict=True))
         return (a, b, c)
 
     def mount(self, pose: Pose) -> Pose:
-        """The image of a mount, right-handed again: its origin, x and z are mirrored, its y is `z x x`, the image of y reversed."""
+        """Reflect a mount: origin, x and z are reflected; y is `z x x`, the reversed image of y, so that the frame is right-handed."""
         x, y, z = (self.vector(column) for column in zip(*pose.rotation, strict=True))
         a, b, c = ((x[k], -y[k] + 0.0, z[k]) for k in range(3))
         return Pose(rotation=(a, b, c), translation=self.vector(pose.translation))
 
     def frame(self, pose: Pose) -> Pose:
-        """The image `S X S` of a frame in which what lies is mirrored along the same axis of its own."""
+        """Reflect a frame, `S X S`, whose content is reflected along the same axis of the frame."""
         return Pose(rotation=self.matrix(pose.rotation), translation=self.vector(pose.translation))
 
     @property
     def origin(self) -> Pose:
-        """Where a mount that lies on the origin is in the image."""
+        """Pose of the mirror image of a mount at the origin."""
         return self.mount(NO_POSE)

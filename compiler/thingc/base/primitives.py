@@ -1,4 +1,4 @@
-"""Shapes of few numbers: what they hold, and how far they reach, in plain Python."""
+"""Geometric primitives: volume, mass properties and bounds, in pure Python."""
 
 from __future__ import annotations
 
@@ -12,14 +12,17 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import NO_POSE, Matrix, Pose, Vector, dot, transpose
 
 FARTHEST = 1e6
-"""Metres: of what reaches much further no inertia can be worked out."""
+"""Largest accepted size [m]: inertias of much larger shapes would overflow."""
 PrimitiveShape = Literal["box", "cylinder", "capsule", "sphere", "ellipsoid", "plane"]
 
 
 class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
-    """A shape of few numbers. `size` as MuJoCo's: box half sizes; cylinder and capsule radius, half length (of the straight part)
-    along z; sphere radius; ellipsoid half axes; plane half sizes along x and y, 0 of one without an end [m]. `pose` is in the part's
-    frame. A plane, whose z points out of the matter, has neither volume nor area."""
+    """A geometric primitive.
+
+    `size` [m] is as in MuJoCo: box half sizes; cylinder and capsule radius, half length (of the straight part)
+    along z; sphere radius; ellipsoid half axes; plane half sizes along x and y, 0 if infinite. `pose` is in the part's
+    frame. A plane, whose z axis points out of the solid side, has neither volume nor area.
+    """
 
     shape: PrimitiveShape
     size: tuple[float, ...]
@@ -40,7 +43,7 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
 
     @property
     def area(self) -> float:
-        """Surface area [m^2]. Raises for an ellipsoid, whose area is no formula."""
+        """Surface area [m^2]. Raises for an ellipsoid, which has no closed formula."""
         if self.shape == "ellipsoid":
             raise ValueError("the area of an ellipsoid is an elliptic integral")
         if self.shape == "plane":
@@ -54,8 +57,9 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
 
     @property
     def matter(self) -> MassProperties:
-        """What it is at density 1: its volume [m^3] as the mass, centre [m] and inertia [m^5] about it, in the part's frame (textbook
-        moments of homogeneous solids)."""
+        """Mass properties at density 1: volume [m^3] as the mass, centre [m] and inertia [m^5] about it, in the part's frame (standard
+        formulas for homogeneous solids).
+        """
         volume = self.volume
         a, b, c = (*self.size, 0.0, 0.0)[:3]
         match self.shape:
@@ -81,8 +85,9 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
         return MassProperties(mass=volume, inertia=inertia).seen_from(self.pose)
 
     def lowest(self, down: Vector) -> float:
-        """The least of `down` (a unit vector in the part's frame) times x [m] over its points x: minus its support function in the other
-        direction."""
+        """Return the minimum of `down` (a unit vector in the part's frame) times x [m] over all points x: the negated support function of
+        the opposite direction.
+        """
         x, y, z = (dot(down, column) for column in transpose(self.pose.rotation))
         middle, size = dot(down, self.pose.translation), self.size
         match self.shape:
@@ -102,6 +107,6 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
 
     @property
     def box(self) -> tuple[Vector, Vector]:
-        """The box around it, along the axes of the part's frame: its lowest and highest corner [m]."""
+        """Bounding box along the axes of the part's frame: lowest and highest corner [m]."""
         low, high = ([sign * self.lowest((sign * (k == 0), sign * (k == 1), sign * (k == 2))) for k in range(3)] for sign in (1.0, -1.0))
         return (low[0], low[1], low[2]), (high[0], high[1], high[2])

@@ -1,4 +1,4 @@
-"""Somebody's Python, read and not run."""
+"""Parse Python source without running it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import warnings
 
 
 def parse_python(source: str | bytes) -> ast.Module:
-    """The syntax tree of a file. Raises what `ast.parse` raises of what is no Python: `SyntaxError`, `ValueError`, `RecursionError` and
-    `MemoryError`. What Python merely warns of (from 3.12 on of `"\\d"`, which it prints) is not for whoever reads the file, but runs it."""
+    """Return the syntax tree of a file. Warnings (such as for `"\\d"` since Python 3.12) are suppressed: they concern running the file.
+
+    Raises `SyntaxError`, `ValueError`, `RecursionError` or `MemoryError`, as `ast.parse`, if it is not valid Python.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return ast.parse(source, os.devnull)  # the file in which it looks for a faulty line: by default `<unknown>` of this folder
+        return ast.parse(source, os.devnull)  # Python reads lines of errors from this file, by default `<unknown>`

@@ -1,4 +1,4 @@
-"""Files replaced all together, unless one of them has changed since it was read."""
+"""Replace several files atomically, unless one of them has changed since it was read."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.base.filesystem import NO_ROOM, opened, write_whole
 
 Change = tuple[bytes | None, bytes | None]
-"""The bytes of a file as they were read, and as they are to be. None is a file that does not exist."""
+"""Content of a file as it was read, and its new content. None stands for a missing file."""
 ATTEMPTS, PAUSE = 200, 0.01
-"""How often to try to lock a folder, and the pause [s] after each. Whoever holds a lock longer is no command that replaces files."""
+"""Number of attempts to lock a folder, and the pause [s] between them; commands that replace files hold the lock for less time."""
 
 
 class ReplacementRefused(Exception):
-    """Files were not replaced: `diagnostic` is the reason."""
+    """Files were not replaced; `diagnostic` is the reason."""
 
     def __init__(self, message: str, help: str | None = None) -> None:
         super().__init__(message)
@@ -28,8 +28,8 @@ class ReplacementRefused(Exception):
 def replace_files(changes: Mapping[str, Change]) -> None:
     """Replace the contents of files, all or none, each by an atomic rename.
 
-    Every file must still have the bytes that were read: an editor may have saved it since. One whose bytes are to stay is only compared.
-    Commands that replace files in the same folders wait for each other. A link is followed, and a file keeps its mode.
+    Every file must still have the content that was read: an editor may have saved it since. Files whose content does not change are only
+    compared. Commands that replace files in the same folders wait for each other. Links are followed, and files keep their mode.
 
     Raises `ReplacementRefused`.
     """
@@ -55,10 +55,10 @@ def replace_files(changes: Mapping[str, Change]) -> None:
 
 @contextlib.contextmanager
 def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, Change]], None]]:
-    """Write files that a check of other files needs, and the folders that they need.
+    """Write temporary contents, with the folders they need, for a check of other files.
 
-    Afterwards they are as they were, except those that somebody has changed meanwhile, unless the callback is called: it replaces the
-    other files, too. Both raise `ReplacementRefused`.
+    On exit they are restored, except files that were changed meanwhile, unless the callback was called: it also replaces the
+    other files. Both raise `ReplacementRefused`.
     """
     folders = list(dict.fromkeys(folder for path in files for folder in _missing(os.path.dirname(path))))
     kept = False
@@ -79,17 +79,17 @@ def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, 
             with contextlib.suppress(ReplacementRefused):
                 replace_files({path: (after, before)})
         for folder in reversed(folders):
-            with contextlib.suppress(OSError):  # there is something in it
+            with contextlib.suppress(OSError):  # it is not empty
                 os.rmdir(folder)
 
 
 def _missing(folder: str) -> list[str]:
-    """The folder and those that it lies in, as far as they do not exist, outermost first."""
+    """Return the folder and its parents that do not exist, outermost first."""
     return [] if os.path.isdir(folder or ".") else [*_missing(os.path.dirname(folder)), folder]
 
 
 def _lock(folder: str, locks: contextlib.ExitStack) -> None:
-    """Lock a folder until the stack is left. Without locks (of some file systems) files are compared all the same."""
+    """Lock a folder until the stack is closed. If the file system has no locks, files are still compared."""
     with contextlib.suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
         locks.callback(os.close, descriptor)

@@ -1,4 +1,4 @@
-"""The kinds of sensors: what a document says of each, and what it reads; and what is said of one."""
+"""The kinds of sensors: their keys in documents and their readings; and the settings of one sensor."""
 
 from __future__ import annotations
 
@@ -15,31 +15,33 @@ SensorType = Literal[
     "imu", "force", "joint", "camera", "accelerometer", "gyro", "magnetometer", "velocimeter", "rangefinder", "touch", "contact", "pose",
     "twist", "centre", "tendon", "drive", "clock", "energy",
 ]
-"""What may be written after `type:` of a sensor: the names of all kinds."""
+"""Values of a sensor's `type:`, the names of all kinds."""
 
 ReadingName = Literal[
     "accelerometer", "gyro", "quat", "force", "torque", "position", "velocity", "effort", "magnetometer", "distance", "contact", "linear",
     "angular", "momentum", "length", "time", "potential", "kinetic",
 ]
-"""What the readings of sensors are called."""
+"""Names of the readings of sensors."""
 
 SensorKey = Literal["at", "in", "joint", "tendon", "of", "with", "volume", "range", "fovy", "noise", "cutoff"]
-"""What else a document may say of a sensor."""
+"""Other keys of a sensor in documents."""
 
 CoordinateKey = Literal["lower", "velocity", "effort"]
-"""In place of a dimension that of such a value of the coordinate that is measured."""
+"""In place of a dimension: that of this value of the measured coordinate."""
 
 
 class SensorReading(FrozenStruct):
-    """A number or vector that a sensor gives, `SENSOR:name` in files. `unit` is what its noise and its cutoff are in; of one without it,
-    such as a quaternion, none can be said."""
+    """A number or vector that a sensor measures, `SENSOR:name` in files.
+
+    `unit` is the dimension of noise and cutoff; without it (such as for a quaternion) these cannot be specified.
+    """
 
     name: ReadingName
     unit: Dimension | CoordinateKey | None = None
 
 
 class SensorKind(FrozenStruct):
-    """One kind of sensor: one key of each group in `needs` is written, those in `may` may be."""
+    """A kind of sensor. One key of each group in `needs` is required; those in `may` are optional."""
 
     name: SensorType
     readings: tuple[SensorReading, ...]
@@ -48,20 +50,23 @@ class SensorKind(FrozenStruct):
 
     @property
     def keys(self) -> frozenset[SensorKey]:
-        """Every key that it takes besides its `type`. What is read in units has noise and a cutoff, which a range is."""
+        """All keys besides `type`. Readings with units have noise and a cutoff; a `range` replaces the cutoff."""
         own = {key for group in self.needs for key in group} | {*self.may}
         if any(reading.unit is not None for reading in self.readings):
             own |= {"noise"} if "range" in own else {"noise", "cutoff"}
         return frozenset(own)
 
     def reading(self, name: str) -> SensorReading | None:
-        """The one of that name."""
+        """Return the reading of this name, or None."""
         return next((one for one in self.readings if one.name == name), None)
 
 
 class Measurement(OneLineRepr, FrozenStruct):
-    """What a sensor measures, by its `kind`, and how well: the `volume` of a touch, in the frame of its mount; `fovy` [rad], the angle of
-    view of a camera from bottom to top; `noise` and `cutoff` [SI] by the names of its readings."""
+    """Settings of a sensor.
+
+    `volume` is the sensitive volume of a touch sensor, in the frame of its mount; `fovy` [rad] the vertical field of view of a camera;
+    `noise` and `cutoff` [SI] are by name of the reading.
+    """
 
     kind: SensorType
     origin: Origin
@@ -104,4 +109,4 @@ _KINDS = (
 )
 
 SENSORS: Mapping[SensorType, SensorKind] = {kind.name: kind for kind in _KINDS}
-"""Every kind by its name, in the order of `SensorType`."""
+"""Every kind by name, in the order of `SensorType`."""

@@ -1,8 +1,7 @@
 """Positions in documents: spans, origins and the node tree that `load` produces.
 
-Everything a person wrote keeps the place where they wrote it. A `Span` is one place, an
-`Origin` is the chain of places that made a thing (innermost first: the component, then the
-line of the parent document that nested it, and so on).
+All values in documents keep their position. A `Span` is one place; an `Origin` is the chain of places that created
+an element (innermost first: the component, then the line of the parent document that nests it, and so on).
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ Plain = Union[Scalar, list["Plain"], dict[str, "Plain"]]
 
 
 class Span(FrozenStruct):
-    """A stretch of one file. `file` is an absolute path; lines and columns count from 1, the end is exclusive."""
+    """A range in a file. `file` is an absolute path; lines and columns count from 1, the end is exclusive."""
 
     file: str
     line: int
@@ -29,7 +28,7 @@ class Span(FrozenStruct):
     end_column: int
 
     def holds(self, other: Span) -> bool:
-        """Whether the other stretch lies in this one."""
+        """Return whether the other span is inside this one."""
         return (
             self.file == other.file and (self.line, self.column) <= (other.line, other.column)
             and (other.end_line, other.end_column) <= (self.end_line, self.end_column)
@@ -38,30 +37,30 @@ class Span(FrozenStruct):
 
     @property
     def option(self) -> str | None:
-        """The option of the command line that says what is here, where no file does: `--set joints.elbow.limit.upper=1 deg`."""
+        """The command line option that specifies the value, if it is not in a file: `--set joints.elbow.limit.upper=1 deg`."""
         return self.file if self.file.startswith(SET) else None
 
 
 SET = "--set "
-"""What the place of a value begins with that stands in no file. (A file's name is an absolute path.)"""
+"""Prefix of `Span.file` for values that are not in a file. (File names are absolute paths.)"""
 
 
 def option_span(path: str, text: str) -> Span:
-    """The place of a value that `--set` puts at a path of a document."""
+    """Return the span of a value that `--set` assigns to a path of a document."""
     return line_of(f"{SET}{path}={text}")
 
 
 def line_of(file: str, line: int = 1) -> Span:
-    """The beginning of a line of a file."""
+    """Return the span of the beginning of a line."""
     return Span(file=file, line=line, column=1, end_line=line, end_column=1)
 
 
 Origin = tuple[Span, ...]
-"""The chain of spans that made something, innermost first; never empty for what a document made."""
+"""Chain of spans that created an element, innermost first; never empty for elements of a document."""
 
 
 class Edit(FrozenStruct):
-    """A change of a document that mends something: `written`, which stands once in `span`, becomes `replacement`."""
+    """A fix of a document: replaces `written`, which occurs once in `span`, by `replacement`."""
 
     span: Span
     written: str
@@ -69,9 +68,9 @@ class Edit(FrozenStruct):
 
 
 class ScalarNode(FrozenStruct):
-    """A leaf: its typed value (YAML 1.2 core schema or TOML), the text as written, and where.
+    """A leaf: its typed value (YAML 1.2 core schema or TOML), the text as written, and its span.
 
-    `damaged`: the value is a stand-in for one that cannot be (a number that is not finite), which has been reported.
+    `damaged`: the value replaces an invalid one (a number that is not finite), which has been reported.
     """
 
     value: Scalar
@@ -80,37 +79,37 @@ class ScalarNode(FrozenStruct):
     damaged: bool = False
 
     def plain(self) -> Plain:
-        """The value alone."""
+        """Return the value."""
         return self.value
 
 
 def text_of(node: Node | None) -> str:
-    """What a leaf says, as it is written but for quotes; empty for nothing, and for what is no leaf."""
+    """Return the text of a scalar as written, without quotes; empty for null and for other nodes."""
     if not isinstance(node, ScalarNode) or node.value is None:
         return ""
     return node.value if isinstance(node.value, str) else node.text
 
 
 class SequenceNode(FrozenStruct):
-    """A list and where it stands."""
+    """A list with its span."""
 
     items: tuple[Node, ...]
     span: Span
 
     def plain(self) -> Plain:
-        """The values alone, as a list."""
+        """Return the values as a list."""
         return [item.plain() for item in self.items]
 
     def index(self, step: int | str) -> int | None:
-        """The index, from 0, that a step of a path gives as a number or as text; None if it is out of range."""
+        """Return the index, from 0, for a path step that is a number or text; None if it is out of range."""
         return next((index for index in range(len(self.items)) if step in (index, str(index))), None)
 
 
 class MappingNode(FrozenStruct):
-    """A mapping and where it stands; `entries` in the order written, `keys` the span of every key.
+    """A mapping with its span; `entries` are in the order written, `keys` has the span of every key.
 
-    `damaged`: it has a key that is none, which has been reported; nobody knows what its value should have been. `again` are further places
-    of keys: TOML writes them in every header below.
+    `damaged`: it has an invalid key, which has been reported; the intended value is unknown. `again` are other places of the keys: TOML
+    repeats them in the headers of subtables.
     """
 
     entries: dict[str, Node]
@@ -120,7 +119,7 @@ class MappingNode(FrozenStruct):
     again: tuple[tuple[str, Span], ...] = ()
 
     def plain(self) -> Plain:
-        """The values alone, as a dict."""
+        """Return the values as a dict."""
         return {key: node.plain() for key, node in self.entries.items()}
 
 
@@ -129,12 +128,12 @@ Path = tuple[Union[str, int], ...]
 
 
 def entries_of(node: Node | None) -> Mapping[str, Node]:
-    """The entries of a mapping; none of anything else."""
+    """Return the entries of a mapping; empty for other nodes."""
     return node.entries if isinstance(node, MappingNode) else {}
 
 
 def dotted(path: Path) -> str:
-    """A key path as a person reads it: `components.hand.at.xyz[0]`."""
+    """Format a key path: `components.hand.at.xyz[0]`."""
     text = ""
     for step in path:
         text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
@@ -142,12 +141,12 @@ def dotted(path: Path) -> str:
 
 
 def closest(paths: Iterable[str], place: str) -> str:
-    """That one of the paths at which values are set which shares most of its keys, from the first on, with the path `place`."""
+    """Return the path in `paths` that shares most leading keys with `place`."""
     return max(paths, key=lambda path: len(os.path.commonprefix([path.split("."), place.split(".")])))
 
 
 def node_at(root: Node, path: Path) -> Node | None:
-    """The node at `path` (keys, and indices as numbers or text, from the root); None if there is none."""
+    """Return the node at `path` (keys, and indices as numbers or text, from the root); None if there is none."""
     node: Node | None = root
     for step in path:
         if isinstance(node, MappingNode) and isinstance(step, str):
@@ -160,9 +159,9 @@ def node_at(root: Node, path: Path) -> Node | None:
 
 
 def span_at(root: Node, path: Path, *, key: bool = False) -> Span:
-    """The span of the value at `path` (of its key with `key=True`).
+    """Return the span of the value at `path` (of its key with `key=True`).
 
-    Where the document stops short of the path (a short form, a default) the deepest part that is there answers.
+    If the path does not exist (a short form, a default), return the span of its deepest existing part.
     """
     node: Node = root
     span = root.span
@@ -179,9 +178,9 @@ def span_at(root: Node, path: Path, *, key: bool = False) -> Span:
 
 
 def stands_in(node: Node, span: Span) -> bool:
-    """Whether a place lies within what a node says: in one of its scalars or keys, or it is the place of a whole in it.
+    """Return whether a span is in the content of a node: inside one of its scalars or keys, or equal to the span of a nested node.
 
-    (The span of a TOML table may reach over other tables, which stand between its own lines.)
+    (The span of a TOML table may include other tables between its own lines.)
     """
     for _, inner in walk(node):
         if inner.span == span or (isinstance(inner, ScalarNode) and inner.span.holds(span)):
@@ -192,7 +191,7 @@ def stands_in(node: Node, span: Span) -> bool:
 
 
 def walk(node: Node, path: Path = ()) -> Iterator[tuple[Path, Node]]:
-    """Every node of the tree with its path, parents before children, in the order written."""
+    """Yield every node of the tree with its path, parents before children, in the order written."""
     yield path, node
     if isinstance(node, MappingNode):
         for key, child in node.entries.items():
@@ -207,7 +206,7 @@ class Document:
     """A loaded document: its tree with positions, before any interpretation.
 
     `path` is absolute; `relative` is the path inside the workspace, with `/`; `kind` is the word before the slash of
-    the `thingc:` key (`assembly`, `materials`, `workspace`, `variants`); `sha256` is of the bytes read.
+    the `thingc:` key (`assembly`, `materials`, `workspace`, `variants`); `sha256` is the hash of the bytes that were read.
     """
 
     path: str
@@ -219,13 +218,13 @@ class Document:
     _spans: dict[tuple[Path, bool], Span] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     def line(self, number: int) -> str:
-        """A line of the text, counted from 1; empty behind the last one."""
+        """Return a line of the text, counted from 1; empty after the last one."""
         lines = re.split(r"\r\n|\r|\n", self.text)
         return lines[number - 1] if number <= len(lines) else ""
 
     def span(self, path: Path = (), *, key: bool = False) -> Span:
-        """The span at `path` in this document, see `span_at`."""
+        """Return the span at `path` in this document, see `span_at`."""
         span = self._spans.get((path, key))
-        if span is None:  # a document that is compiled again is asked for the same places
+        if span is None:  # cached: repeated compilations request the same spans
             span = self._spans[path, key] = span_at(self.tree, path, key=key)
         return span

@@ -1,4 +1,4 @@
-"""Slips of the keyboard: the one name that can have been meant, and the hints that say so."""
+"""Find the intended name for a typo, and format suggestions."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from thingc.base.safe_text import quoted
 
 
 def closest_name(name: str, candidates: Iterable[str]) -> str | None:
-    """The only candidate that `name` can be a slip of: a letter too many, missing, swapped with the next, in other case, or
-    (in words of five letters or more) another. None where there is none or are several.
+    """Return the only candidate of which `name` can be a typo, or None if there is none or more than one.
 
-    Digits are never slips: `foot_1` is not a misspelt `foot_0`.
+    A typo is an extra, missing or swapped letter, another case, or (in names of five letters or more) a wrong letter. Digits are never
+    typos: `foot_1` is not a misspelt `foot_0`.
     """
     near = {candidate for candidate in candidates if candidate == name or _is_slip(name, candidate)}
     return near.pop() if len(near) == 1 and name not in near else None
@@ -34,13 +34,12 @@ def _is_slip(name: str, candidate: str) -> bool:
 
 
 class Suggestion(str):
-    """Words that say what was meant. `mends` is (written, meant) where nothing else can have been; `Report.add` makes a
-    fix of it."""
+    """A hint. `mends` is (written, meant) if the fix is unambiguous; `Report.add` makes a fix of it."""
 
     mends: tuple[str, str] | None
 
     def __new__(cls, words: str, mends: tuple[str, str] | None = None) -> Suggestion:
-        """A hint that reads `words`."""
+        """Create a hint with the text `words`."""
         hint = super().__new__(cls, words)
         hint.mends = mends
         return hint
@@ -52,15 +51,15 @@ MAX_COMPARED = 20
 
 
 def _common_ends(one: str, other: str) -> int:
-    """How many characters two names share at their beginnings and at their ends."""
+    """Return the total length of the common prefix and the common suffix of two names."""
     return len(os.path.commonprefix((one, other))) + len(os.path.commonprefix((one[::-1], other[::-1])))
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
-    """The candidate a person who wrote `name` most likely meant, or None.
+    """Return the most similar candidate, or None.
 
-    Comparing is quadratic in the length of names, and happens for every mistake: names longer than a line, and more candidates
-    than a person would look through, are left out.
+    Comparison is quadratic in the length of names and happens for every error, so that very long names, and candidates beyond a limit,
+    are ignored.
     """
     import difflib
 
@@ -79,7 +78,7 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
 
 
 def near_hint(name: str, candidates: Iterable[str]) -> Suggestion | None:
-    """`did you mean ...?`, or None where no candidate is near."""
+    """Return the hint `did you mean ...?`, or None if no candidate is similar."""
     known = list(candidates)
     close = nearest(name, known)
     if close is None:
@@ -88,7 +87,7 @@ def near_hint(name: str, candidates: Iterable[str]) -> Suggestion | None:
 
 
 def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -> str:
-    """A hint for an unknown name: the near one, else what there is (at most twelve)."""
+    """Return a hint for an unknown name: the most similar one, else the known names (at most twelve)."""
     known = sorted(set(candidates))
     close = near_hint(name, known)
     if close is not None:
@@ -99,7 +98,7 @@ def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -
 
 
 def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> str:
-    """`did_you_mean` for files: what they are called counts, not the ending that they share."""
+    """Return `did_you_mean` for files: compares names without their extensions."""
     by_stem = {os.path.splitext(file)[0]: file for file in sorted(files, reverse=True)}
     close = nearest(os.path.splitext(name)[0], by_stem)
     if close is not None:

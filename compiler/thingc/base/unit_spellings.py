@@ -1,4 +1,4 @@
-"""Units as people write them: other words for those of the table, and products without their signs."""
+"""Informal spellings of units: synonyms, and products without signs."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ SYNONYMS = {
     "second": "s", "seconds": "s", "msec": "ms", "minute": "min", "minutes": "min", "hour": "h", "hours": "h",
     "newton": "N", "newtons": "N", "Newton": "N", "hertz": "Hz", "percent": "%", "pct": "%", "µs": "us", "μs": "us",
 }
-"""What people write for units of the table."""
+"""Synonyms of units in the table."""
 
 _LOOSE = re.compile(r"(?:\^|\*\*)?(-?[1-9]|[²³]?)(\s*[*/·.-]?\s*)")
-"""What people write behind a unit: a power, and what is between it and the next one."""
+"""What may follow a unit: a power, and a separator from the next unit."""
 LONGEST = 30
-"""Characters of a text of which every reading is tried."""
+"""Maximum length of a text of which all readings are tried."""
 MAX_READINGS = 1000
 
 
 def spellings(text: str, units: Collection[str]) -> list[str]:
-    """Every product of `units` that a text may be without its signs: `N*ms/rad` and `N*m*s/rad` for `Nms/rad`."""
+    """Return all products of `units` that a text without signs may mean: `N*ms/rad` and `N*m*s/rad` for `Nms/rad`."""
     return list(islice(_products(text, "", units), MAX_READINGS)) if 0 < len(text) <= LONGEST else []
 
 

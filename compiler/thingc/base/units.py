@@ -1,7 +1,7 @@
-"""Quantities: numbers with a dimension, read from text such as `120 mm`, `4.1 N*m` or `1270 kg/m^3`.
+"""Quantities: numbers with a dimension, parsed from text such as `120 mm`, `4.1 N*m` or `1270 kg/m^3`.
 
-A fixed table of units, no prefixes by rule: what is not in the table is an error with a hint. Conversion is exact
-decimal arithmetic on integers, rounded once, so `72 mm` is 0.072 to the last bit.
+Units are in a fixed table, without rules for prefixes; others are errors with a hint. Conversion uses exact
+integer arithmetic, rounded once, so `72 mm` is 0.072 to the last bit.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ Exponent = Union[int, "Fraction"]
 
 
 class UnitError(ValueError):
-    """Text that is no quantity, or a quantity of the wrong dimension.
+    """Text that is not a quantity, or a quantity of the wrong dimension.
 
-    `kind` is `unit` (a unit is missing or unknown), `dimension` (another dimension is wanted) or `quantity` (anything
-    else); `offset` and `end` are the characters of the text that are to blame, None for all of it.
+    `kind` is `unit` (a unit is missing or unknown), `dimension` (another dimension is expected) or `quantity` (anything
+    else). `offset` and `end` are the range of invalid characters in the text, None for all of it.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class UnitError(ValueError):
 class Dimension(FrozenStruct, kw_only=False):
     """Exponents of length, mass, time and angle. They are integers except after a square root.
 
-    Angle is a dimension so that 30 is not taken for 30 deg; see `fits` for where it does not count.
+    Angle is a dimension so that 30 is not taken for 30 deg; see `fits` for exceptions.
     """
 
     length: Exponent = 0
@@ -50,29 +50,29 @@ class Dimension(FrozenStruct, kw_only=False):
     angle: Exponent = 0
 
     def __mul__(self, other: Dimension) -> Dimension:
-        """The dimension of a product."""
+        """Return the dimension of a product."""
         return Dimension(
             _whole(self.length + other.length), _whole(self.mass + other.mass),
             _whole(self.time + other.time), _whole(self.angle + other.angle),
         )
 
     def __truediv__(self, other: Dimension) -> Dimension:
-        """The dimension of a quotient."""
+        """Return the dimension of a quotient."""
         return self * other**-1
 
     def __pow__(self, power: Exponent) -> Dimension:
-        """The dimension of a power."""
+        """Return the dimension of a power."""
         return Dimension(_whole(self.length * power), _whole(self.mass * power), _whole(self.time * power), _whole(self.angle * power))
 
     @property
     def words(self) -> str:
-        """With its article: `a length`, `an angle`; units where there is no word: `a quantity in m^2*kg`."""
+        """Name with its article: `a length`, `an angle`; if there is no name, `a quantity in m^2*kg`."""
         named = _WORDS.get(self)
         return named[0] if named else f"a quantity in {self.symbol}"
 
     @property
     def example(self) -> str:
-        """A quantity of this dimension as a person would write it: `120 mm`."""
+        """Example of a quantity of this dimension: `120 mm`."""
         named = _WORDS.get(self)
         return named[1] if named else f"2 {self.symbol}"
 
@@ -90,7 +90,7 @@ class Dimension(FrozenStruct, kw_only=False):
 
 
 def _whole(exponent: Exponent) -> Exponent:
-    """An integral fraction as the integer that it is."""
+    """Convert a fraction with denominator 1 to an integer."""
     return exponent.numerator if exponent.denominator == 1 else exponent
 
 
@@ -146,11 +146,11 @@ _WORDS: dict[Dimension, tuple[str, str]] = {
 
 
 def fits(found: Dimension, expected: Dimension) -> bool:
-    """Whether a quantity of dimension `found` can stand where `expected` is wanted.
+    """Return whether a quantity of dimension `found` is valid where `expected` is required.
 
     Length, mass and time must agree. Angle must agree, too, unless mass is part of the dimension: torque, damping,
-    stiffness and inertia are written with and without `/rad` (`N*m*s/rad` and `N*m*s` are one damping), and no mass
-    tells them from anything else. So an angle is never a number, `rad/s` never `Hz` and `mm/rad` never `mm`.
+    stiffness and inertia are written with and without `/rad` (`N*m*s/rad` and `N*m*s` are the same damping). So an angle is never a number,
+    `rad/s` never `Hz` and `mm/rad` never `mm`.
     """
     return (
         found.length == expected.length and found.mass == expected.mass and found.time == expected.time
@@ -165,15 +165,15 @@ class Quantity(FrozenStruct, kw_only=False):
     dimension: Dimension = NUMBER
 
     def fits(self, expected: Dimension) -> bool:
-        """Whether it can stand where `expected` is wanted: `fits`, or a bare 0, which is 0 of everything."""
+        """Return whether it is valid where `expected` is required: see `fits`; a bare 0 is valid for all dimensions."""
         return fits(self.dimension, expected) or (self.value == 0.0 and self.dimension == NUMBER)
 
     def __str__(self) -> str:
-        """For messages: mm, deg, g and the like, to six digits."""
+        """Format it for messages, in mm, deg, g and similar units, with six digits."""
         return self.shown(6)
 
     def shown(self, digits: int) -> str:
-        """In mm, deg, g and the like, to so many digits."""
+        """Format it in mm, deg, g and similar units, with a number of significant digits."""
         if self.dimension == MASS and abs(self.value) >= 1.0:
             return f"{self.value:.{digits}g} kg"
         for dimension, unit, scale in _SHOWN:
@@ -186,11 +186,11 @@ class Quantity(FrozenStruct, kw_only=False):
 _SHOWN = ((LENGTH, "mm", 1e3), (ANGLE, "deg", 180.0 / math.pi), (MASS, "g", 1e3), (TORQUE, "N*m", 1.0), (FORCE, "N", 1.0))
 
 _PI = 31415926535897932384626433832795028841971693993751058209749445923
-"""Pi to 65 digits, so that angles are rounded once: pi = _PI / _PI_ONE."""
+"""Pi with 65 digits, so that angles are rounded once: pi = _PI / _PI_ONE."""
 _PI_ONE = 10**64
 
 Unit = tuple[int, int, Dimension]
-"""SI value of one of it as numerator over denominator, and its dimension."""
+"""SI value of a unit as numerator and denominator, and its dimension."""
 
 UNITS: dict[str, Unit] = {
     "%": (1, 100, NUMBER),
@@ -207,7 +207,7 @@ UNITS: dict[str, Unit] = {
     "mW": (1, 1000, POWER), "W": (1, 1, POWER), "kW": (1000, 1, POWER),
     "Pa": (1, 1, PRESSURE), "kPa": (1000, 1, PRESSURE), "MPa": (10**6, 1, PRESSURE), "GPa": (10**9, 1, PRESSURE),
 }
-"""Every unit that may be written. `in`, `ft`, `lb`, `lbf` are the international ones (exact by definition)."""
+"""All supported units. `in`, `ft`, `lb`, `lbf` are the international ones (exact by definition)."""
 
 _DEGREE = UNITS["deg"]
 
@@ -218,15 +218,15 @@ _SUPERSCRIPT = {"²": 2, "³": 3}
 _OPERATOR = re.compile(r"\s*([*/·])\s*")
 
 MAX_TEXT = 1000
-"""Characters of one quantity or expression."""
+"""Maximum number of characters of a quantity or expression."""
 MAX_FACTORS = 12
-"""Factors of one unit."""
+"""Maximum number of factors of a unit."""
 
 
 def exact(number: str) -> tuple[int, int]:
-    """The decimal `number` as numerator and denominator.
+    """Return the decimal `number` as numerator and denominator.
 
-    Raises UnitError (`quantity`) where it is beyond what a double can hold (a power of ten above 400).
+    Raises UnitError (`quantity`) if it exceeds the range of a double (a power of ten above 400).
     """
     mantissa, _, power = number.lower().partition("e")
     whole, _, decimals = mantissa.partition(".")
@@ -242,32 +242,31 @@ def exact(number: str) -> tuple[int, int]:
 
 
 def converted(number: str, unit: Unit) -> float:
-    """The SI value of `number` (decimal text) of a unit: exact, rounded once (division of integers is).
+    """Return the SI value of `number` (decimal text) in a unit, exact and rounded once (as integer division is).
 
-    Plain degrees are the double that `math.radians` gives, which is what everybody else's program computes for them
-    and what `math.degrees` turns back best; it may differ from the exact value in its last bit.
-    Raises UnitError (`quantity`) where no finite double can hold it.
+    For plain degrees it is the result of `math.radians`, as in most programs, which `math.degrees` inverts best; its last bit may differ
+    from the exact value. Raises UnitError (`quantity`) if no finite double can represent it.
     """
     numerator, denominator = exact(number)
     try:
         value = math.radians(numerator / denominator) if unit == _DEGREE else (numerator * unit[0]) / (denominator * unit[1])
     except OverflowError:
         raise UnitError(f"the number `{shortened(number)}` is too large", offset=0, end=len(number)) from None
-    return value + 0.0  # -0 is 0
+    return value + 0.0  # converts -0 to 0
 
 
 def scan_number(text: str, at: int = 0) -> tuple[str, int] | None:
-    """The number that begins at `at` with its sign, and where it ends; None where none does."""
+    """Return the signed number that begins at `at`, and its end; None if there is none."""
     match = _NUMBER.match(text, at)
     return (match.group(), match.end()) if match else None
 
 
 def scan_unit(text: str, at: int, *, compact: bool = False, wanted: tuple[Dimension, ...] = ()) -> tuple[Unit, int]:
-    """The unit that begins at `at` (`N*m*s/rad`, `m/s^2`) and where it ends.
+    """Return the unit that begins at `at` (`N*m*s/rad`, `m/s^2`) and its end.
 
-    With `compact` no spaces are allowed around `*` and `/`, and the unit ends before a `*` or `/` that no unit follows:
-    the rule of expressions, where `8 mm*i` is 8 mm times i. The help for an unknown unit has one of the `wanted` dimensions.
-    Raises UnitError (`unit`) for a word that is no unit, (`quantity`) where a unit is expected and none is there.
+    With `compact` no spaces are allowed around `*` and `/`, and the unit ends before a `*` or `/` without a unit after it:
+    the rule of expressions, where `8 mm*i` is 8 mm times i. The help for an unknown unit suggests one of the `wanted` dimensions.
+    Raises UnitError (`unit`) for a word that is not a unit, and if a unit is missing.
     """
     numerator, denominator, dimension = 1, 1, NUMBER
     sign = 1
@@ -300,7 +299,7 @@ def scan_unit(text: str, at: int, *, compact: bool = False, wanted: tuple[Dimens
 
 
 def _power(text: str, word: re.Match[str], *, compact: bool) -> tuple[int, int]:
-    """The exponent behind a word of a unit, 1 where none stands there, and where it ends; `**` is none if `compact`. Raises UnitError."""
+    """Return the exponent after a unit (1 if there is none), and its end; with `compact`, `**` is not an exponent. Raises UnitError."""
     at = word.end()
     power = _POWER.match(text, at)
     if power is not None and not (compact and power.group().startswith("**")):
@@ -312,19 +311,21 @@ def _power(text: str, word: re.Match[str], *, compact: bool) -> tuple[int, int]:
 
 
 def _unit_after(text: str, operator: re.Match[str]) -> bool:
-    """Whether a unit follows directly behind a `*` or `/` of an expression."""
+    """Return whether a unit directly follows a `*` or `/` of an expression."""
     word = _UNIT_WORD.match(text, operator.start() + 1)
     return operator.end() - operator.start() == 1 and word is not None and word.group() in UNITS and not _continues(text, word.end())
 
 
 def _continues(text: str, at: int) -> bool:
-    """Whether a name goes on at `at`: `m_2` or `s(` is no unit `m` or `s`."""
+    """Return whether an identifier continues at `at`: `m_2` or `s(` is not a unit `m` or `s`."""
     return at < len(text) and (text[at] in "_(." or text[at].isdigit())
 
 
 def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimension, ...]) -> UnitError:
-    """The error for the characters `at` to before `end` of the unit that begins at `start` of a text, with the unit that was meant:
-    one of a `wanted` dimension, if another second letter makes one of it (`mn` where there should be a length)."""
+    """Return the error for the characters from `at` to `end` (exclusive) in a unit that begins at `start`, with a suggested unit.
+
+    A unit of a `wanted` dimension is preferred if it differs only in the second letter (`mn` for a length).
+    """
     found = text[at:end]
     fitting = [unit for unit, (_, _, of) in UNITS.items() if of in wanted]
     near = nearest(found, fitting) or nearest(found, UNITS) or SYNONYMS.get(nearest(found, SYNONYMS) or "")
@@ -342,8 +343,10 @@ def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimens
 
 
 def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
-    """The unit of a wanted dimension (without any: of one that has a name) that is written as a person would outside of a program:
-    `N*m*s/rad` for `Nms/rad`, `kg*m^2` for `kg m2`, `kgf*cm` for the `kg-cm` of a data sheet. None if there is none."""
+    """Return the unit for an informal spelling, or None: `N*m*s/rad` for `Nms/rad`, `kg*m^2` for `kg m2`, `kgf*cm` for `kg-cm`.
+
+    It has a `wanted` dimension, or, if none is given, any dimension with a name.
+    """
     spelled = spellings(text.strip(), UNITS)
     spelled += [re.sub(r"\b(kg|lb)\b", r"\1f", one) for one in spelled]
     fitting = [one for one in spelled if any(fits(scan_unit(one, 0)[0][2], of) for of in wanted or _WORDS)]
@@ -351,10 +354,10 @@ def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
 
 
 def parse_quantity(text: str, wanted: tuple[Dimension, ...] = ()) -> Quantity:
-    """Read `120 mm`, `4.1 N*m`, `kg*m^2` products, `15 %`, or a bare number (of dimension NUMBER).
+    """Parse `120 mm`, `4.1 N*m`, `kg*m^2` products, `15 %`, or a bare number (of dimension NUMBER).
 
-    Spaces around `*` and `/` are allowed; a space between number and unit is not required.
-    Raises UnitError, with a help of a `wanted` dimension; its offsets count characters of `text`.
+    Spaces around `*` and `/` are allowed; a space between number and unit is optional.
+    Raises UnitError, whose help suggests a `wanted` dimension; its offsets count characters of `text`.
     """
     if len(text) > MAX_TEXT:
         raise UnitError(f"a quantity of {len(text)} characters is too long (at most {MAX_TEXT})")
@@ -390,7 +393,7 @@ def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -
 
 
 def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantity, Quantity, Quantity]:
-    """Read three numbers that share one unit: `0 120 30 mm`; `0 0 0` needs none.
+    """Parse three numbers that share one unit: `0 120 30 mm`; `0 0 0` needs none.
 
     Raises UnitError; its offsets count characters of `text`.
     """
@@ -426,7 +429,7 @@ def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantit
 
 
 def _separated(text: str) -> str | None:
-    """A hint for three values with commas or units between them."""
+    """Return a hint for three values with separators or units between them, or None."""
     pieces = [piece.strip() for piece in re.split("[,x×]", text)]
     if len(pieces) == 3 and all(scan_number(piece) for piece in pieces):
         shared = all(map(_NUMBER.fullmatch, pieces[:2]))
@@ -436,9 +439,9 @@ def _separated(text: str) -> str | None:
 
 
 def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Quantity:
-    """The quantity, when it has one of the expected dimensions (a bare 0 has every one).
+    """Return the quantity if it has one of the expected dimensions (a bare 0 has all of them).
 
-    `text` is how it was written. Raises UnitError: `unit` where only the unit is missing, else `dimension`, naming both.
+    `text` is its spelling. Raises UnitError: `unit` if only the unit is missing, else `dimension`, which names both.
     """
     for dimension in expected:
         if quantity.fits(dimension):
@@ -465,8 +468,9 @@ def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Q
 
 
 def suggested_units(dimension: Dimension, numbers: str) -> tuple[str, ...]:
-    """The units that a person who wrote `numbers` without one may have meant, the likeliest first: those of a drawing, or, where a
-    fraction is as small as the SI unit makes it (`1.57`, `0 0 0.12`), that of URDF and MJCF."""
+    """Return likely units for `numbers` without a unit, most likely first: those of drawings, or, for small fractions (`1.57`,
+    `0 0 0.12`), the SI units of URDF and MJCF.
+    """
     drawn, si, most = _SUGGESTED.get(dimension, (dimension.example.partition(" ")[2], "", 0.0))
     if not si:
         return (drawn,)
@@ -479,16 +483,16 @@ _SUGGESTED: dict[Dimension, tuple[str, str, float]] = {
     LENGTH: ("mm", "m", 2.0), ANGLE: ("deg", "rad", 6.3), MASS: ("g", "kg", 10.0), TIME: ("s", "ms", 0.0),
     ANGULAR_VELOCITY: ("rpm", "rad/s", 0.0),
 }
-"""The unit of drawings and data sheets, another one, and below which number a fraction is of the other."""
+"""By dimension: the unit of drawings and data sheets, an alternative (SI) unit, and the bound below which fractions suggest the latter."""
 
 _SURELY: dict[Dimension, float] = {
     DENSITY: 100.0,
     **dict.fromkeys((FORCE, ACCELERATION, ANGULAR_STIFFNESS, LINEAR_STIFFNESS, ANGULAR_DAMPING, LINEAR_DAMPING), -math.inf),
 }
-"""Dimensions of which only one unit can have been meant, from this value [SI] on: nothing weighs 100 g/cm^3."""
+"""Dimensions with one plausible unit for values from this one [SI] on: no material has 100 g/cm^3."""
 
 
 def shortened(text: str, limit: int = 60) -> str:
-    """Text of a document as a message may quote it: one line, bounded."""
+    """Shorten text of a document to one line for a message."""
     flat = " ".join(text.split())
     return flat if len(flat) <= limit else flat[: limit - 3] + "..."

@@ -1,6 +1,6 @@
-"""Zip files whose bytes depend on what is in them alone.
+"""Reproducible zip files: their bytes depend only on their content.
 
-Python's `zipfile` writes what it is told of clocks and systems, and compresses again what has been compressed before.
+Python's `zipfile` stores times and the operating system, and compresses again what is already compressed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ MODEL = "model.xml"
 """The name under which MuJoCo looks for the model first in a `.mjz`, whatever that is called."""
 
 DATE, TIME = 0x21, 0
-"""1980-01-01 00:00:00, the first moment that a zip file can state."""
+"""File name of the model that MuJoCo looks for first in a `.mjz`."""
 
 _DEFLATED, _VERSION, _UNIX, _UTF8 = 8, 20, 3 << 8, 0x800
 _MODE = 0o100644 << 16
@@ -34,7 +34,7 @@ class ZipEntry(FrozenStruct):
 
 def zipped(entries: Mapping[str, bytes | ZipEntry]) -> bytes:
     """A zip file with these entries, sorted by name, the same bytes every time (layout: PKWARE APPNOTE.TXT 6.3)."""
-    parts, directory, at = list[bytes](), bytearray(), 0  # joined once: meshes are large
+    parts, directory, at = list[bytes](), bytearray(), 0  # joined once, because meshes are large
     for name in sorted(entries):
         content, encoded = entries[name], name.encode()
         entry = deflate(content) if isinstance(content, bytes) else content

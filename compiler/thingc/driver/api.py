@@ -1,4 +1,4 @@
-"""thingc from Python: `thingc.compile("assemblies/arm.yaml").modes["bench"].mjcf()`."""
+"""Python API: `thingc.compile("assemblies/arm.yaml").modes["bench"].mjcf()`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class CompileError(Exception):
-    """A document that has errors. `diagnostics` are all of them; `str()` shows them as the command line does."""
+    """The document has errors. `diagnostics` contains all of them; `str()` formats them as on the command line."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         super().__init__("\n" + as_text(diagnostics))
@@ -39,33 +39,33 @@ class CompiledMode(OneLineRepr, FrozenStruct):
 
     @property
     def name(self) -> str:
-        """The mode's name."""
+        """Name of the mode."""
         return self.robot.mode.name
 
     def mjcf(self) -> str:
-        """The MuJoCo model as XML, the same bytes that a build writes; its meshes are `assets()`."""
+        """Return the MuJoCo model as XML, identical to that of a build; its meshes are `assets()`."""
         return self.files[f"mjcf/{self.robot.assembly.name}_{self.name}.xml"].decode()
 
     def assets(self) -> dict[str, bytes]:
-        """The meshes that `mjcf()` names, as `mujoco.MjModel.from_xml_string(xml, assets)` takes them."""
+        """Return the meshes of `mjcf()`, for `mujoco.MjModel.from_xml_string(xml, assets)`."""
         prefix = "mjcf/assets/"
         return {path.removeprefix(prefix): data for path, data in self.files.items() if path.startswith(prefix)}
 
     def model(self) -> Any:
-        """The compiled `mujoco.MjModel`."""
+        """Return the compiled `mujoco.MjModel`."""
         import mujoco
 
         return mujoco.MjModel.from_xml_string(self.mjcf(), self.assets())
 
 
 class Shown(OneLineRepr, FrozenStruct):
-    """A page (HTML) that a notebook shows in a frame of its own, `height` pixels high."""
+    """An HTML page that a notebook displays in a frame of its own; `height` is in pixels."""
 
     page: str
     height: int
 
     def _repr_html_(self) -> str:
-        """What Jupyter asks for. The frame may run the page's program, and reach nothing of the notebook."""
+        """Return HTML for Jupyter. The frame is sandboxed: the page can run scripts, but not access the notebook."""
         from html import escape
 
         return (
@@ -76,7 +76,7 @@ class Shown(OneLineRepr, FrozenStruct):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Compiled(OneLineRepr):
-    """A robot, compiled. `modes` in document order; `diagnostics` the warnings; `modelled` and `reused` definition texts."""
+    """A compiled robot. `modes` is in document order; `diagnostics` are the warnings; `modelled` and `reused` are definition texts."""
 
     name: str
     assembly: Assembly
@@ -87,13 +87,15 @@ class Compiled(OneLineRepr):
     _page: Callable[[], Page] = field(repr=False, compare=False)
 
     def show(self, height: int = 600) -> Shown:
-        """The robot's page, which a notebook shows in a cell of so many pixels. Raises `BlobMissing` where its meshes are not in the store
-        any more."""
+        """Return the robot's viewer page, to display in a notebook cell of this height [pixels].
+
+        Raises `BlobMissing` if its meshes are no longer in the store.
+        """
         return Shown(page=self._page().html().decode(), height=height)
 
     @property
     def hag(self) -> Any:
-        """The assembly graph as a `networkx.MultiDiGraph`: definitions, and what is a subcomponent of what."""
+        """The assembly graph as a `networkx.MultiDiGraph`: definitions and their subcomponents."""
         from thingc.targets.hag.labels import quantities
         from thingc.targets.networkx_export import hag_graph
 
@@ -102,7 +104,7 @@ class Compiled(OneLineRepr):
 
     @property
     def links(self) -> Any:
-        """The links and the joints between them as a `networkx.MultiDiGraph`, whatever the root."""
+        """The links and the joints between them as a `networkx.MultiDiGraph`, independent of the root."""
         from thingc.targets.networkx_export import link_graph
 
         return link_graph(self.assembly)
@@ -132,15 +134,21 @@ def compile(
     strict: bool = False,
     printed: Printed | None = None,
 ) -> Compiled:
-    """Compile an assembly document.
+    """Compile an assembly document. Writes only to the store.
 
-    `parameters` are texts as a document would have them (`{"reach": "120 mm"}`), or numbers in SI and flags, as `family` takes them;
-    `choices` the same by path (`{"components.foot.part": "feet:Wide"}`), `modes` the names wanted (none: all), `store` the folder of
-    modelled parts (None: the user's cache), `jobs` how many parts are modelled at once (0: one per core), `compat` the programs besides
-    MuJoCo that read its models (`["mjx"]`; None: those of the workspace). `printed(part, lines)` hears of
-    what parts print when they are modelled.
-    Raises `CompileError` with every diagnostic; with `strict` for warnings, too; `UnknownChoice` for a mode or a program that does not
-    exist. Writes nothing but the store.
+    Args:
+        parameters: Values of parameters as text (`{"reach": "120 mm"}`), or as numbers in SI and booleans, as for `family`.
+        choices: The same by path (`{"components.foot.part": "feet:Wide"}`).
+        modes: Names of the modes to compile (by default all).
+        store: Folder of modelled parts (by default the user's cache).
+        jobs: Number of parts to model in parallel (0: one per core).
+        compat: Programs besides MuJoCo that read its models (`["mjx"]`; by default those of the workspace).
+        strict: Treat warnings as errors.
+        printed: Callback `printed(part, lines)` for the output of parts when they are modelled.
+
+    Raises:
+        CompileError: The document has errors; contains all diagnostics.
+        UnknownChoice: A mode or a program does not exist.
     """
     given = {**(parameters or {}), **(choices or {})}
     others = {name: value for name, value in given.items() if not isinstance(value, str)}

@@ -1,4 +1,4 @@
-"""A build, once: a document compiled, and its folder written where nothing is wrong. What `thingc build` and `thingc watch` share."""
+"""A single build: compile a document and, if there are no errors, write its folder. Shared by `thingc build` and `thingc watch`."""
 
 from __future__ import annotations
 
@@ -18,9 +18,12 @@ from thingc.targets.artifact import Content, Loss
 
 
 class BuildRequest(FrozenStruct):
-    """What a build is to be: of which `modes` (none: all), for which `targets`, in which folder's folder (`output`; None: the workspace's).
-    `strict`: warnings are errors; `deny_loss`: so are losses;
-    `force`: strange files in the folder are given up; `twice`: parts are modelled again, and compared."""
+    """A build request.
+
+    `modes` are the modes to build (by default all), `output` is the parent of the build folder (by default that of the workspace). `strict`
+    treats warnings as errors, `deny_loss` export losses; `force` overwrites unexpected files in the folder; `twice` models parts again and
+    compares the results.
+    """
 
     targets: tuple[str, ...]
     modes: Sequence[str] = ()
@@ -32,8 +35,11 @@ class BuildRequest(FrozenStruct):
 
 
 class BuildResult(FrozenStruct):
-    """What came of it: all that was said, and what is written, `files` by path in the folder; None with errors. `place` is the folder in
-    which that lies (an absolute path), and what it is called. `twice` is how many parts were modelled again."""
+    """Result of a build.
+
+    `files` are the files to write, by path in the folder; None if there are errors. `place` is the parent folder (an absolute path) and the
+    name of the build folder. `twice` is the number of parts that were modelled again.
+    """
 
     compilation: Compilation
     diagnostics: tuple[Diagnostic, ...] = ()
@@ -44,7 +50,7 @@ class BuildResult(FrozenStruct):
 
 
 def build(environment: Environment, wish: BuildRequest) -> BuildResult:
-    """Every pass, and nothing written yet. Raises `UnknownChoice`, and `BlobMissing` where the store turns out to be damaged."""
+    """Run all passes, without writing the folder. Raises `UnknownChoice`, and `BlobMissing` if the store is damaged."""
     compilation = pipeline.compile(environment, wish.modes)
     report, built = compilation.report, BuildResult(compilation=compilation)
     if wish.twice and not report.judged(strict=wish.strict).failed:
@@ -56,7 +62,7 @@ def build(environment: Environment, wish: BuildRequest) -> BuildResult:
 
 
 def _with_files(environment: Environment, built: BuildResult, wish: BuildRequest) -> BuildResult:
-    """What is to be written of a compilation without errors; there may be some by then."""
+    """Add the files of a compilation without errors; this may report errors."""
     compilation, workspace = built.compilation, environment.workspace
     assert workspace is not None and compilation.assembly is not None
     place = os.path.abspath(wish.output or os.path.join(workspace.root, workspace.build)), compilation.assembly.name
@@ -71,16 +77,20 @@ def _with_files(environment: Environment, built: BuildResult, wish: BuildRequest
 
 
 def write(environment: Environment, built: BuildResult, wish: BuildRequest, on_wait: Waiting | None = None) -> str:
-    """Put the files of a build without errors into its folder, at once; the folder's absolute path. Raises `OutputError`; `on_wait` is
-    called when another build of it must be waited for."""
+    """Write the files of a build without errors to its folder, atomically, and return the folder's absolute path.
+
+    Raises `OutputError`; `on_wait` is called if another build of the folder is in progress.
+    """
     documents, files = built.compilation.documents, built.files
     assert files is not None and documents is not None, "the build has errors"
     return write_build(*built.place, files, environment.store, documents.root.relative, force=wish.force, on_wait=on_wait)
 
 
 def _model_again(environment: Environment, compilation: Compilation) -> int:
-    """Model every part once more, in other processes, under another hash seed and with an empty store: those that become something
-    else are errors in the report. How many parts that were. Only for a compilation whose report has no errors."""
+    """Model every part again, in new processes, with another hash seed and an empty store, and report parts with different results.
+
+    Return the number of parts. The report of the compilation must have no errors.
+    """
     import tempfile
 
     from thingc.geometry.store.local import Store
@@ -98,7 +108,7 @@ def _model_again(environment: Environment, compilation: Compilation) -> int:
 
 
 def _deny(losses: Sequence[Loss], document: Origin, report: Report) -> None:
-    """Every loss that is not allowed where it is made, nor at the top of the document that is built."""
+    """Report export losses that are not allowed where they occur, nor at the top of the document."""
     for loss in losses:
         if not report.allows(Code.LOSS_DENIED, (*loss.origin, *document)):
             mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""

@@ -1,4 +1,4 @@
-"""Values written into a document on the disk, at their paths, unless something would be wrong with it then."""
+"""Write values to a document on disk, by path, unless it would then have errors."""
 
 from __future__ import annotations
 
@@ -22,8 +22,11 @@ from thingc.driver.environment import Environment, Options
 
 
 class EditResult(FrozenStruct):
-    """What came of values: `found` are all diagnostics. `text` is what the document `root` would say with them (None: it was not worked
-    out). `done`, of what was written: each path, what stood there (None: nothing) and what does now."""
+    """Result of writing values.
+
+    `found` are all diagnostics. `text` is the new text of the document `root` (None if it was not computed). `done` lists the written
+    values: path, previous text (None if there was none) and new text.
+    """
 
     found: tuple[Diagnostic, ...]
     root: Document | None = None
@@ -32,8 +35,10 @@ class EditResult(FrozenStruct):
 
 
 def write_values(document: str, given: Mapping[str, str], options: Options, *, strict: bool = False, dry: bool = False) -> EditResult:
-    """Write values (paths or names of parameters to texts) into a document, unless there would be an error in it then; `dry`: say what
-    would be, and write nothing. With `strict` warnings are errors. Raises `OSError` where the document cannot be read."""
+    """Write values (texts, by path or by parameter) to a document, unless it would then have errors.
+
+    With `dry`, nothing is written; with `strict`, warnings are errors. Raises `OSError` if the document cannot be read.
+    """
     given = {named(path): text for path, text in given.items()}
     parameters = {path: text for path, text in given.items() if "." not in path}
     choices = {path: text for path, text in given.items() if "." in path}
@@ -64,20 +69,20 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
 
 
 def named(path: str) -> str:
-    """A parameter by its name alone, also one that is written `parameters.reach`; other paths as they are."""
+    """Return the name of a parameter that is written as `parameters.reach`; other paths are unchanged."""
     name = path.removeprefix("parameters.")
     return path if "." in name else name
 
 
 def document_change(root: Document, text: str) -> tuple[bytes, bytes]:
-    """The bytes of a document as they were read, and as they would be with that text. A byte order mark stays."""
+    """Return the bytes of a document as they were read, and with another text. A byte order mark is preserved."""
     before = root.text.encode()
     mark = b"" if hashlib.sha256(before).hexdigest() == root.sha256 else b"\xef\xbb\xbf"
     return mark + before, mark + text.encode()
 
 
 def opened(document: str, options: Options, memo: Memo) -> Documents | None:
-    """The document with all that it names; None where it or one of those cannot be read, or has what a document of its kind has not."""
+    """Load a document and all documents that it names; None if one of them cannot be read or is invalid."""
     with Environment(document, options, memo=memo) as environment:
         if environment.workspace is None:
             return None
@@ -90,7 +95,9 @@ def opened(document: str, options: Options, memo: Memo) -> Documents | None:
 def checked(
     document: str, options: Options, *, strict: bool = False, memo: Memo | None = None,
 ) -> tuple[Documents | None, list[Diagnostic]]:
-    """The document with all that it names, None where it cannot be read, and what a check says of it. `memo` knows what has been read."""
+    """Check a document: return it with all documents that it names (None if it cannot be read), and the diagnostics. `memo` caches
+    reading.
+    """
     with Environment(document, replace(options, lock=True), memo=memo) as environment:
         compilation = pipeline.compile(environment)
     pipeline.say_unneeded(compilation, [Stage.CHECK])
@@ -98,7 +105,7 @@ def checked(
 
 
 def keys_of(root: Document, path: str) -> Keys:
-    """Where a path, or a parameter, is written."""
+    """Return where the value of a path, or of a parameter, is written."""
     if "." in path:
         return tuple(path.split("."))
     full = isinstance(node_at(root.tree, ("parameters", path)), MappingNode)
@@ -106,7 +113,7 @@ def keys_of(root: Document, path: str) -> Keys:
 
 
 def _parse_value(text: str) -> Written:
-    """What a text is in a document, where nothing is wrong with it."""
+    """Parse a value as in a document; return the text itself if it is invalid."""
     tree = read_flow(text, line_of("")) if is_flow(text) else None
     return text if tree is None or isinstance(tree, Diagnostic) else _texts(tree)
 
@@ -118,7 +125,7 @@ def _texts(node: Node) -> Written:
 
 
 def _elsewhere(root: Document, path: str) -> Diagnostic | None:
-    """What to say of a path that does not end in this document itself."""
+    """Return the diagnostic for a path that is not in this document itself, or None."""
     through = nested(path)
     if through is None:
         choice = parse(path)

@@ -1,4 +1,4 @@
-"""What a document is compiled in: its workspace, the store, whoever answers for parts, and what is said of the documents."""
+"""The environment of a compilation: workspace, store, source of parts, and the report."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ Progress = Callable[[str, int, int], None]
 """`progress(what, done, total)`: called while parts are modelled."""
 
 Printed = Callable[[str, Sequence[str]], None]
-"""`printed(part, lines)`: called with what a part prints, when it has been modelled. The lines are as the part has written them."""
+"""`printed(part, lines)`: called with the output of a part after it has been modelled. The lines are not escaped."""
 
 Lend = Callable[["Workspace", "Store"], "PartSource"]
-"""`lend(workspace, store)`: who answers for the parts of a workspace, and is ended by somebody else."""
+"""`lend(workspace, store)`: returns a shared source of the parts of a workspace, which the lender closes."""
 
 Answer = TypeVar("Answer")
 
 
 class Options(FrozenStruct):
-    """How to compile. `parameters` are texts as on the command line (`{"reach": "120 mm"}`), `choices` texts by dotted path in
-    the document (`{"components.foot.part": "feet:Wide"}`); `store` a folder or a URL (None: the user's cache); `jobs` how many parts are
-    modelled at once; `part_timeout` [s] (None: the workspace's); `compat` the programs besides MuJoCo that read its models (None: those of
-    the workspace).
+    """Options of a compilation.
 
-    `lock`: what the store does not hold may come from `parts.lock.json`, for callers who need no meshes. Without `code` it comes
-    from there alone: nothing of the workspace is run, and the store is not touched.
-
-    `texts`: what documents and workspace files hold instead of what is on disk, by absolute path. `ahead`: modules that what follows the
-    compilation will need, which are imported while the kernel loads, where it does."""
+    `parameters` are texts as on the command line (`{"reach": "120 mm"}`), `choices` texts by dotted path in the document
+    (`{"components.foot.part": "feet:Wide"}`). `store` is a folder or a URL (default: the user's cache), `jobs` the number of parts to model
+    in parallel, `part_timeout` [s] the limit for one part (default: that of the workspace), `compat` the programs besides MuJoCo that read
+    its models (default: those of the workspace). `lock`: parts that are not in the store may be read from `parts.lock.json`, for callers
+    that need no meshes. Without `code` they are read only from there: no code of the workspace runs, and the store is not used. `texts`
+    replace the contents of documents and workspace files on disk, by absolute path. `ahead` are modules that are needed after the
+    compilation, to import while the CAD kernel loads.
+    """
 
     parameters: Mapping[str, str] = {}
     choices: Mapping[str, str] = {}
@@ -61,11 +61,9 @@ class Options(FrozenStruct):
 
 
 class Environment:
-    """What compilations of one document share, whatever they set. A context manager: leaving it ends who answers for parts, unless that
-    was lent.
+    """What all compilations of one document share. A context manager that closes the source of parts on exit, unless it was lent.
 
-    `workspace` is None where none was found; `report` has what is said of the documents themselves, `memo` what passes need not work
-    out again.
+    `workspace` is None if none was found. `report` contains diagnostics of the documents themselves, `memo` caches results of passes.
     """
 
     def __init__(self, document: str, options: Options, lend: Lend | None = None, memo: Memo | None = None) -> None:
@@ -89,7 +87,7 @@ class Environment:
 
     @cached_property
     def compat(self) -> tuple[str, ...]:
-        """The programs besides MuJoCo that read its models: those of the options, else the workspace's."""
+        """Programs besides MuJoCo that read its models: those of the options, else of the workspace."""
         own = self.workspace.compat if self.workspace is not None else ()
         return own if self.options.compat is None else tuple(self.options.compat)
 
@@ -100,7 +98,7 @@ class Environment:
 
     @cached_property
     def parts(self) -> PartSource:
-        """Who answers for parts: the geometry service, or, where no code may run, the lock. Only where there is a workspace."""
+        """The source of parts: the geometry service, or the lock if no code may run. Requires a workspace."""
         assert self.workspace is not None, "parts belong to a workspace, and none was found"
         if self._lent is not None:
             return self._lent(self.workspace, self.store)
@@ -112,14 +110,14 @@ class Environment:
 
     @property
     def geometry(self) -> GeometryService:
-        """The door to the CAD kernel; only where code of the workspace may run."""
+        """The geometry service, which runs the CAD kernel. Requires that code of the workspace may run."""
         from thingc.geometry.service import GeometryService
 
         assert isinstance(self.parts, GeometryService), "no code of the workspace may run"
         return self.parts
 
     def _lock(self) -> Lock | None:
-        """The workspace's lock; None where there is none or it is broken, which is said where nothing else may answer."""
+        """Return the workspace's lock; None if it is missing or broken, which is reported if code may not run."""
         from thingc.geometry.lock.lock import read_lock, report_missing
 
         assert self.workspace is not None
@@ -130,8 +128,9 @@ class Environment:
         return lock
 
     def say_gaps(self, report: Report) -> None:
-        """What the lock could not tell of the parts realized last, and what is wrong with it: a warning where code may run, for
-        then it is not needed."""
+        """Report what the lock lacks of the parts realized last, and errors of the lock: as warnings if code may run (the lock is optional
+        then).
+        """
         from thingc.geometry.part_source import report_gaps
 
         severity = Severity.WARNING if self.options.code else Severity.ERROR
@@ -140,8 +139,7 @@ class Environment:
 
 
 def attempted(document: str, options: Options, work: Callable[[Environment], Answer]) -> Answer:
-    """What `work` answers in an environment; in a second one where a blob of the store turned out to be damaged, for then it is made
-    anew."""
+    """Call `work` with an environment; if the store turns out to be damaged, once more with a new one, which restores the blob."""
     from thingc.geometry.store.local import BlobMissing
 
     try:
@@ -153,7 +151,7 @@ def attempted(document: str, options: Options, work: Callable[[Environment], Ans
 
 
 def store_of(options: Options) -> Store:
-    """The store that the options name, else the user's."""
+    """Return the store of the options, else the user's."""
     from thingc.geometry.store.shared_store import opened
 
     return opened(options.store)
@@ -163,8 +161,10 @@ def geometry_of(
     workspace: Workspace, options: Options, store: Store | None = None, lock: Callable[[], Lock | None] | None = None, *, seed: int = 0,
     workers: Workers | None = None,
 ) -> GeometryService:
-    """The geometry service of a workspace; close it. `lock` reads the lock that may answer beside the store; `seed` is that of the
-    workers' hashes; `workers` are somebody else's, who also ends them."""
+    """Return the geometry service of a workspace; the caller must close it.
+
+    `lock` reads the lock to use besides the store; `seed` is the hash seed of the workers; shared `workers` are closed by their owner.
+    """
     from thingc.geometry.service import GeometryService
 
     return GeometryService(

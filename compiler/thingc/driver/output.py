@@ -1,11 +1,11 @@
-"""The build folder: it appears as a whole, or it stays as it was. (So does the folder of a new workspace, unless it is there.)
+"""Write build folders atomically. (Also folders of new workspaces, unless they exist.)
 
-A build is written into a hidden folder beside its place and the two change places in one step of the system
-(`renameat2(RENAME_EXCHANGE)`; where that is not to be had two renames, which the next run mends). After a kill at any
-instant the folder is the old build or the new one. What was left lying about is swept away by the next run.
+A build is written into a hidden folder beside its place, and the two are exchanged in one system call
+(`renameat2(RENAME_EXCHANGE)`; if this is not available, by two renames, which the next run repairs). If the process is killed at any
+time, the folder is either the old build or the new one. The next run deletes leftovers.
 
     <parent>/<name>/              the build
-    <parent>/.<name>.thingc-lock  held while a build is written: one at a time
+    <parent>/.<name>.thingc-lock  locked while a build is written: one at a time
     <parent>/.<name>.thingc-new   being written; after the exchange the old build, being deleted
     <parent>/.<name>.thingc-old   the old build between two renames
 """
@@ -32,19 +32,19 @@ from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 from thingc.targets.registry import written
 
 Waiting = Callable[[str], None]
-"""Called once with the build folder when another build of it must be waited for; what it raises ends the waiting."""
+"""Called once with the build folder if another build of it is in progress; an exception ends the waiting."""
 
 
 class Blobs(Protocol):
-    """What is needed of a store: the bytes of a blob, checked against its SHA-256."""
+    """The part of a store's interface that is needed here: reading blobs, verified by their SHA-256."""
 
     def read(self, sha256: str) -> bytes:
-        """The bytes; raises when they are absent or damaged."""
+        """Return the content; raises if it is missing or damaged."""
         ...
 
 
 class OutputError(Exception):
-    """A build folder that cannot be written: `message` says why, `hint` what to do. A wrong command line (exit 2)."""
+    """A build folder cannot be written: `message` is the reason, `hint` the help. Reported as a command line error (exit code 2)."""
 
     code = Code.OUTPUT
 
@@ -54,12 +54,12 @@ class OutputError(Exception):
         self.hint = hint
 
     def diagnose(self, report: Report) -> None:
-        """Say it in `report`; it has no place in a document."""
+        """Add it to `report`, without a place in a document."""
         report.add(self.code, self.message, None, help=self.hint)
 
 
 class UnexpectedFilesError(OutputError):
-    """The folder holds what a build must not delete: `names` relative to `folder`, sorted."""
+    """The folder contains files that a build must not delete: `names` relative to `folder`, sorted."""
 
     code = Code.UNEXPECTED
 
@@ -71,13 +71,15 @@ class UnexpectedFilesError(OutputError):
 
 
 NOTHING = hashlib.sha256(b"").hexdigest()
-"""The content of a file that a power failure has emptied, or that somebody has: there is nothing to lose."""
+"""SHA-256 of an empty file, for example after a power failure; it may be deleted without loss."""
 
 
 class UnexpectedFiles(FrozenStruct, kw_only=False):
-    """What a build must not delete from a folder, by path in it, sorted: files that no build wrote (`others`), and those that one
-    wrote and somebody has `changed` since: edited, or replaced by a link. `owner` is the document whose build the folder holds,
-    None where it holds none."""
+    """Files in a folder that a build must not delete, by relative path, sorted.
+
+    `others` were not written by a build; those in `changed` were, and have since been edited or replaced by a link. `owner` is the
+    document whose build the folder contains, or None.
+    """
 
     owner: str | None
     others: tuple[str, ...]
@@ -85,7 +87,7 @@ class UnexpectedFiles(FrozenStruct, kw_only=False):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All of them, sorted."""
+        """All paths, sorted."""
         return tuple(sorted((*self.others, *self.changed)))
 
 
@@ -93,16 +95,14 @@ def write_build(
     parent: str, name: str, files: Mapping[str, Content], store: Blobs, document: str, *, force: bool = False,
     on_wait: Waiting | None = None,
 ) -> str:
-    """Make `<parent>/<name>` hold exactly `files`; its absolute path.
+    """Write the build folder `<parent>/<name>` with exactly `files`, and return its absolute path.
 
-    `files` are by path in the folder and contain a `manifest.json` of `document` (its path in the workspace) that lists
-    the others; stored ones come out of `store` (whose exception for a missing blob passes through). `parent` is made
-    if it is not there; where the folder is a symbolic link, what it points to is replaced. `on_wait` is called when
-    another build of the same folder is under way, before waiting for it. With `force` files in a build of the same document that
-    no build wrote, or that were changed since, are given up.
-
-    Raises `UnexpectedFilesError` when the folder holds anything but a build of the same document as it was written, `OutputError` when the
-    system refuses, and `ValueError` for paths that would leave the folder; the folder is then as it was.
+    `files` are by path in the folder and include a `manifest.json` of `document` (its path in the workspace) that lists the others; stored
+    ones are read from `store` (whose exception for a missing blob is passed on). `parent` is created if necessary; if the folder is a
+    symbolic link, its target is replaced. `on_wait` is called before waiting for another build of the same folder. `force` overwrites files
+    in a build of the same document that thingc did not write or that have changed. Raises `UnexpectedFilesError` if the folder contains
+    anything but an unchanged build of the same document, `OutputError` for system errors, and `ValueError` for paths outside the folder;
+    the folder is then unchanged.
     """
     _check_paths(name, files)
     folder = build_folder(parent, name)
@@ -124,17 +124,15 @@ def write_build(
 
 
 KEPT = ".git"
-"""What may be in a folder that a new workspace is written into: nothing is written there."""
+"""May exist in the folder of a new workspace; nothing is written to it."""
 
 
 def write_new(folder: str, files: Mapping[str, bytes]) -> str:
-    """Make a folder that is not there, or has nothing in it but `.git`, with `files` (by path in it, with `/`); its absolute path. Folders
-    above it are made.
+    """Create a folder with `files` (by relative path, with `/`), and return its absolute path. It must not exist, or only contain `.git`.
 
-    A new folder appears at once. Into one that is there, for somebody may be in it, files are moved one after the other; what lies there
-    just as it would be written stays, so that another run goes on where one was killed.
-
-    Raises `OutputError` where there is something else already, another run is at it, or the system refuses.
+    Parent folders are created. A new folder is created atomically. Into an existing one, which may be in use, files are moved one by
+    one; existing files with the same content are accepted, so that another run can continue after an interruption.
+    Raises `OutputError` if there are other files, another run is in progress, or the system refuses.
     """
     folder = os.path.realpath(folder)
     place, there = shown_path(folder), os.path.isdir(folder)
@@ -173,7 +171,7 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
 
 
 def _move_into(folder: str, fresh: str, names: Sequence[str]) -> None:
-    """Move what `fresh` has by these names into a folder that has none of them; interrupted, it leaves the folder as it was."""
+    """Move entries of `fresh` to a folder that does not contain them; on an exception, the moved entries are deleted again."""
     try:
         for name in names:
             os.rename(os.path.join(fresh, name), os.path.join(folder, name))
@@ -185,26 +183,25 @@ def _move_into(folder: str, fresh: str, names: Sequence[str]) -> None:
 
 
 def _alike(one: str, other: str) -> bool:
-    """Whether two files have the same content, or two folders the same files; links are like nothing."""
+    """Return whether two files have the same content, or two folders equal files; links never match."""
     if os.path.isdir(one) and os.path.isdir(other) and not os.path.islink(one):
         names = set(os.listdir(one))
         return names == set(os.listdir(other)) and all(_alike(os.path.join(one, name), os.path.join(other, name)) for name in names)
-    import filecmp  # late: only `thingc new` compares
+    import filecmp  # lazy import: only `thingc new` compares
 
     return os.path.isfile(other) and _is_plain(one) and filecmp.cmp(one, other, shallow=False)
 
 
 def build_folder(parent: str, name: str) -> str:
-    """The absolute path of the folder `<parent>/<name>`: where that is a symbolic link, of what it leads to."""
+    """Return the absolute path of the folder `<parent>/<name>`; for a symbolic link, that of its target."""
     folder = os.path.abspath(os.path.join(parent, name))
     return os.path.realpath(folder) if os.path.islink(folder) else folder
 
 
 def verify(folder: str, store: Store | None = None) -> dict[str, Any] | None:
-    """The manifest of a build folder that is whole: every listed file is there with its SHA-256, and nothing else is. `store` keeps the
-    digests of large files.
+    """Return the manifest of a build folder that contains exactly the listed files, with their SHA-256; otherwise None.
 
-    None in every other case; never raises, and writes nothing there.
+    `store` caches digests of large files. Never raises, and writes nothing to the folder.
     """
     try:
         manifest = _manifest(folder)
@@ -220,24 +217,23 @@ def verify(folder: str, store: Store | None = None) -> dict[str, Any] | None:
 
 
 def listed(folder: str) -> frozenset[str]:
-    """The files that the manifest of a build folder lists, if there is one; itself among them. Writes nothing there."""
+    """Return the files in the manifest of a build folder, including the manifest; empty if there is none. Writes nothing to the folder."""
     manifest = _manifest(folder)
     return frozenset() if manifest is None else frozenset((*manifest["files"], MANIFEST))
 
 
 def unswept(folder: str) -> bool:
-    """Whether something of a killed build lies beside the folder, or another build is under way: the next one waits, and sweeps."""
+    """Return whether there are leftovers of a killed build, or a build is in progress; the next build waits, and deletes them."""
     return any(os.path.lexists(_beside(folder, what)) for what in ("lock", "new", "old"))
 
 
 def unexpected_files(folder: str, document: str, *, also: Collection[str] = (), known: Digests | None = None) -> UnexpectedFiles:
-    """What a build of `document` must not delete from `folder`: what its manifest does not list, or lists with another content;
-    everything where the manifest is missing, damaged or of another document. Links are files here; empty folders do not count.
+    """Return the files that a build of `document` must not delete from `folder`: those that its manifest does not list, or with another
+    content.
 
-    A manifest is believed only for names that a target writes, or that are in `also`: it is a file like any other, and may have been
-    made to list what is not ours. `known` keeps the SHA-256 of contents, so that the next look reads none of them again.
-
-    Raises `OSError` when the folder cannot be read.
+    If the manifest is missing, damaged or of another document, these are all files. Links count as files; empty folders are ignored. A
+    manifest is only trusted for names that a target writes, or that are in `also`: it could list arbitrary files. `known` caches the
+    SHA-256 of contents for later calls. Raises `OSError` if the folder cannot be read.
     """
     names = _listing(folder)
     manifest = _manifest(folder)
@@ -253,7 +249,7 @@ def unexpected_files(folder: str, document: str, *, also: Collection[str] = (), 
 
 
 def _content_of(path: str, known: Digests) -> str | None:
-    """The SHA-256 of a file; None for a link, or what is no file."""
+    """Return the SHA-256 of a file; None for links and other non-regular files."""
     return digest_of(path, known=known) if _is_plain(path) else None
 
 
@@ -274,7 +270,9 @@ def _beside(folder: str, what: str) -> str:
 
 @contextlib.contextmanager
 def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
-    """Hold the lock of `folder`. The lock file goes away with the lock, so whoever waited looks whether it still is the one."""
+    """Hold the lock of `folder`. The lock file is deleted on release, so after waiting it must be checked that it is still the same
+    file.
+    """
     path = _beside(folder, "lock")
     said = False
     while True:
@@ -302,7 +300,7 @@ def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
 
 
 def same_file(descriptor: int, path: str) -> bool:
-    """Whether the file that is open still is the one at `path`."""
+    """Return whether an open file is still the one at `path`."""
     try:
         return os.path.samestat(os.fstat(descriptor), os.stat(path))
     except FileNotFoundError:
@@ -310,7 +308,7 @@ def same_file(descriptor: int, path: str) -> bool:
 
 
 def _mend(folder: str) -> None:
-    """Finish or undo what a killed run began."""
+    """Complete or undo the changes of a killed run."""
     old = _beside(folder, "old")
     if os.path.lexists(old):
         if os.path.lexists(folder):
@@ -321,7 +319,7 @@ def _mend(folder: str) -> None:
 
 
 def _refuse_unexpected(folder: str, document: str, also: Collection[str], known: Digests, *, force: bool) -> UnexpectedFiles:
-    """What is given up by `force`; raises `UnexpectedFilesError` where there is anything else."""
+    """Return the files that `force` overwrites. Raises `UnexpectedFilesError` if there are others."""
     if not os.path.lexists(folder):
         return UnexpectedFiles(None, ())
     if not os.path.isdir(folder):
@@ -351,8 +349,11 @@ def _accusation(folder: str, unexpected: UnexpectedFiles, document: str) -> Unex
 
 
 def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) -> None:
-    """Everything into a new folder `fresh`, the manifest (if there is one) last and down to the disk: after a power failure it tells
-    which files did not get there. A store is needed where files lie in one."""
+    """Write all files to a new folder `fresh`.
+
+    The manifest, if any, is written last and synchronized to disk: after a power failure it shows which files are incomplete. `store` is
+    required if files are in a store.
+    """
     os.mkdir(fresh)
     folders = {""}
     for path in sorted(files, key=lambda path: (path == MANIFEST, path)):
@@ -374,9 +375,9 @@ def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) 
 
 
 def _swap(fresh: str, folder: str, document: str, also: Collection[str], known: Digests, *, given_up: Collection[str]) -> None:
-    """Put `fresh` in the place of `folder`, whose old content is deleted.
+    """Replace `folder` by `fresh` and delete its old content.
 
-    A file that someone saved into the old build while the new one was written brings the old one back, unless it is `given_up`.
+    If a file was saved into the old build while the new one was written, the old one is restored, unless the file is in `given_up`.
     """
     if not os.path.lexists(folder):
         os.rename(fresh, folder)
@@ -400,23 +401,23 @@ def _swap(fresh: str, folder: str, document: str, also: Collection[str], known: 
 
 
 def _delete(path: str) -> None:
-    """Delete a folder of ours as far as the system lets us; a rest is swept away by the next run."""
+    """Delete a folder that thingc created, as far as possible; the next run deletes the rest."""
     if os.path.islink(path) or os.path.isfile(path):
         os.unlink(path)
         return
     if not os.path.lexists(path):
         return
-    import shutil  # late: it imports every compression library, and a build that changes nothing deletes nothing
+    import shutil  # lazy import: slow, and not needed if nothing has changed
 
     shutil.rmtree(path, ignore_errors=True)
-    if os.path.lexists(path):  # somebody took write permission away from a folder
+    if os.path.lexists(path):  # a folder may not be writable
         with contextlib.suppress(OSError):
             _permit(path)
         shutil.rmtree(path, ignore_errors=True)
 
 
 def _permit(folder: str) -> None:
-    """Let us delete what lies in `folder`, at every depth; links are not followed."""
+    """Make `folder` and its subfolders deletable; links are not followed."""
     os.chmod(folder, 0o700)
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -425,7 +426,7 @@ def _permit(folder: str) -> None:
 
 
 def _manifest(folder: str) -> dict[str, Any] | None:
-    """The manifest in `folder` if there is one that has the shape of ours."""
+    """Return the manifest in `folder` if it is well-formed, else None."""
     path = os.path.join(folder, MANIFEST)
     try:
         if not _is_plain(path):
@@ -443,12 +444,12 @@ def _manifest(folder: str) -> dict[str, Any] | None:
 
 
 def _is_plain(path: str) -> bool:
-    """Whether it is a file and neither a link nor a pipe, on which reading would hang. Raises `OSError` when it is absent."""
+    """Return whether it is a regular file, not a link or a pipe (reading would block). Raises `OSError` if it does not exist."""
     return stat.S_ISREG(os.lstat(path).st_mode)
 
 
 def _listing(folder: str) -> list[str]:
-    """Every file below `folder`, with `/`; links are not followed."""
+    """Return all files below `folder`, with `/`; links are not followed."""
     files: list[str] = []
     waiting = [""]
     while waiting:
@@ -463,7 +464,7 @@ def _listing(folder: str) -> list[str]:
 
 
 def _fault_text(folder: str, fault: OSError) -> str:
-    """Why the system refused, in words."""
+    """Format the reason of a system error."""
     place = shown_path(folder)
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return f"there is no room for the build in `{place}`: {os.strerror(fault.errno)}"
@@ -472,7 +473,7 @@ def _fault_text(folder: str, fault: OSError) -> str:
 
 
 def _cure(fault: OSError) -> str:
-    """What to do about it, else to choose another folder."""
+    """Return a help for a system error, to be followed by the advice to use another folder."""
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return "free some space, or"
     if fault.errno == errno.ENAMETOOLONG:

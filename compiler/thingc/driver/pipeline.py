@@ -1,9 +1,9 @@
-"""The driver: the order of the passes, and nothing else. Read it as a table of contents.
+"""The driver: it only runs the passes in order.
 
     documents -> specs -> definition -> part records -> assembly -> robots (one per mode) -> artifacts
       load     validate   resolve        realize        link       root                 emit
 
-`check` and `compile` go from a document to its robots; `recompile` does that again with other settings; `build` and `emit` go on to
+`check` and `compile` go from a document to its robots; `recompile` repeats this with other settings; `build` and `emit` continue to
 artifacts.
 """
 
@@ -39,16 +39,16 @@ if TYPE_CHECKING:
 
 
 PASSES = ("thingc.model.resolve.choices", "thingc.model.resolve.assembly", "thingc.model.assembly", "thingc.model.robot")
-"""What comes behind `describe`, imported while the kernel loads, where it does."""
+"""Modules of the passes after `describe`, imported while the CAD kernel loads, if it does."""
 
 
 _LOOKED_THROUGH = 1 << 20
-"""Bytes of a document that are looked through for parts."""
+"""Maximum number of bytes of a document that are searched for parts."""
 _LEADS_TO_PARTS = re.compile(rb"\b(?:part|file|assembly)[\"']?\s*[:=]")
 
 
 class UnknownChoice(Exception):
-    """A mode or target that is not there: a wrong command line, in words."""
+    """An unknown mode, target or program was requested: a command line error."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(f"{message}: {hint}")
@@ -57,8 +57,9 @@ class UnknownChoice(Exception):
 
 
 def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
-    """The programs of these names (a text has commas between them) that read MuJoCo models, in the order of `CONSUMERS`. Raises
-    `UnknownChoice`."""
+    """Return the named programs that read MuJoCo models, in the order of `CONSUMERS`. `names` may be a comma-separated text. Raises
+    `UnknownChoice`.
+    """
     from thingc.documents.workspace import CONSUMERS
 
     words = [word for word in (names.split(",") if isinstance(names, str) else names) if word]
@@ -69,10 +70,11 @@ def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
 
 
 class Compilation(FrozenStruct):
-    """What came of a document with one choice of settings: what was said, and what each pass has made of sound input.
+    """Result of compiling a document with some settings: the report, and the output of each pass that succeeded.
 
-    `documents` are the document and those that it names, or choices do; `robots` one per chosen mode. `decisions` are why each part was
-    modelled or reused, `records` what is known of it, by definition text. `repeated`: one of many compilations.
+    `documents` are the document and those that it, or choices, name; `robots` has one entry per chosen mode. By definition text,
+    `decisions` are the reasons why parts were modelled or reused, and `records` their properties. `repeated`: this is one of many
+    compilations.
     """
 
     settings: Settings
@@ -88,7 +90,7 @@ class Compilation(FrozenStruct):
 
     @property
     def modelled(self) -> list[str]:
-        """Definition texts of the parts that were modelled just now."""
+        """Definition texts of the parts that were modelled by this compilation."""
         return sorted(text for text, decision in self.decisions.items() if not decision.reused)
 
     @property
@@ -101,8 +103,9 @@ class Compilation(FrozenStruct):
 
 
 def check(environment: Environment) -> Compilation:
-    """Every pass up to `root`, for all modes of a document of any kind that may be checked (one of materials is only looked through, one
-    of variants not at all). Bad input ends in the report."""
+    """Run every pass up to `root`, for all modes of a document of any kind that can be checked (materials are only resolved, variants only
+    validated). Errors are reported.
+    """
     compilation = compile(environment, kinds=("assembly", "materials", "variants"))
     say_unneeded(compilation, [Stage.CHECK])
     return compilation
@@ -112,9 +115,11 @@ def compile(
     environment: Environment, modes: Sequence[str] = (), *, kinds: Sequence[str] = ("assembly",),
     settings: Callable[[Sources], Settings] | None = None,
 ) -> Compilation:
-    """Every pass up to `root`, for the modes named (none: all). `kinds` are the kinds of document that are welcome; `settings` says what is
-    set of what was read (None: what the options set). Bad input ends in the report; raises `UnknownChoice`, and
-    `BlobMissing` where the store turns out to be damaged (see `environment.attempted`)."""
+    """Run every pass up to `root` for the named modes (by default all).
+
+    `kinds` are the accepted kinds of document; `settings` computes the settings from the sources (by default those of the options). Errors
+    are reported; raises `UnknownChoice`, and `BlobMissing` if the store is damaged (see `environment.attempted`).
+    """
     sources = read(environment, kinds, modelling=True)
     told = settings(sources) if settings is not None and sources is not None else settings_of(environment.options)
     compilation = _passes(environment, sources, told, modes, None)
@@ -126,21 +131,24 @@ def compile(
 
 
 def recompile(environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
-    """What has been read, with other settings: see `compile`. What is looked for in single robots alone (starts within the floor, solids
-    within each other) is not looked for."""
+    """Compile the sources with other settings, see `compile`. The checks of single robots (start below the floor, overlapping parts) are
+    skipped.
+    """
     return replace(_passes(environment, sources, settings, modes, environment.memo), repeated=True)
 
 
 def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
-    """What `build` imports that takes long, for `Options.ahead`; numpy, with which solids are compared, only where models need it, too."""
+    """Return the slow imports of `build`, for `Options.ahead`; numpy, which compares solids, only if models need it as well."""
     from thingc.targets.registry import modules_of
 
     return (*modules_of(targets), *(["thingc.model.solids.shapes"] if "mjcf" in targets else []))
 
 
 def build(environment: Environment, compilation: Compilation, targets: Sequence[str], folder: str | None = None) -> dict[str, Artifacts]:
-    """The passes behind `root`: what lies in what (a warning), and `emit`, while the kernel writes the STEP file. `folder` is the absolute
-    path of the folder that the files will lie in, where that is known."""
+    """Run the passes after `root`: check overlaps (warnings) and emit artifacts, while the kernel writes the STEP file.
+
+    `folder` is the absolute path of the build folder, if known.
+    """
     from thingc.model.robot.kinematics import occurrence_poses
     from thingc.model.solids.overlaps import Overlaps, check_overlaps
     from thingc.targets.registry import emitted
@@ -162,12 +170,14 @@ def build(environment: Environment, compilation: Compilation, targets: Sequence[
 
 
 def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, modelling: bool = False) -> Sources | None:
-    """`load` and `validate`, and what the parts that are named take. None where there is no document to go on with. With `modelling`, parts
-    are wanted next: the kernel begins to load at once where they are likely to be new."""
+    """Run `load` and `validate`, and describe the named parts. Return None if there is no valid document.
+
+    With `modelling`, parts are modelled next: the kernel is loaded in advance if they are likely to be new.
+    """
     workspace, report = environment.workspace, environment.report
     if workspace is None:
         return None
-    # before anything else is imported: nothing takes as long
+    # before other imports, because it takes longest
     kernel_loads = modelling and _may_name_parts(environment) and environment.parts.anticipate()
     from thingc.documents.load.documents import load
     from thingc.documents.spec.validation import part_references, validate
@@ -191,7 +201,7 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
 
 
 def _may_name_parts(environment: Environment) -> bool:
-    """Whether code of parts may run, and the beginning of the document has a key that leads to them: else no kernel is needed."""
+    """Return whether code of parts may run, and the beginning of the document refers to parts; otherwise the kernel is not needed."""
     if not environment.options.code:
         return False
     text = environment.options.texts.get(environment.document)
@@ -204,15 +214,16 @@ def _may_name_parts(environment: Environment) -> bool:
 
 
 def settings_of(options: Options) -> Settings:
-    """What the options set."""
+    """Return the settings of the options."""
     from thingc.model.resolve.resolver import Settings
 
     return Settings(parameters=options.parameters, choices=options.choices)
 
 
 def choose(environment: Environment, sources: Sources, choices: Mapping[str, str], report: Report, memo: Memo | None) -> Sources:
-    """The sources, with the documents and parts that `choices` name; what is wrong with those is in `report`. `memo` is of this text of
-    the documents."""
+    """Return the sources, with the documents and parts that `choices` name; their errors are reported. `memo` caches results for these
+    texts of the documents.
+    """
     if not choices:
         return sources
     from thingc.model.resolve.choices import documents_and_parts
@@ -220,14 +231,14 @@ def choose(environment: Environment, sources: Sources, choices: Mapping[str, str
     assemblies, parts = documents_and_parts(choices)
     place = ("choices", frozenset(assemblies), frozenset(parts))
     widened, faults = (memo or Memo())(place, lambda: _widened(environment, sources, assemblies, parts))
-    for fault in faults.diagnostics:  # what has no place in a document is said of the choice
+    for fault in faults.diagnostics:  # diagnostics without a place in a document are reported at the choice
         code, path = (fault.code, fault.path) if fault.span is not None else (Code.CHOICE_OPTION, "--set")
         report.add(code, fault.message, fault.span, help=fault.help, path=path, notes=fault.notes, severity=fault.severity)
     return widened
 
 
 def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], parts: Sequence[str]) -> tuple[Sources, Report]:
-    """`own` and the further assemblies and parts that are named, and what is wrong with those."""
+    """Return `own` with the additional assemblies and parts, and a report of their errors."""
     from thingc.documents.load.documents import load_more
     from thingc.documents.spec.validation import part_references, validate
 
@@ -242,16 +253,18 @@ def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], 
 
 
 def model(environment: Environment, own: Sources, settings: Settings, report: Report) -> AssemblyDefinition | None:
-    """`resolve` alone: what the documents say with these settings before a part is modelled. What is wrong with them is in `report`; None
-    where nothing is sound."""
+    """Run `resolve` alone: return the definition with these settings, before parts are modelled. Errors are reported; None if nothing is
+    valid.
+    """
     from thingc.model.resolve.resolver import resolve
 
     return resolve(choose(environment, own, settings.choices, report, environment.memo), settings, report, environment.memo)
 
 
 def _passes(environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str], of_text: Memo | None) -> Compilation:
-    """From what was read to the robots. `of_text` has answers that hold as long as the documents stand as they are, line by line; those of
-    the environment hold for all."""
+    """Run the passes from the sources to the robots. `of_text` caches results that are valid for these texts of the documents; the memo of
+    the environment those that are always valid.
+    """
     from thingc.geometry.meshes.cache import mesh_records
     from thingc.model.assembly.linking import link
     from thingc.model.assembly.print_settings import likely_slicings, slicings_of
@@ -297,7 +310,7 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
 
 
 def _say_hidden(environment: Environment, sources: Sources, report: Report) -> None:
-    """Say which modules of parts hide others; most often there is none."""
+    """Report modules of parts that hide others."""
     from thingc.documents.spec.validation import part_references
     from thingc.geometry.part_source import report_hidden
 
@@ -308,11 +321,10 @@ def _say_hidden(environment: Environment, sources: Sources, report: Report) -> N
 
 
 def emit(environment: Environment, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
-    """Artifacts per target, in the order asked; each loss with the first target that has it. Only for a compilation whose
-    report has no errors.
+    """Return the artifacts by target, in the requested order; each export loss is listed with the first target that has it.
 
-    With `verify` 0 MuJoCo is not asked whether it takes the models: for the caller who compiles them anyway; with more than 1 only of the
-    first, and of every so many, that differ in nothing but numbers.
+    The report of the compilation must have no errors. With `verify` 0, models are not compiled with MuJoCo (for callers that compile them
+    anyway); with n > 1, only every n-th of the models that differ in numbers alone.
     """
     from thingc.targets.registry import emitted
 
@@ -320,7 +332,7 @@ def emit(environment: Environment, compilation: Compilation, targets: Sequence[s
 
 
 def request_of(environment: Environment, compilation: Compilation, *, verify: int = 1, folder: str | None = None) -> EmitRequest:
-    """What targets are asked with. Only for a compilation whose report has no errors."""
+    """Return the request for targets. The report of the compilation must have no errors."""
     from thingc.targets.request import EmitRequest
 
     geometry = environment.geometry
@@ -332,7 +344,7 @@ def request_of(environment: Environment, compilation: Compilation, *, verify: in
 
 
 def files(environment: Environment, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
-    """What a build folder holds, by path in it: the files of all targets, and the manifest that lists them."""
+    """Return the files of a build folder, by path: those of all targets, and the manifest."""
     from thingc.targets.artifact import MANIFEST
     from thingc.targets.manifest import BuildChoice, manifest
 
@@ -355,7 +367,7 @@ def files(environment: Environment, compilation: Compilation, artifacts: Mapping
 
 
 def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
-    """Say which allowances nothing has needed, after all of these stages; only where nothing is set, for other values may need them."""
+    """Report unneeded allowances after these stages; only without settings, because other values may need them."""
     settings, documents = compilation.settings, compilation.documents
     if compilation.assembly is None or documents is None or compilation.report.failed or settings.parameters or settings.choices:
         return
@@ -363,14 +375,14 @@ def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
 
 
 def _assembly(compilation: Compilation) -> Assembly:
-    """Raises where there is none: the caller has not looked at the report."""
+    """Return the assembly. Raises `RuntimeError` if the compilation failed; the caller must check the report."""
     if compilation.assembly is None:
         raise RuntimeError("the compilation failed")
     return compilation.assembly
 
 
 def _corners(environment: Environment) -> Callable[[Mesh], tuple[Vector, ...]] | None:
-    """The vertices of a part's mesh; None where meshes need not be there."""
+    """Return a function for the vertices of a part's mesh; None if meshes may be missing."""
     from thingc.geometry.store.meshes import vertices
 
     return None if environment.options.lock else partial(vertices, environment.store)

@@ -1,7 +1,7 @@
-"""One document compiled many times in one process: what does not depend on the settings is done once.
+"""Compile one document many times in one process, sharing all work that does not depend on the settings.
 
-A `Session` drives the same passes as a single compilation (`pipeline`) and gives the same files and the same diagnostics; it only keeps
-what the passes may share: the documents and their models, part schemas, records, the worker.
+A `Session` runs the same passes as a single compilation (`pipeline`), with the same files and diagnostics. It caches
+the documents and their models, part schemas, records, and the worker.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from thingc.targets.artifact import Artifacts, Content
 
 REFUSED = 64
-"""How many refused settings are remembered: a learner draws the same again, and what makes plans asks for them twice."""
+"""Maximum number of cached failures: a learner may draw the same settings again, and plans request them twice."""
 
 
 class Session:
-    """One document, compiled again and again with other settings. A context manager: leaving it ends the geometry service.
+    """Repeated compilation of one document with different settings. A context manager that closes the geometry service on exit.
 
-    `options` say how to compile; their own parameters and choices hold where the settings of a compilation do not say
-    otherwise. The documents are read when the session begins: later changes of files are not seen, of documents, parts and the
-    store. Where a blob of the store was lost meanwhile, reading it raises `BlobMissing`, and a new session makes it anew.
+    Settings of a compilation override the parameters and choices of `options`. Documents are read when the session is created: later
+    changes of documents, parts and the store are not noticed. If a blob of the store is lost meanwhile, reading it raises `BlobMissing`; a
+    new session restores it.
     """
 
     def __init__(self, document: str, options: Options) -> None:
@@ -43,14 +43,14 @@ class Session:
 
     @property
     def report(self) -> Report:
-        """Faults of the documents themselves, which every compilation has."""
+        """Diagnostics of the documents themselves, which all compilations share."""
         return self.environment.report
 
     def compile(self, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
-        """The document with these settings, through every pass up to `root`, for the modes named (none: all).
+        """Compile the document with these settings up to `root`, for the named modes (by default all).
 
-        What is wrong is in the compilation's `report`; a refused one is remembered unless it has modelled parts, which may go better the
-        next time. Raises `UnknownChoice` for a mode that is not there.
+        Errors are in the compilation's `report`. Failures are cached, unless parts were modelled (these may succeed next time). Raises
+        `UnknownChoice` for an unknown mode.
         """
         own = self.environment.options
         settings = Settings(parameters={**own.parameters, **settings.parameters}, choices={**own.choices, **settings.choices})
@@ -63,9 +63,9 @@ class Session:
         return made
 
     def emit(self, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
-        """Artifacts per target: see `pipeline.emit`."""
+        """Return the artifacts by target, see `pipeline.emit`."""
         return pipeline.emit(self.environment, compilation, targets, verify=verify)
 
     def files(self, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
-        """What a build folder holds, by path in it."""
+        """Return the files of a build folder, by path in it."""
         return pipeline.files(self.environment, compilation, artifacts)

@@ -1,5 +1,4 @@
-"""Settings as they are given: by the name of a parameter, or by the path of anything in the document; a number in SI, or text as documents
-have it."""
+"""Settings by name of a parameter, or by path in the document; values are numbers in SI, or texts as in documents."""
 
 from __future__ import annotations
 
@@ -25,13 +24,14 @@ from thingc.model.resolve.parameters import AssemblyParameters
 from thingc.model.resolve.resolver import Settings, Sources
 
 EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons"))
-"""Sections of which a name with stars means those of nested documents, too."""
+"""Sections whose patterns also match elements of nested documents."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParsedSettings:
-    """Settings that have been read: `names` of numbers, sorted, and their `values` in SI; all else as `texts`. What is wrong with them is
-    in `report` (None: nothing)."""
+    """Parsed settings: sorted `names` of numeric settings with their `values` in SI; others as `texts`. Errors are in `report` (None if
+    there are none).
+    """
 
     names: tuple[str, ...]
     values: tuple[float, ...]
@@ -40,7 +40,7 @@ class ParsedSettings:
 
 
 class SettingsReader:
-    """Reads settings of one document. `parameters` are its own, by name; `kinds` has values of the kinds that others set by path."""
+    """Parses settings of one document. `parameters` are its own, by name; `kinds` provides kinds of values of other settings, by path."""
 
     def __init__(
         self, sources: Sources, fixed: Mapping[str, Any] | None = None, kinds: Mapping[str, ExpressionValue] | None = None,
@@ -51,14 +51,14 @@ class SettingsReader:
         self._documents = sources.documents
         self._kinds: dict[str, ExpressionValue | None] = dict(kinds or {})
         self._meant: dict[str, tuple[str, ...]] = {}
-        self._numeric: set[str] = set()  # names that numbers have been set by
+        self._numeric: set[str] = set()  # names with numeric settings
 
     def kind(self, name: str) -> ExpressionValue | None:
-        """What stands there in the document, or by default; None where nothing does, or nobody knows what it comes to."""
+        """Return the value that the document specifies, or its default; None if there is none, or if it cannot be evaluated."""
         if name not in self._kinds:
             known = self._kinds[name] = self.parameters.get(name) if "." not in name else self._stated(name)
             vector, _, index = name.rpartition(".")
-            if index.isdecimal() and known == Quantity(0.0):  # a bare 0 is of the kind of the values beside it
+            if index.isdecimal() and known == Quantity(0.0):  # a bare 0 has the kind of the other values of the vector
                 others = (self._stated(f"{vector}.{other}") for other in "012")
                 self._kinds[name] = next((one for one in others if isinstance(one, Quantity) and one.dimension != NUMBER), known)
         return self._kinds[name]
@@ -67,7 +67,7 @@ class SettingsReader:
         section, _, rest = path.partition(".")
         by_default = f"defaults.{section[:-1]}.{rest.partition('.')[2]}"
         places = (path, by_default) if section in ("joints", "components") else (path,)
-        for place in (one + inner for inner in ("", ".value") for one in places):  # a mass may say its source as well
+        for place in (one + inner for inner in ("", ".value") for one in places):  # a mass may have a source
             stated = current_value(self._documents, place)
             if isinstance(stated, Expression):
                 try:
@@ -79,8 +79,9 @@ class SettingsReader:
         return stated_parameter(self._documents, path)
 
     def meant(self, name: str) -> tuple[str, ...]:
-        """The names that one with stars stands for (`joints.*.dynamics.damping`, `leg_*` of parameters), in nested documents as well; one
-        without is itself."""
+        """Return the names that a pattern matches (`joints.*.dynamics.damping`, `leg_*` of parameters), including nested documents; a name
+        without `*` is returned as it is.
+        """
         known = self._meant.get(name)
         if known is None:
             if "*" not in name:
@@ -93,7 +94,7 @@ class SettingsReader:
         return known
 
     def _hint(self, name: str) -> str:
-        """What there is where a name with stars meets nothing."""
+        """Return a hint for a pattern without a match."""
         if "." not in name:
             return did_you_mean(name, self.parameters, what="parameters")
         met: list[Node] = [self._documents.root.tree]
@@ -105,7 +106,7 @@ class SettingsReader:
         return did_you_mean(word, [key for key, _ in inside])
 
     def read(self, settings: Mapping[str, Any]) -> ParsedSettings:
-        """The settings, over those that hold for the whole family. What is no mapping, or has keys that are no names, is reported."""
+        """Parse settings, which override the fixed ones. Invalid types of settings and names are reported."""
         numbers: dict[str, float] = {}
         texts: dict[str, str] = {}
         report: Report | None = None
@@ -115,7 +116,7 @@ class SettingsReader:
             report.add(Code.CHOICE_OPTION, message, None, path=SET, help="write `{'joints.NAME.limit.upper': 1.5}`")
             settings = {}
         for given, value in (*self.fixed.items(), *settings.items()):
-            if type(value) is float and given in self._numeric:  # as nearly all are: what follows would come to the same
+            if type(value) is float and given in self._numeric:  # fast path with the same result
                 numbers[given] = value + 0.0
                 texts.pop(given, None)
                 continue
@@ -140,7 +141,7 @@ class SettingsReader:
         return ParsedSettings(names=names, values=tuple(map(numbers.__getitem__, names)), texts=tuple(sorted(texts.items())), report=report)
 
     def _number(self, name: str, value: Any) -> float | None:
-        """A value in SI; None where it is no number, or one of another kind than what stands there."""
+        """Return a value in SI; None if it is not a number, or of another kind than the value in the document."""
         kind = self.kind(name)
         if isinstance(value, str) and (isinstance(kind, Quantity) or (kind is None and "." in name)):
             try:
@@ -148,7 +149,7 @@ class SettingsReader:
             except UnitError:
                 return None
             if kind is None and quantity.dimension != NUMBER:
-                kind = self._kinds[name] = quantity  # nothing stands there: it is what is set first
+                kind = self._kinds[name] = quantity  # without a value in the document, the first setting determines the kind
             return quantity.value if isinstance(kind, Quantity) and quantity.dimension == kind.dimension else None
         if isinstance(value, bool):
             return None
@@ -161,7 +162,7 @@ class SettingsReader:
         return number if isinstance(kind, Quantity) else None
 
     def quantities(self, read: ParsedSettings) -> dict[str, Quantity]:
-        """The numbers with their dimensions."""
+        """Return the numeric settings with their dimensions."""
         quantities = {}
         for name, value in zip(read.names, read.values):
             kind = self.kind(name)
@@ -170,14 +171,14 @@ class SettingsReader:
         return quantities
 
     def values(self, read: ParsedSettings) -> dict[str, ExpressionValue]:
-        """What every parameter comes to, those too that follow from others, and what is set by path: numbers, flags and expressions."""
+        """Return the values of all parameters, including dependent ones, and of settings by path: numbers, booleans and expressions."""
         settings = self.settings(read)
         values = {**self._declared.given(settings.parameters), **self.quantities(read)}
         stated = {path: _stated(text, values) for path, text in read.texts if path in settings.choices}
         return {**values, **{path: value for path, value in stated.items() if value is not None}}
 
     def as_given(self, settings: Mapping[str, Any]) -> dict[str, str]:
-        """The texts of settings by the names that they are of, where no number replaces them later."""
+        """Return the texts of settings by name, except those that a later number replaces."""
         texts: dict[str, str] = {}
         for given, value in settings.items():
             for name in self.meant(given):
@@ -187,8 +188,7 @@ class SettingsReader:
         return texts
 
     def settings(self, read: ParsedSettings, units: Mapping[str, str] | None = None, given: Mapping[str, str] | None = None) -> Settings:
-        """As `thingc build -p` and `--set` take them: a number in the words that it was `given` in, else the same to the last bit in a unit
-        of its own or in SI."""
+        """Return settings as for `thingc build -p` and `--set`: numbers as in `given`, else exactly in their unit or in SI."""
         units = units or {}
         numbers = {name: text_of(number, units.get(name, "")) for name, number in self.quantities(read).items()}
         texts = {**numbers, **dict(read.texts), **(given or {})}
@@ -199,8 +199,7 @@ class SettingsReader:
 
 
 def settings_with(own: Settings, values: Mapping[str, Any], report: Report, sources: Sources) -> Settings:
-    """Settings, and what else is set by `values`, as a reader takes them; of a document that is no sound assembly only the settings. What
-    is wrong with the names of values is reported."""
+    """Return `own` settings with `values` added; for an invalid assembly only `own`. Invalid names are reported."""
     if not isinstance(sources.specs.get(sources.documents.root.relative), AssemblySpec):
         return own
     reader = SettingsReader(sources)
@@ -212,7 +211,7 @@ def settings_with(own: Settings, values: Mapping[str, Any], report: Report, sour
 
 
 def _python_value(value: Any) -> Any:
-    """A scalar of numpy as Python's own, and a whole number that no float can hold as an infinite one."""
+    """Convert a scalar of numpy to a Python value, and an integer beyond the range of floats to infinity."""
     if hasattr(value, "item") and not getattr(value, "ndim", 0):
         value = value.item()
     if isinstance(value, int) and abs(value) > sys.float_info.max:
@@ -227,7 +226,7 @@ def _setting_text(value: Any) -> str:
 
 
 def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
-    """What a text comes to that is a flag or an expression; None of another one, and where it comes to nothing."""
+    """Evaluate a boolean or an expression; None for other texts, and if evaluation fails."""
     if text in ("true", "false"):
         return text == "true"
     try:
@@ -237,7 +236,7 @@ def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue 
 
 
 def _everywhere(documents: Documents, document: Document, words: Sequence[str], before: tuple[str, ...] = ()) -> list[str]:
-    """The paths that words with stars stand for, in a document and in those that it nests: `joints.*` are the joints of all of them."""
+    """Return the paths that a pattern matches in a document and its nested documents: `joints.*` matches the joints of all of them."""
     found = _matching(documents, document, document.tree, words, before)
     components = document.tree.entries.get("components") if words[0] in EVERYWHERE else None
     for name in entries_of(components):
@@ -248,7 +247,7 @@ def _everywhere(documents: Documents, document: Document, words: Sequence[str], 
 
 
 def _matching(documents: Documents, document: Document, node: Node | None, words: Sequence[str], before: tuple[str, ...]) -> list[str]:
-    """The paths below a node that words with stars stand for; behind the last star a path need not be there yet."""
+    """Return the paths below a node that a pattern matches; after the last `*` a path need not exist."""
     if before[-2:-1] == ("components",) and words and words[0] in SECTIONS and node is not document.tree:
         inner = nested_document(documents, document, before[-1])
         if inner is None:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
 
 FOLDER = "folder:"
-"""A mark before the digest of a folder's names, so that it is not taken for a file's."""
+"""Prefix of digests of folder listings, to distinguish them from those of files."""
 
 
 def fingerprint() -> str:
@@ -66,7 +66,7 @@ def state_of(path: str, store: Store | None = None) -> str | None:
 
 
 def key_of(command: str, document: str, choice: Mapping[str, object]) -> str:
-    """The name under which a run's stamp is kept."""
+    """Return the key of a run's stamp in the store."""
     text = json.dumps([command, os.path.abspath(document), choice], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -74,10 +74,7 @@ def key_of(command: str, document: str, choice: Mapping[str, object]) -> str:
 def save(
     store: Store, key: str, inputs: Mapping[str, str | None] | None, diagnostics: Sequence[Diagnostic], answer: Mapping[str, object]
 ) -> None:
-    """Remember a finished run: its inputs by absolute path (see `state_of`), what it said, and what it answered.
-
-    Without inputs (they changed under the run) nothing is remembered.
-    """
+    """Store a finished run: its inputs by absolute path (see `state_of`), its diagnostics, and its answer."""
 
     if inputs is None:
         return
@@ -86,7 +83,7 @@ def save(
 
 
 def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | None:
-    """What a run with the same inputs said and answered, or None where anything has changed."""
+    """Return the diagnostics and the answer of a run with the same inputs, or None if anything has changed."""
     kept = store.get_json("stamp", key)
     if not isinstance(kept, dict) or any(state_of(path, store) != state for path, state in kept["inputs"].items()):
         return None
@@ -96,7 +93,7 @@ def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | No
 
 
 def packed(d: Diagnostic) -> dict[str, object]:
-    """A diagnostic as plain JSON values."""
+    """Convert a diagnostic to plain JSON values."""
     plain: dict[str, object] = msgspec.to_builtins({**asdict(d), "code": d.code.name}, enc_hook=str)  # for subclasses of `str`
     return plain
 
@@ -107,16 +104,13 @@ def _types() -> dict[str, Any]:
 
 
 def unpacked(kept: Mapping[str, object]) -> Diagnostic:
-    """The inverse of `packed`."""
+    """Return the inverse of `packed`."""
     fields = {name: msgspec.convert(value, _types()[name]) for name, value in kept.items() if name != "code"}
     return Diagnostic(code=Code[str(kept["code"])], **fields)
 
 
 def inputs(environment: Environment, compilation: Compilation) -> dict[str, str | None] | None:
-    """Everything that a compilation without errors has read, by absolute path, with its content's digest (see `state_of`).
-
-    None where a file changed while it was being read: nobody knows which content the answer is of.
-    """
+    """Return everything that a compilation without errors has read, by absolute path, with digests of the content (see `state_of`)."""
     workspace, documents = environment.workspace, compilation.documents
     assert workspace is not None and documents is not None
     states = {**workspace.inputs, **{document.path: document.sha256 for document in documents.by_path.values()}}

@@ -1,4 +1,4 @@
-"""Switching modes at run time: the state of a robot with one root, as the state of the same robot with another.
+"""Switch modes at run time: convert the state of a robot with one root to the state of the same robot with another.
 
     from thingc.modes import Modes
 
@@ -6,13 +6,12 @@
     robot.switch(("bench", bench_data), ("adrift", adrift_data))      # fills the second `mujoco.MjData` from the first
     mujoco.mj_forward(adrift_model, adrift_data)
 
-q and v of the joints stay what they are, because they mean the same in every mode; pose and twist of the new base follow by
-forward kinematics. Into a free base, and into a held one whose root link is at rest, that is exact. Into a base that is
-held while its link moves something must give: `on_motion` says what. Needs numpy, but not MuJoCo; MuJoCo's objects are
-used by their attributes.
+q and v of the joints do not change, because they mean the same in every mode; pose and twist of the new base follow by
+forward kinematics. This is exact for a free base, and for a held base whose root link is at rest. If the base is held while its
+link moves, `on_motion` specifies what happens. Requires numpy, but not MuJoCo: its objects are used by their attributes.
 
 Conventions are MuJoCo's: quaternions (w, x, y, z); the twist of a link is the linear velocity of its frame's origin in world
-axes, then the angular velocity in the link's own axes, as a free joint has it.
+axes, then the angular velocity in the link's own axes, as for a free joint.
 """
 
 from __future__ import annotations

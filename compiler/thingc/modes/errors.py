@@ -1,4 +1,4 @@
-"""What can be wrong with a switch, in words and in numbers."""
+"""Exceptions of this package."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from thingc.modes.frames import Array
 
 
 class ModesError(ValueError):
-    """Any of the faults of this package."""
+    """Base class of the exceptions of this package."""
 
 
 class UnknownMode(ModesError, KeyError):
-    """A mode that the robot does not have."""
+    """The robot does not have this mode."""
 
     def __str__(self) -> str:
         return ValueError.__str__(self)  # a KeyError would show the repr
 
 
 class WrongData(ModesError):
-    """A `mujoco.MjData` that is not of the mode that it was given for."""
+    """A `mujoco.MjData` belongs to a model of another mode or variant."""
 
 
 class BaseMoves(ModesError):
-    """A base that is to be held still, while its link moves. `twist` (6,) is its motion [m/s, rad/s]."""
+    """A base must be held still, but its link moves. `twist` (6,) is its motion [m/s, rad/s]."""
 
     def __init__(self, mode: str, link: str, twist: Array) -> None:
         linear, angular = float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:]))
@@ -35,7 +35,7 @@ class BaseMoves(ModesError):
 
 
 class BaseElsewhere(ModesError):
-    """A bolted base whose link is not where the mode has it. `distance` [m] and `angle` [rad] say how far away it is."""
+    """The link of a fixed base is not at the pose of the mode. `distance` [m] and `angle` [rad] are the difference."""
 
     def __init__(self, mode: str, link: str, distance: float, angle: float, tolerance: float) -> None:
         super().__init__(

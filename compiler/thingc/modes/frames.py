@@ -1,4 +1,4 @@
-"""Poses as homogeneous 4 x 4 matrices, `X_AB` the pose of frame B in frame A [m], and MuJoCo's quaternions (w, x, y, z)."""
+"""Poses as homogeneous 4 x 4 matrices (`X_AB` is the pose of frame B in frame A [m]), and MuJoCo's quaternions (w, x, y, z)."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ Array = NDArray[np.float64]
 
 
 def pose(rotation: ArrayLike, position: ArrayLike) -> Array:
-    """The 4 x 4 matrix of a rotation (3, 3) and a position (3,)."""
+    """Return the 4 x 4 matrix of a rotation (3, 3) and a position (3,)."""
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, position
     return matrix
 
 
 def inverse(X: Array) -> Array:
-    """`X_BA` of `X_AB` (4, 4)."""
+    """Return `X_BA`, given `X_AB` (4, 4)."""
     back = X[:3, :3].T
     return pose(back, -back @ X[:3, 3])
 
 
 def rotation_of(quaternion: ArrayLike) -> Array:
-    """The rotation matrix (3, 3) of a quaternion of any length but 0, as MuJoCo reads those in `qpos`."""
+    """Return the rotation matrix (3, 3) of a quaternion; it is normalized first, as MuJoCo does in `qpos`."""
     w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
     return np.array([
         [w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
@@ -32,9 +32,9 @@ def rotation_of(quaternion: ArrayLike) -> Array:
 
 
 def quaternion_of(rotation: Array) -> Array:
-    """The unit quaternion (4,) of a rotation matrix, its largest component positive.
+    """Return the unit quaternion (4,) of a rotation matrix, with its largest component positive.
 
-    Source: Shepperd, "Quaternion from rotation matrix", 1978 (the largest component first: exact to rounding at any angle).
+    Source: Shepperd, "Quaternion from rotation matrix", 1978 (starts with the largest component: accurate to rounding at any angle).
     """
     r = rotation
     trace = r[0, 0] + r[1, 1] + r[2, 2]
@@ -50,22 +50,24 @@ def quaternion_of(rotation: Array) -> Array:
 
 
 def turned(axis: Array, angle: float) -> Array:
-    """The rotation (3, 3) by `angle` [rad] about a unit axis: Rodrigues' `1 + sin [a]x + (1 - cos) [a]x^2`."""
+    """Return the rotation (3, 3) by `angle` [rad] about a unit axis: Rodrigues' `1 + sin [a]x + (1 - cos) [a]x^2`."""
     k = cross_matrix(axis)
     rotation: Array = np.eye(3) + np.sin(angle) * k + 2.0 * np.sin(angle / 2.0) ** 2 * (k @ k)
     return rotation
 
 
 def exponential(twist: Array, q: float) -> Array:
-    """The pose (4, 4) at q of what moves by `twist` (6,) per unit of q, angular (a unit vector or 0) over linear, from q = 0. The linear
-    part of a joint is along its angular one, or alone."""
+    """Return the pose (4, 4) at q of a motion by `twist` (6,) per unit of q, from the identity at q = 0.
+
+    The angular part (a unit vector or 0) comes first; the linear part is parallel to it, or the angular part is 0.
+    """
     if not twist[:3].any():
         return pose(np.eye(3), twist[3:] * q)
     return pose(turned(twist[:3], q), twist[3:] * q)
 
 
 def rotation_vector(rotation: Array) -> Array:
-    """(3,): the axis times the angle [rad] from 0 to pi of a rotation (3, 3)."""
+    """Return the rotation vector (3,), the axis times the angle [rad] from 0 to pi, of a rotation (3, 3)."""
     w = quaternion_of(rotation)
     w = -w if w[0] < 0.0 else w
     size = float(np.linalg.norm(w[1:]))
@@ -74,12 +76,12 @@ def rotation_vector(rotation: Array) -> Array:
 
 
 def logarithm(X: Array) -> Array:
-    """(6,): the turn [rad] (a rotation vector) and the shift [m] of a pose that is near the identity."""
+    """Return (6,): the rotation vector [rad] and the translation [m] of a pose near the identity."""
     return np.concatenate([rotation_vector(X[:3, :3]), X[:3, 3]])
 
 
 def adjoint(X: Array) -> Array:
-    """(6, 6): twists (angular over linear) given in B to those seen from A, of X_AB (4, 4)."""
+    """Return the matrix (6, 6) that converts twists (angular, then linear) from frame B to A; `X` is X_AB (4, 4)."""
     R = X[:3, :3]
     matrix = np.zeros((6, 6))
     matrix[:3, :3] = matrix[3:, 3:] = R
@@ -88,13 +90,13 @@ def adjoint(X: Array) -> Array:
 
 
 def cross_matrix(v: Array) -> Array:
-    """`[v]x` (3, 3): the matrix whose product with w is v x w."""
+    """Return `[v]x` (3, 3), the matrix whose product with w is v x w."""
     x, y, z = v
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def angle_between(one: Array, other: Array) -> float:
-    """The angle [rad] of the turn from one rotation (3, 3) to another, exact near 0."""
+    """Return the angle [rad] between two rotations (3, 3), accurate near 0."""
     difference = one.T @ other
     sine = np.linalg.norm([
         difference[2, 1] - difference[1, 2], difference[0, 2] - difference[2, 0], difference[1, 0] - difference[0, 1],

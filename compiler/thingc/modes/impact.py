@@ -1,4 +1,4 @@
-"""A perfectly inelastic catch: the velocity of a robot after the links that a mode holds have been stopped at once."""
+"""A perfectly inelastic impact: the velocity of a robot after the links that a mode holds have been stopped instantly."""
 
 from __future__ import annotations
 
@@ -16,22 +16,26 @@ from thingc.modes.tree import Cut, Hold, Inertias, Mode
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Impact(OneLineRepr):
-    """What became of a link that is held: `removed` (6,) is the twist [m/s, rad/s] that it could not keep (where it may turn about
-    its mount the velocity of the mount's origin, and no turn), `impulse` (6,) what an inelastic catch took: linear [N s] in world
-    axes, angular [N m s] about its frame's origin in its own axes (0 without one)."""
+    """The effect of a switch on a held link.
+
+    `removed` (6,) is the twist [m/s, rad/s] that was removed; for a hold that lets the link turn about the mount, the velocity of the
+    mount's origin, and 0. `impulse` (6,) is the impulse of an inelastic impact (0 without one): linear [N s] in world axes, angular [N m s]
+    about the link frame's origin in its own axes.
+    """
 
     removed: Array
     impulse: Array
 
 
 def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> tuple[RobotState, Array, Mapping[str, Array]]:
-    """The state after a catch of everything that `mode` holds, the impulse (6,) on the root link, and those on its holds by path.
+    """Return the state after a perfectly inelastic impact with everything that `mode` holds, the impulse (6,) on the root link, and those
+    on its holds by path.
 
-    Let C u = 0 say of the velocity u = (base twist, v) what the mode allows: a root link that is not free stands, so do the links
-    of holds; joints that mimic keep to their leaders, and loops stay closed. The impulses p of these constraints change u by
-    `M (u' - u) = C^T p` with C u' = 0. With N a basis of the motions that C allows, u' = N w and `N^T M N w = N^T M u`: the
-    projection of u on them orthogonal in the metric M. Of all allowed motions it is the nearest, and it loses the kinetic energy
-    of the difference (Carnot's theorem). Where holds and loops say more than is needed, p is the smallest that does it.
+    Let C u = 0 be the constraints of the mode on the velocity u = (base twist, v): root link (unless free) and held links stand still,
+    mimic joints follow their leaders, loops stay closed. Their impulses p change u by `M (u' - u) = C^T p` with C u' = 0. With a basis N of
+    the allowed motions, u' = N w and `N^T M N w = N^T M u`: the projection of u that is orthogonal in the metric M. It is the nearest
+    allowed motion, and loses the kinetic energy of the difference (Carnot's theorem). If constraints are redundant, p is the solution of
+    least norm.
     """
     M = mode.mass_matrix(state, inertias)
     u = mode.velocity(state)
@@ -57,7 +61,7 @@ def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> t
 
 
 def _allowed(mode: Mode, state: RobotState) -> tuple[Array, Array]:
-    """(n, k): a basis of the velocities that the mode allows; (r, n): the constraints, root link and holds first."""
+    """Return (n, k), a basis of the velocities that the mode allows, and (r, n), the constraints: root link, holds, mimics, loops."""
     n = 6 + len(mode.joints)
     moves, stays = _base(mode, state)
     base = np.hstack([stays, np.zeros((len(stays), n - 6))])
@@ -75,7 +79,7 @@ def _allowed(mode: Mode, state: RobotState) -> tuple[Array, Array]:
 
 
 def _base(mode: Mode, state: RobotState) -> tuple[Array, Array]:
-    """(6, k) a basis of the twists that the root link may have, and (6 - k, 6) what of a twist has to be 0."""
+    """Return (6, k), a basis of the twists that the root link can have, and (6 - k, 6), the constraints on its twist."""
     if mode.base == "free":
         return np.eye(6), np.zeros((0, 6))
     if mode.part is None:
@@ -85,19 +89,23 @@ def _base(mode: Mode, state: RobotState) -> tuple[Array, Array]:
 
 
 def _held(hold: Hold, X: Array, J: Array) -> Array:
-    """What must not move of a link at X (4, 4) with the Jacobian J (6, n): the link, or (3, n) the origin of a mount that may turn."""
+    """Return the velocity constraints of a hold, for a link at X (4, 4) with the Jacobian J (6, n): of the link, or (3, n) of the origin of
+    a mount that may turn.
+    """
     return J[:3] - cross_matrix(X[:3, :3] @ hold.X_LM[:3, 3]) @ J[3:] if hold.turns else J
 
 
 def at_point(hold: Hold, X: Array, twist: Array) -> Array:
-    """(6,): the velocity [m/s] of the origin of a held mount, in world axes, and zeros, of a link at X (4, 4) that moves with a twist
-    (6,) of its frame's origin in world axes and about its own."""
+    """Return (6,): the velocity [m/s] of the origin of a held mount in world axes, and zeros, for a link at X (4, 4).
+
+    `twist` (6,) is the link's: velocity of its frame's origin in world axes, angular velocity in its own axes.
+    """
     linear = twist[:3] + np.cross(X[:3, :3] @ twist[3:], X[:3, :3] @ hold.X_LM[:3, 3])
     return np.concatenate([linear, np.zeros(3)])
 
 
 def _mimics(mode: Mode, state: RobotState) -> Array:
-    """(r, n): v less the multiple of its leader's, for every joint that follows one of the tree."""
+    """Return (r, n): the constraints of all joints that follow a joint of the tree: v minus the multiple of the leader's v."""
     column = {joint.name: 6 + number for number, joint in enumerate(mode.joints)}
     followers = [joint for joint in mode.joints if joint.mimic is not None and joint.mimic.joint in column]
     rows = np.zeros((len(followers), 6 + len(column)))
@@ -108,7 +116,7 @@ def _mimics(mode: Mode, state: RobotState) -> Array:
 
 
 def _ends_meet(mode: Mode, state: RobotState, cut: Cut, jacobians: tuple[Array, ...]) -> Array:
-    """(6 - d, n): the velocity of one end of a cut joint relative to the other, along what it does not leave open."""
+    """Return (6 - d, n): the relative velocity of the ends of a cut joint, in the directions in which the joint cannot move."""
     placed = list(mode.poses(state).values())
     X_WA, X_WB = placed[cut.parent] @ cut.X_PA, placed[cut.child] @ cut.X_CB
     ends = []
@@ -124,7 +132,7 @@ def _ends_meet(mode: Mode, state: RobotState, cut: Cut, jacobians: tuple[Array, 
 
 
 def _null_space(A: Array) -> Array:
-    """An orthonormal basis (columns) of what A (r, k) maps to nothing; singular values below 1e-10 of the largest count as 0."""
+    """Return an orthonormal basis (columns) of the null space of A (r, k); singular values below 1e-10 of the largest count as 0."""
     _, values, Vt = np.linalg.svd(A)
     rank = int(np.sum(values > 1e-10 * values.max(initial=0.0)))
     basis: Array = Vt[rank:].T

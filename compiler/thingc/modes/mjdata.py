@@ -1,6 +1,6 @@
-"""A mode's state out of and into a `mujoco.MjData`, found by names, so that a scene may hold more than the robot.
+"""Read and write the state of a mode in a `mujoco.MjData`, by names, so that a scene can contain more than the robot.
 
-MuJoCo itself is not imported: an `MjData` knows its model and answers to names.
+MuJoCo itself is not imported: `MjData` provides its model and access by name.
 """
 
 from __future__ import annotations
@@ -17,12 +17,14 @@ from thingc.modes.state import RobotState
 from thingc.modes.tree import Inertias, Mode
 
 FREE = 0
-"""MuJoCo's number of free joints."""
+"""MuJoCo's type number of free joints."""
 
 
 def check(mode: Mode, data: Any) -> None:
-    """Raises `WrongData` where the model of `data` is not that of `mode`: other links, other parents, another base,
-    or links, joints or mounts in other places."""
+    """Check that `data` belongs to a model of `mode`.
+
+    Raises `WrongData` if it has other links, other parents, another base, or links, joints or mounts in other places.
+    """
     model = data.model
     body_of = _bodies(mode, model)
     wanted = [*(link.name for link in mode.links), *(hold.anchor for hold in mode.holds)]
@@ -55,7 +57,7 @@ def check(mode: Mode, data: Any) -> None:
 
 
 def _link_above(model: Any, body: int, links: Collection[int]) -> int:
-    """The link that a body hangs on, or the world (0): what is between them moves no more than they do (`--compat drake`)."""
+    """Return the body of the next link above `body`, or of the world (0), skipping bodies in between (`--compat drake` adds some)."""
     above = int(model.body_parentid[body])
     while above and above not in links:
         above = int(model.body_parentid[above])
@@ -63,12 +65,12 @@ def _link_above(model: Any, body: int, links: Collection[int]) -> int:
 
 
 def _free_joint(mode: Mode, data: Any) -> Any:
-    """The joint of a free base, whatever its name is."""
+    """Return the joint of a free base, whatever its name is."""
     return data.joint(int(data.model.body_jntadr[_bodies(mode, data.model)[mode.root_link]]))
 
 
 def read_state(mode: Mode, data: Any) -> RobotState:
-    """The state in `data`. Of a fixed base the pose is the model's; a base that is not free is at rest. Raises `WrongData`."""
+    """Return the state in `data`. The pose of a fixed base is that of the model; fixed and held bases are at rest. Raises `WrongData`."""
     check(mode, data)
     twist = np.zeros(6)
     if mode.base == "free":
@@ -97,7 +99,7 @@ def read_state(mode: Mode, data: Any) -> RobotState:
 
 
 def write_state(mode: Mode, state: RobotState, data: Any) -> None:
-    """Put a state of `mode` into `data`: qpos, qvel and mocap pose of the robot, nothing else. Raises `WrongData`."""
+    """Write a state of `mode` to `data`: qpos, qvel and mocap pose of the robot, nothing else. Raises `WrongData`."""
     check(mode, data)
     position, quaternion = state.base_pose[:3, 3], quaternion_of(state.base_pose[:3, :3])
     if mode.base == "free":
@@ -122,8 +124,11 @@ def write_state(mode: Mode, state: RobotState, data: Any) -> None:
 
 
 def carry(modes: tuple[Mode, Mode], source: Any, target: Any) -> tuple[str, ...]:
-    """What goes on across a switch besides the motion: time, controls and activations by actuator, and the joints' accelerations
-    from which the solver starts. The names of the actuators that only `target` has, whose controls are left alone."""
+    """Copy from `source` to `target` what a switch preserves besides the motion, and return the actuators that only `target` has.
+
+    Copied are the time, the controls and activations by actuator, and the joint accelerations for the solver's warm start. The controls of
+    the returned actuators do not change.
+    """
     target.time = source.time
     _warm_start(modes, source, target)
     here, there = _actuators(source.model), _actuators(target.model)
@@ -149,8 +154,10 @@ def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
 
 
 def hold_here(mode: Mode, state: RobotState, data: Any) -> None:
-    """Move the anchors of a mode's further holds to where `state` has the held links (of a hold that turns: the mount's origin). A fixed
-    base has its holds where the model has them."""
+    """Move the anchors of a mode's other holds to the held links in `state` (if the hold lets the link turn: to the mount's origin).
+
+    With a fixed base, the holds are those of the model.
+    """
     if mode.base == "fixed":
         return
     poses = mode.poses(state)
@@ -162,13 +169,13 @@ def hold_here(mode: Mode, state: RobotState, data: Any) -> None:
 
 
 def bolted(mode: Mode, data: Any) -> Array:
-    """Where the model of `data` has the fixed root link of `mode` (4, 4)."""
+    """Return the pose (4, 4) of the fixed root link of `mode` in the model of `data`."""
     body = data.model.body(mode.root_link)
     return pose(rotation_of(body.quat), body.pos)
 
 
 def inertias(mode: Mode, data: Any) -> Inertias:
-    """The masses of the model of `data` as they are now, in the order of `mode`'s tree; it may be any mode's data."""
+    """Return the current inertias in the model of `data` (of any mode), in the order of `mode`'s tree."""
     model = data.model
     body_of = _bodies(mode, model)
     bodies = [body_of[link.name] for link in mode.links]
@@ -184,7 +191,7 @@ def inertias(mode: Mode, data: Any) -> Inertias:
 
 
 def _bodies(mode: Mode, model: Any) -> dict[str, int]:
-    """The bodies by name; a link that only joins two joints is none, and they are those of the body behind it."""
+    """Return the bodies by name. A massless intermediate link, which has no body, is mapped to the body behind it."""
     body_of = {model.body(number).name: number for number in range(model.nbody)}
     for joint in reversed(mode.joints):
         parent, child = mode.links[joint.parent], mode.links[joint.child]
@@ -199,6 +206,6 @@ def _actuators(model: Any) -> dict[str, int]:
 
 
 def _activation(model: Any, actuator: int) -> slice:
-    """Where an actuator's activation stands in `act` (nowhere: an empty slice)."""
+    """Return the slice of an actuator's activation in `act` (empty if it has none)."""
     first, count = int(model.actuator_actadr[actuator]), int(model.actuator_actnum[actuator])
     return slice(first, first + count) if first >= 0 else slice(0, 0)

@@ -1,4 +1,4 @@
-"""`modes.json` to modes."""
+"""Parse `modes.json`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ VERSION = 2
 
 
 def load_modes(path: str | os.PathLike[str]) -> dict[str, Mode]:
-    """The modes in a build folder, or in a `modes.json`. Raises `FileNotFoundError`, and `ModesError` for anything else in it."""
+    """Load the modes of a build folder or a `modes.json`. Raises `FileNotFoundError`, and `ModesError` if it is invalid."""
     place = os.fspath(path)
     if os.path.isdir(place):
         place = os.path.join(place, FILE)
@@ -31,7 +31,7 @@ def load_modes(path: str | os.PathLike[str]) -> dict[str, Mode]:
 
 
 def parse(text: str | bytes, name: str = FILE) -> dict[str, Mode]:
-    """The modes that a `modes.json` describes; `name` is how errors call it. Raises `ModesError`."""
+    """Parse the text of a `modes.json`; `name` is used in errors. Raises `ModesError`."""
     try:
         modes: Mapping[str, Any] = json.loads(text)
         return {mode: _mode(mode, described) for mode, described in modes.items()}
@@ -95,7 +95,7 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
 
 
 def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[Joint]:
-    """The coordinates of a joint in the order in which the mode's tree goes through them: reversed the last one first, each undone."""
+    """Yield the coordinates of a joint in the order of the mode's tree: if reversed, from last to first, with inverted motions."""
     back = bool(described["reversed"])
     before, after = _array(described["X_PJ"], 4, 4), inverse(_array(described["X_CJ"], 4, 4))
     if back:
@@ -143,4 +143,4 @@ def _kept(array: Any) -> Any:
 
 
 NOWHERE: Array = _kept(np.eye(4))
-"""The pose of a frame in itself."""
+"""The identity pose."""

@@ -1,7 +1,7 @@
-"""Bases that move in part: `planar` in the x-y plane of a frame A that stands in the world, `ball` about the origin of A.
+"""Bases with partial mobility: `planar` in the x-y plane of a frame A that is fixed in the world, `ball` about the origin of A.
 
-With X_WR the pose of the root link, X0_WR where the mode puts it, and M the motion in A, X_WR = X_WA M inv(X_WA) X0_WR. MuJoCo has of M two
-slides and a turn about z, or a quaternion in the axes of the root link.
+With X_WR the pose of the root link, X0_WR its pose in the mode, and M the motion in A, X_WR = X_WA M inv(X_WA) X0_WR. MuJoCo represents M
+as two slides and a hinge about z, or as a quaternion in the axes of the root link.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from thingc.modes.frames import Array, inverse, pose, quaternion_of, rotation_of
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PartBase(OneLineRepr):
-    """How the root link of a mode moves: `kind` is `planar` or `ball`, `X_WA` and `X0_WR` (4, 4) as above."""
+    """Mobility of the root link: `kind` is `planar` or `ball`, `X_WA` and `X0_WR` (4, 4) are defined above."""
 
     kind: Literal["planar", "ball"]
     X_WA: Array
@@ -26,18 +26,18 @@ class PartBase(OneLineRepr):
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """The joints that the model has for it."""
+        """The names of its joints in the model."""
         return ("root",) if self.kind == "ball" else ("root_0", "root_1", "root_2")
 
     def qpos(self, X: Array) -> Array:
-        """MuJoCo's `qpos` of the root link at X (4, 4), as near as it can come."""
+        """Return MuJoCo's `qpos` for the root link at X (4, 4), or at the nearest possible pose."""
         if self.kind == "ball":
             return quaternion_of(self.X0_WR[:3, :3].T @ X[:3, :3])
         M = self._motion(X)
         return np.array([M[0, 3], M[1, 3], np.arctan2(M[1, 0] - M[0, 1], M[0, 0] + M[1, 1])])
 
     def pose(self, qpos: ArrayLike) -> Array:
-        """Where the root link is (4, 4) at MuJoCo's `qpos`."""
+        """Return the pose (4, 4) of the root link at MuJoCo's `qpos`."""
         values = np.asarray(qpos, dtype=float)
         if self.kind == "ball":
             turn = self.X0_WR[:3, :3] @ rotation_of(values) @ self.X0_WR[:3, :3].T
@@ -47,7 +47,7 @@ class PartBase(OneLineRepr):
         return self.X_WA @ M @ inverse(self.X_WA) @ self.X0_WR
 
     def qvel(self, X: Array, twist: Array) -> Array:
-        """(3,): MuJoCo's `qvel` where the root link at X moves with a twist (6,), without what it cannot keep."""
+        """Return MuJoCo's `qvel` (3,) for the root link at X with a twist (6,); components that the base cannot have are dropped."""
         if self.kind == "ball":
             return twist[3:]
         R, spin = self.X_WA[:3, :3], X[:3, :3] @ twist[3:]
@@ -55,7 +55,7 @@ class PartBase(OneLineRepr):
         return np.array([x, y, (R.T @ spin)[2]])
 
     def twist(self, X: Array, qvel: ArrayLike) -> Array:
-        """(6,): how the root link at X moves at MuJoCo's `qvel`."""
+        """Return the twist (6,) of the root link at X for MuJoCo's `qvel`."""
         values = np.asarray(qvel, dtype=float)
         R = self.X_WA[:3, :3]
         if self.kind == "ball":
@@ -65,12 +65,12 @@ class PartBase(OneLineRepr):
         return np.concatenate([linear + np.cross(spin, X[:3, 3] - self._carried(X)), X[:3, :3].T @ spin])
 
     def motions(self, X: Array) -> Array:
-        """(6, 3): the twists that it has at X, per unit of each entry of `qvel`."""
+        """Return (6, 3): the possible twists at X, per unit of each entry of `qvel`."""
         return np.array([self.twist(X, unit) for unit in np.eye(3)]).T
 
     def _motion(self, X: Array) -> Array:
         return inverse(self.X_WA) @ X @ inverse(self.X0_WR) @ self.X_WA
 
     def _carried(self, X: Array) -> Array:
-        """(3,): where the root link at X has the point that was at the origin of A."""
+        """Return (3,): the current position of the point that was at the origin of A, for the root link at X."""
         return (self.X_WA @ self._motion(X))[:3, 3]

@@ -1,4 +1,4 @@
-"""Whether a `mujoco.MjModel` has the lengths of a mode: the same links, joints and mounts can be placed elsewhere, in another variant."""
+"""Check that a `mujoco.MjModel` has the dimensions of a mode; another variant has the same links, joints and mounts in other places."""
 
 from __future__ import annotations
 
@@ -12,31 +12,33 @@ from thingc.modes.frames import Array, angle_between, pose, rotation_of
 from thingc.modes.tree import Mode
 
 CLOSE = 1e-6
-"""How far [m, rad] a placement can be from that of the mode."""
+"""Tolerance of placements [m, rad]."""
 
 SLIDE = 2
-"""`mjtJoint` of MuJoCo."""
+"""Type number of slides in MuJoCo's `mjtJoint`."""
 
 
 PLACES = ("names", "body_parentid", "body_pos", "body_quat", "jnt_type", "jnt_pos", "jnt_axis", "site_pos", "site_quat")
-"""What of a model is compared."""
+"""Fields of a model that are compared."""
 
 
 @lru_cache(maxsize=64)
 def _accepted(mode: Mode) -> list[list[bytes]]:
-    """The places of the last model that was found to be of a mode: most calls are for the same one."""
+    """Return a cached list with the fields of the last accepted model: most calls are for the same one."""
     return []
 
 
 @lru_cache(maxsize=64)
 def _motions(mode: Mode) -> Array:
-    """(links, 6, joints): the twist of each link per unit of each v at q = 0, in the axes of the root link."""
+    """Return (links, 6, joints): the twist of each link per unit of each v at q = 0, in the axes of the root link."""
     return np.array(mode.jacobians(mode.state(base_pose=np.eye(4))))[:, :, 6:]
 
 
 def find_displaced(mode: Mode, model: Any, body_of: Mapping[str, int]) -> tuple[str, float] | None:
-    """The first link, joint or mount that `model`, which has the links of `mode` as bodies, places elsewhere, and how far [m, rad] that
-    is; None if there is none."""
+    """Return the first link, joint or mount that has another place in `model`, and the difference [m, rad]; None if all match.
+
+    `model` must have the links of `mode` as bodies.
+    """
     places = [bytes(getattr(model, name)) for name in PLACES]
     if places in _accepted(mode):
         return None
@@ -70,7 +72,7 @@ def _distances(mode: Mode, model: Any, body_of: Mapping[str, int]) -> Iterator[t
 
 
 def _frames(mode: Mode) -> Iterator[tuple[int, str, Array, bool]]:
-    """The frames on links (indices) that the model has as sites, by name, and whether these are points."""
+    """Yield the frames on links that are sites of the model: index of the link, name, pose, and whether only its position counts."""
     for hold in mode.holds:
         yield hold.link, hold.anchor.removesuffix(":held"), hold.X_LM, hold.turns
     for cut in mode.cuts:
@@ -79,7 +81,7 @@ def _frames(mode: Mode) -> Iterator[tuple[int, str, Array, bool]]:
 
 
 def _motion(model: Any, name: str, X: Mapping[int, Array], here: Array, joint: Any) -> Array:
-    """(6,): the twist of what a joint of the model moves, at a point `here`, per unit of its v at q = 0."""
+    """Return (6,): the twist at the point `here` per unit of v at q = 0, of the body that a joint of the model moves."""
     one = model.joint(name)
     place = X[int(one.bodyid[0])]
     if joint.ball is None:
@@ -92,5 +94,5 @@ def _motion(model: Any, name: str, X: Mapping[int, Array], here: Array, joint: A
 
 
 def _apart(X: Array, other: Array) -> float:
-    """The larger of the distance [m] and the angle [rad] between two poses."""
+    """Return the larger of the distance [m] and the angle [rad] between two poses."""
     return max(float(np.linalg.norm(X[:3, 3] - other[:3, 3])), angle_between(X[:3, :3], other[:3, :3]))

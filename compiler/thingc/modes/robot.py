@@ -1,4 +1,4 @@
-"""All modes of a robot, and the way from one to another."""
+"""All modes of a robot, and switching between them."""
 
 from __future__ import annotations
 
@@ -27,13 +27,12 @@ CHOICES: tuple[OnMotion, ...] = get_args(OnMotion)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SwitchResult(OneLineRepr):
-    """What a switch has come to.
+    """Result of a switch.
 
-    `state` is that of the new mode. `removed` (6,) is the twist [m/s, rad/s] of the new root link that a base held still could
-    not keep (0 where nothing was lost). `impulse` (6,) is what the catch took: the linear impulse [N s] on the root link in world
-    axes and the angular impulse [N m s] about its frame's origin in its own axes; 0 unless `on_motion="impact"` removed
-    something. `holds` says the same of the further mounts that the mode holds, by path. `uncommanded` are the actuators that
-    only the new mode has: their controls are as they were in its data.
+    `state` is the state in the new mode. `removed` (6,) is the twist [m/s, rad/s] of the new root link that the base removed (0 if none).
+    `impulse` (6,) is that of the impact on the root link: linear [N s] in world axes and angular [N m s] about its frame's origin in its
+    own axes; 0 unless `on_motion="impact"` removed a motion. `holds` contains the same for other held mounts, by path. `uncommanded` are
+    the actuators that only the new mode has: their controls do not change.
     """
 
     state: RobotState
@@ -44,22 +43,22 @@ class SwitchResult(OneLineRepr):
 
 
 class Modes(Mapping[str, Mode]):
-    """The modes of a robot by name, in the order of the document: `robot["bench"]`. Raises `UnknownMode` for another name."""
+    """The modes of a robot by name, in the order of the document: `robot["bench"]`. Unknown names raise `UnknownMode`."""
 
     def __init__(self, modes: Mapping[str, Mode]) -> None:
         self._modes = dict(modes)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Modes:
-        """Of a robot that `thingc build` has built: its folder (`build/arm`) or its `modes.json`.
+        """Load the modes of a robot from its build folder (`build/arm`) or its `modes.json`.
 
-        Raises `FileNotFoundError` where there is none, and `ModesError` for a file that is no `modes.json`.
+        Raises `FileNotFoundError` if there is no such file, and `ModesError` if it is not a valid `modes.json`.
         """
         return cls(modes_file.load_modes(path))
 
     @classmethod
     def parse(cls, text: str | bytes) -> Modes:
-        """Of the text of a `modes.json`. Raises `ModesError`."""
+        """Parse the text of a `modes.json`. Raises `ModesError`."""
         return cls(modes_file.parse(text))
 
     def __getitem__(self, name: str) -> Mode:
@@ -77,18 +76,18 @@ class Modes(Mapping[str, Mode]):
         return f"Modes({', '.join(self._modes)})"
 
     def read(self, mode: str, data: Any) -> RobotState:
-        """The state in a `mujoco.MjData` of a mode's model. Raises `UnknownMode`, and `WrongData` for data of another model."""
+        """Return the state in a `mujoco.MjData` of a mode's model. Raises `UnknownMode`, and `WrongData` for data of another model."""
         return mjdata.read_state(self[mode], data)
 
     def write(self, state: RobotState, data: Any) -> None:
-        """Put a state into a `mujoco.MjData` of its mode's model: qpos, qvel and mocap pose of the robot, nothing else.
+        """Write a state to a `mujoco.MjData` of its mode's model: qpos, qvel and mocap pose of the robot, nothing else.
 
-        Of a fixed base only the joints are written: where it stands is the model's. Raises `WrongData` for data of another model.
+        For a fixed base only the joints are written: the model defines its pose. Raises `WrongData` for data of another model.
         """
         mjdata.write_state(self[state.mode], state, data)
 
     def inertias(self, mode: str, data: Any) -> Inertias:
-        """The masses in the model of `data` (any mode's) as they are now, in the order of the tree of `mode`."""
+        """Return the current inertias in the model of `data` (of any mode), in the order of the tree of `mode`."""
         return mjdata.inertias(self[mode], data)
 
     def switch(
@@ -101,21 +100,21 @@ class Modes(Mapping[str, Mode]):
         tolerance: float = 1e-6,
         inertias: Inertias | None = None,
     ) -> SwitchResult:
-        """The state of `source` as a state of the mode `target`.
+        """Convert the state of `source` to a state of the mode `target`.
 
-        `source` is a state, or a mode's name and its `mujoco.MjData`; `target` a mode's name, or a name and the `MjData` that is
-        filled: qpos, qvel and mocap pose of the robot, and from a source with data also the time, controls and activations by
-        actuator name (a magnet stays as strong as it was). Call `mj_forward` on it afterwards. What else a scene has is not
-        touched.
+        `source` is a state, or the name of a mode and its `mujoco.MjData`. `target` is the name of a mode, or a name and the `MjData` to
+        fill: qpos, qvel and mocap pose of the robot, and from a source with data also the time, and controls and activations by actuator
+        name (so the strength of a magnet does not change). Call `mj_forward` on it afterwards. Other elements of the scene do not change.
 
-        q and v of the joints stay the same; pose and twist of the new root link come from forward kinematics. If the new base is
-        held or fixed while its link moves faster than `at_rest` [m/s and rad/s], `on_motion` decides: `"raise"` raises
-        `BaseMoves`; `"drop"` keeps the joints' v; `"impact"` gives the v after a perfectly inelastic catch (see `caught`), with
-        the masses `inertias`, else those in the target's model, else the source's, else the build's. A fixed base must be where
-        it stands within `tolerance` [m and rad], else `BaseElsewhere`. What has been said of a held base goes for the links of
-        further holds, too, and for the point that a hold carrying force alone holds: they are held where they are (their anchors, mocap
-        bodies, are moved there), but of a fixed base they must be where the document holds them. The models stay as they are, and
-        nothing is written when anything is raised (`ModesError`).
+        q and v of the joints do not change; pose and twist of the new root link follow by forward kinematics. If the new base is held or
+        fixed while its link moves faster than `at_rest` [m/s and rad/s], `on_motion` decides: `"raise"` raises `BaseMoves`; `"drop"` keeps
+        the joints' v; `"impact"` computes v after a perfectly inelastic impact (see `caught`), with `inertias`, or by default those of the
+        target's model, else of the source's, else of the build. A fixed base must be at its pose within `tolerance` [m and rad], else
+        `BaseElsewhere` is raised.
+
+        The same applies to the links of other holds (for a hold that carries only force, to the held point): they are held where they are,
+        and their anchors, which are mocap bodies, move there; but with a fixed base they must be where the document holds them. Models are
+        never modified, and if an exception (`ModesError`) is raised, no data is.
         """
         if on_motion not in CHOICES:
             raise ModesError(f"expected on_motion \"raise\", \"drop\" or \"impact\", found `{on_motion}`")
@@ -136,14 +135,16 @@ class Modes(Mapping[str, Mode]):
 
 
 def _placed(state: RobotState, mode: Mode, data: Any, tolerance: float) -> RobotState:
-    """The state with its base where `mode` lets it be: of a fixed one where it stands in `data`, if there is any, else in the build."""
+    """Return the state with a base pose that `mode` allows; for a fixed base that of the model of `data`, if given, else that of the
+    build.
+    """
     if mode.base == "fixed":
         return _bolted(state, mode, mode.X_world_root if data is None else mjdata.bolted(mode, data), tolerance)
     return state if mode.part is None else _in_part(state, mode, mode.part, tolerance)
 
 
 def _stopped(state: RobotState, mode: Mode, on_motion: OnMotion, at_rest: float, inertias: Callable[[], Inertias]) -> SwitchResult:
-    """The state with everything at rest that `mode` holds. Raises `BaseMoves` where that moves and may not."""
+    """Return the state with everything that `mode` holds at rest. Raises `BaseMoves` if it moves and `on_motion` is `"raise"`."""
     removed = _removed(state, mode)
     impulse: Array = np.zeros(6)
     impulses: Mapping[str, Array] = {hold.path: np.zeros(6) for hold in mode.holds}
@@ -161,7 +162,7 @@ def _stopped(state: RobotState, mode: Mode, on_motion: OnMotion, at_rest: float,
 
 
 def _known_inertias(mode: Mode, given: Inertias | None, *sources: Any) -> Inertias:
-    """Those given, else the masses in the first `MjData` that is there, else those of the build."""
+    """Return `given`, else the inertias in the first `MjData` that is not None, else those of the build."""
     if given is not None:
         return given
     data = next((data for data in sources if data is not None), None)
@@ -169,7 +170,7 @@ def _known_inertias(mode: Mode, given: Inertias | None, *sources: Any) -> Inerti
 
 
 def _seen_from(state: RobotState, old: Mode, new: Mode) -> RobotState:
-    """The same motion told from another root. A joint that `old` has cut moves as its two ends do."""
+    """Return the same motion relative to another root. Coordinates of joints that `old` cuts follow from the motion of their ends."""
     poses, twists = old.poses(state), old.twists(state)
     q, v = dict(state.q), dict(state.v)
     for cut in old.cuts:
@@ -182,8 +183,7 @@ def _seen_from(state: RobotState, old: Mode, new: Mode) -> RobotState:
 
 
 def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[str, Array]) -> tuple[Array, Array]:
-    """(q, v) of the coordinates of a joint from its ends' motions; turns are within half a turn of their values in the mode's first
-    pose."""
+    """Return (q, v) of a cut joint from the motion of its ends; angles are within half a turn of their values in the mode's first pose."""
     parent, child = mode.links[cut.parent].name, mode.links[cut.child].name
     X_WA, X_WB = poses[parent] @ cut.X_PA, poses[child] @ cut.X_CB
     q = coordinates(cut, inverse(X_WA) @ X_WB, usual(mode, cut))
@@ -197,8 +197,9 @@ def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[st
 
 
 def _removed(state: RobotState, mode: Mode) -> dict[str, tuple[str, Array]]:
-    """What must stand still in `mode`, by the path of its mount: the link's name and its twist now; of a hold that turns the velocity
-    of the mount's origin, and no turn. The root first."""
+    """Return the motions that `mode` stops, by path of the mount, root first: the name of the link and its twist; for a hold that lets the
+    link turn, the velocity of the mount's origin, and 0.
+    """
     twists = mode.twists(state)
     poses = mode.poses(state)
     removed = {} if mode.base == "free" else {mode.root: (mode.root_link, twists[mode.root_link] - _kept(state, mode))}
@@ -209,27 +210,28 @@ def _removed(state: RobotState, mode: Mode) -> dict[str, tuple[str, Array]]:
 
 
 def _kept(state: RobotState, mode: Mode) -> Array:
-    """(6,): what the base of `mode`, which is not free, keeps of the twist of its root link."""
+    """Return (6,): the part of the root link's twist that the base of `mode`, which is not free, allows."""
     if mode.part is None:
         return np.zeros(6)
     return mode.part.twist(state.base_pose, mode.part.qvel(state.base_pose, state.base_twist))
 
 
 def _in_part(state: RobotState, mode: Mode, part: PartBase, tolerance: float) -> RobotState:
-    """The state with its base exactly where one that moves in part can be. Raises `BaseElsewhere` where it is not."""
+    """Return the state with the base exactly at a pose that its partial mobility allows. Raises `BaseElsewhere` if it is not near one."""
     place = part.pose(part.qpos(state.base_pose))
     _compare(mode, mode.root_link, state.base_pose, place, tolerance)
     return replace(state, base_pose=place)
 
 
 def _speed(twist: Array) -> float:
-    """The larger of the two [m/s, rad/s]."""
+    """Return the larger of linear [m/s] and angular speed [rad/s]."""
     return max(float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:])))
 
 
 def _bolted(state: RobotState, mode: Mode, place: Array, tolerance: float) -> RobotState:
-    """The state with its base exactly at `place`. Raises `BaseElsewhere` where it, or a further hold, is further away than
-    `tolerance` from where it stands."""
+    """Return the state with its base exactly at `place`. Raises `BaseElsewhere` if the base, or another hold, is off by more than
+    `tolerance`.
+    """
     _compare(mode, mode.root_link, state.base_pose, place, tolerance)
     poses = mode.poses(state)
     for hold in mode.holds:

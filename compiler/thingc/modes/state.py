@@ -1,4 +1,4 @@
-"""The state of a robot in one mode, apart from any simulator."""
+"""The state of a robot in one mode, independent of simulators."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from thingc.modes.frames import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class RobotState(OneLineRepr):
-    """Where the root link of `mode` is, how it moves, and q and v of every joint.
+    """Pose and twist of the root link of `mode`, and q and v of every joint.
 
     `base_pose` (4, 4) is the root link's pose in the world; `base_twist` (6,) its motion: the velocity [m/s] of its frame's
-    origin in world axes, then the angular velocity [rad/s] in its own axes. `q` [rad or m] and `v` [rad/s or m/s] by joint
-    path. Arrays are copied and read-only. Raises `ModesError` for another shape, or numbers that are not finite.
+    origin in world axes, then the angular velocity [rad/s] in its own axes. `q` [rad or m] and `v` [rad/s or m/s] are by joint
+    path. Arrays are copied and read-only. Raises `ModesError` for wrong shapes or numbers that are not finite.
     """
 
     mode: str

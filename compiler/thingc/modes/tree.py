@@ -1,4 +1,4 @@
-"""One mode's tree of links and joints, as `modes.json` describes it: kinematics and the mass matrix in numpy."""
+"""The tree of links and joints of one mode, as in `modes.json`: kinematics and the mass matrix in numpy."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from thingc.modes.state import RobotState
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Ball(OneLineRepr):
-    """A ball of a mode's tree: its `name` in the model, its three `coordinates` in the document's order, whether the tree crosses it
-    backwards (`reversed`), and `R` (3, 3), which takes its q to MuJoCo's."""
+    """A ball joint in the tree: its `name` in the model, its three `coordinates` in the document's order, whether the tree traverses it
+    from child to parent (`reversed`), and `R` (3, 3), which converts its q to MuJoCo's axes.
+    """
 
     name: str
     coordinates: tuple[str, ...]
@@ -28,28 +29,28 @@ class Ball(OneLineRepr):
     R: Array
 
     def vector(self, values: Mapping[str, float]) -> Array:
-        """(3,): its own of the values of all coordinates."""
+        """Return its three entries (3,) of the values of all coordinates."""
         return np.array([values[name] for name in self.coordinates])
 
     def step(self, coordinate: str, q: Mapping[str, float]) -> Array:
-        """The turn (3, 3) across the joint in the tree, which the first of its coordinates makes; the others make none."""
+        """Return the rotation (3, 3) across the joint in the tree for its first coordinate, and the identity for the others."""
         if coordinate != self.coordinates[0]:
             return np.eye(3)
         turn = rotation(self.vector(q))
         return turn.T if self.reversed else turn
 
     def qpos(self, q: Mapping[str, float]) -> Array:
-        """(4,): MuJoCo's quaternion."""
+        """Return MuJoCo's quaternion (4,)."""
         return quaternion_of(rotation(self.R @ self.vector(q)))
 
     def qvel(self, q: Mapping[str, float], v: Mapping[str, float]) -> Array:
-        """(3,): MuJoCo's velocity."""
+        """Return MuJoCo's velocity (3,)."""
         spin = self.vector(v)
         qvel: Array = self.R @ (rotation(self.vector(q)) @ spin if self.reversed else spin)
         return qvel
 
     def read(self, qpos: Array, qvel: Array) -> tuple[dict[str, float], dict[str, float]]:
-        """(q, v) by coordinate of what MuJoCo has; q is no longer than pi."""
+        """Convert MuJoCo's values to (q, v) by coordinate; the length of q is at most pi."""
         r = self.R.T @ rotation_vector(rotation_of(qpos))
         spin = self.R.T @ np.asarray(qvel)
         if self.reversed:
@@ -59,15 +60,16 @@ class Ball(OneLineRepr):
 
 
 def rotation(vector: Array) -> Array:
-    """The matrix (3, 3) of a rotation vector (3,)."""
+    """Return the matrix (3, 3) of a rotation vector (3,)."""
     angle = float(np.linalg.norm(vector))
     return np.eye(3) if angle == 0.0 else turned(vector / angle, angle)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Inertias(OneLineRepr):
-    """Of n links: `mass` (n,) [kg], `centre` (n, 3) [m] in the link's frame, `inertia` (n, 3, 3) [kg m^2] about the centre in
-    the link's axes. Of its m joints: `armature` (m,) [kg m^2, of a slide kg], the inertia of what turns behind the gears."""
+    """Inertias of n links: `mass` (n,) [kg], `centre` (n, 3) [m] in the link's frame, `inertia` (n, 3, 3) [kg m^2] about the centre in
+    the link's axes; and of m joints: `armature` (m,) [kg m^2; kg for slides], the reflected inertia of the rotor.
+    """
 
     mass: Array
     centre: Array
@@ -77,8 +79,9 @@ class Inertias(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Link(OneLineRepr):
-    """A body. `X_root_link` (4, 4) is its frame in the root link's at q = 0; `mass` [kg], `centre` (3,) [m] and `inertia` (3, 3)
-    [kg m^2, about the centre] are in its own frame."""
+    """A link. `X_root_link` (4, 4) is its frame in the root link's at q = 0; `mass` [kg], `centre` (3,) [m] and `inertia` (3, 3)
+    [kg m^2, about the centre] are in its own frame.
+    """
 
     name: str
     X_root_link: Array
@@ -89,7 +92,7 @@ class Link(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Mimic(OneLineRepr):
-    """A joint that follows another: q = offset + multiplier x + higher[0] x^2 + ... with x the q of `joint`."""
+    """Coupling to another joint: q = offset + multiplier x + higher[0] x^2 + ... with x the q of `joint`."""
 
     joint: str
     multiplier: float
@@ -97,19 +100,19 @@ class Mimic(OneLineRepr):
     higher: tuple[float, ...] = ()
 
     def rate(self, x: float) -> float:
-        """How fast it moves by the speed of the other, where that is at `x`."""
+        """Return dq/dx at `x`."""
         return self.multiplier + sum_of(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Joint(OneLineRepr):
-    """A coordinate of a joint from link `parent` to link `child` (indices into `Mode.links`), the `first` of them or one behind others.
+    """A coordinate of a joint from link `parent` to link `child` (indices into `Mode.links`).
 
-    `X_PJ` (4, 4) is its frame in the parent, or in what the coordinate before it moves; `twist` (6,) what it does there per unit of q,
-    angular over linear; `X_JL` (4, 4) what it moves, the child or the next coordinate's frame, when q is -`offset`. `qpos` and `dof` are
-    its addresses in the mode's own model, of the joints that `in_model` names with what they move per unit of q; `reversed` whether the
-    document has parent and child the other way round; `kind` is the document's. The coordinates of a
-    `ball` turn at once, `qpos` and `dof` of each are those of the whole.
+    `first` marks the first coordinate of a joint. `X_PJ` (4, 4) is its frame in the parent, or in the frame that the previous coordinate
+    moves; `twist` (6,) its motion in this frame per unit of q, angular then linear; `X_JL` (4, 4) the moved frame (of the child or the next
+    coordinate) when q is -`offset`. `in_model` maps joints of the mode's own model to their motion per unit of q; `qpos` and `dof` are
+    their addresses. `reversed`: parent and child are swapped in the document; `kind` is that of the document. The coordinates of a `ball`
+    are exponential coordinates; `qpos` and `dof` of each are those of the whole ball.
     """
 
     name: str
@@ -131,23 +134,23 @@ class Joint(OneLineRepr):
 
     @property
     def in_data(self) -> str:
-        """The joint of MuJoCo that has its values."""
+        """The MuJoCo joint that provides its values."""
         return next(iter(self.in_model))
 
     def step(self, q: Mapping[str, float]) -> Array:
-        """What this coordinate does (4, 4) in its frame, at q of all joints."""
+        """Return the motion (4, 4) of this coordinate in its frame, at q of all joints."""
         if self.ball is not None:
             return pose(self.ball.step(self.name, q), np.zeros(3))
         return exponential(self.twist, q[self.name] + self.offset)
 
     def in_qpos(self, q: Mapping[str, float]) -> Array:
-        """What `MjData.qpos` has of it; of a ball only that of its first coordinate in the tree has anything."""
+        """Return its entries of `MjData.qpos`; those of a ball belong to its first coordinate in the tree."""
         if self.ball is None:
             return np.array([ratio * q[self.name] for ratio in self.in_model.values()])
         return self.ball.qpos(q) if self.first else np.zeros(0)
 
     def in_qvel(self, q: Mapping[str, float], v: Mapping[str, float]) -> Array:
-        """The same of `MjData.qvel`."""
+        """Return its entries of `MjData.qvel`; those of a ball belong to its first coordinate in the tree."""
         if self.ball is None:
             return np.array([ratio * v[self.name] for ratio in self.in_model.values()])
         return self.ball.qvel(q, v) if self.first else np.zeros(0)
@@ -155,9 +158,11 @@ class Joint(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Hold(OneLineRepr):
-    """A mount `path` on `link` (an index) that the mode holds still besides its root: `X_LM` (4, 4) in the link, `X_WM` (4, 4) its pose in
-    the world in the document. `anchor` is the mocap body of the model that holds it. One that `turns` carries force alone: its origin is
-    held, and the link can turn about it."""
+    """A mount `path` on `link` (an index) that the mode holds in addition to its root.
+
+    `X_LM` (4, 4) is its pose in the link, `X_WM` (4, 4) its pose in the world according to the document. `anchor` is the mocap body of the
+    model that holds it. With `turns`, the hold carries only force: the origin is held, and the link can turn about it.
+    """
 
     path: str
     link: int
@@ -169,9 +174,11 @@ class Hold(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Cut(OneLineRepr):
-    """A joint that closes a loop and is none of this mode's tree: frames A on link `parent` (index, `X_PA`) and B on link `child`
-    (`X_CB`) meet, where A has been moved by its `coordinates` (names) one after the other, as their `twists` (n, 6) say, angular over
-    linear."""
+    """A joint that closes a loop and is not in this mode's tree.
+
+    Frame A on link `parent` (index, `X_PA`), moved by its `coordinates` (names) in sequence with their `twists` (n, 6; angular, then
+    linear), coincides with frame B on link `child` (`X_CB`).
+    """
 
     name: str
     kind: str
@@ -185,11 +192,15 @@ class Cut(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Mode(OneLineRepr):
-    """A mode of a robot. `root` is the path of the site that it stands on, `base` `fixed | held | free | planar | ball` (of the last two
-    `part` says how it moves), `gravity` (3,) [m/s^2] in the world, `X_world_root` (4, 4) where the mode puts its root link; `links`
-    root first, parents before children; `joints` in the order of the model; `named` the poses of the mode, q by joint path, its own
-    first; `holds` further mounts held to the world; `cuts` the joints that close loops; `bases` where a free root link stands in the
-    poses in which that is elsewhere; `standing_on` the mounts (paths) that the document says a free base stands on."""
+    """A mode of a robot.
+
+    `root` is the path of its root site; `base` is `fixed | held | free | planar | ball` (`part` describes the mobility of the last two);
+    `gravity` (3,) [m/s^2] is in the world; `X_world_root` (4, 4) is the initial pose of the root link. `links` has the root first and
+    parents before children; `joints` is in the order of the model. `named` contains the poses of the mode, q by joint path, its initial one
+    first. `holds` are other mounts that are held to the world; `cuts` are joints that close loops. `bases` contains poses of a free root
+    link that differ from `X_world_root`, by pose name. `standing_on` are the mounts (paths) on which a free base stands according to the
+    document.
+    """
 
     name: str
     root: str
@@ -207,12 +218,12 @@ class Mode(OneLineRepr):
 
     @property
     def root_link(self) -> str:
-        """The name of the link that is the root of the tree."""
+        """Name of the root link of the tree."""
         return self.links[0].name
 
     @property
     def inertias(self) -> Inertias:
-        """The masses that the build worked out. (A model may have been changed since: see `Modes.inertias`.)"""
+        """The inertias of the build. (Those of a model may have been changed since: see `Modes.inertias`.)"""
         return Inertias(
             mass=np.array([link.mass for link in self.links]),
             centre=np.array([link.centre for link in self.links]),
@@ -229,8 +240,10 @@ class Mode(OneLineRepr):
         base_pose: ArrayLike | None = None,
         base_twist: ArrayLike | None = None,
     ) -> RobotState:
-        """A state of this mode: the pose called `named` (None: every joint at 0) with `q` over it, at rest except for `v` and
-        `base_twist`, standing where the mode puts it unless `base_pose` says. Raises `ModesError` for an unknown pose or joint.
+        """Return a state of this mode: the pose `named` (None: every joint at 0), overridden by `q`, at rest except for `v` and
+        `base_twist`.
+
+        The base is at its initial pose unless `base_pose` is given. Raises `ModesError` for an unknown pose or joint.
         """
         if named is not None and named not in self.named:
             raise ModesError(f"mode `{self.name}` has no pose `{named}`: {did_you_mean(named, self.named, what='poses')}")
@@ -246,12 +259,13 @@ class Mode(OneLineRepr):
         )
 
     def poses(self, state: RobotState) -> dict[str, Array]:
-        """The pose (4, 4) of every link's frame in the world, by name, root first."""
+        """Return the pose (4, 4) of every link's frame in the world, by name, root first."""
         return dict(zip((link.name for link in self.links), self._placed(state), strict=True))
 
     def twists(self, state: RobotState) -> dict[str, Array]:
-        """The motion (6,) of every link by name: velocity [m/s] of its frame's origin in world axes, then angular velocity
-        [rad/s] in its own axes."""
+        """Return the motion (6,) of every link by name: velocity [m/s] of its frame's origin in world axes, then angular velocity
+        [rad/s] in its own axes.
+        """
         placed = self._placed(state)
         u = self.velocity(state)
         twists = {}
@@ -261,19 +275,21 @@ class Mode(OneLineRepr):
         return twists
 
     def velocity(self, state: RobotState) -> Array:
-        """The generalized velocity (6 + m,) of the robot with a free base: `base_twist`, then v in the order of the joints."""
+        """Return the generalized velocity (6 + m,) of the robot with a free base: `base_twist`, then v in the order of the joints."""
         self._check(state)
         return np.concatenate([state.base_twist, [state.v[joint.name] for joint in self.joints]])
 
     def jacobians(self, state: RobotState) -> tuple[Array, ...]:
-        """Of every link (6, 6 + m): velocity of its frame's origin and angular velocity, both in world axes, from `velocity`."""
+        """Return the Jacobian (6, 6 + m) of every link: from `velocity` to the velocity of its frame's origin and the angular velocity,
+        both in world axes.
+        """
         return tuple(self._jacobians(state, self._placed(state)))
 
     def mass_matrix(self, state: RobotState, inertias: Inertias | None = None) -> Array:
-        """The mass matrix (6 + m, 6 + m) of the robot with a free base, for velocities as of `velocity`, whatever its base.
+        """Return the mass matrix (6 + m, 6 + m) of the robot with a free base, for velocities as in `velocity`, whatever its base.
 
         `M = sum J^T diag(m 1, R I R^T) J + diag(0, armature)` over the links, J the Jacobian of a link's centre. `inertias` are
-        in the order of this mode's tree (None: those of the build).
+        in the order of this mode's tree (by default those of the build).
         """
         known = self.inertias if inertias is None else inertias
         placed = self._placed(state)
@@ -286,7 +302,7 @@ class Mode(OneLineRepr):
         return matrix
 
     def qpos(self, state: RobotState) -> Array:
-        """`MjData.qpos` of the mode's own model at this state: base position and quaternion where it is free, then q."""
+        """Return `MjData.qpos` of the mode's own model: the base (free, planar or ball), if any, then q."""
         self._check(state)
         X = state.base_pose
         base = [*X[:3, 3], *quaternion_of(X[:3, :3])] if self.base == "free" else []
@@ -295,7 +311,7 @@ class Mode(OneLineRepr):
         return np.concatenate([base, *(joint.in_qpos(state.q) for joint in self.joints)])
 
     def qvel(self, state: RobotState) -> Array:
-        """`MjData.qvel` of the mode's own model at this state: the base's twist where it is free, then v."""
+        """Return `MjData.qvel` of the mode's own model: the twist of the base (free, planar or ball), if any, then v."""
         self._check(state)
         base = [*state.base_twist] if self.base == "free" else []
         if self.part is not None:
@@ -303,7 +319,9 @@ class Mode(OneLineRepr):
         return np.concatenate([base, *(joint.in_qvel(state.q, state.v) for joint in self.joints)])
 
     def coupling(self, q: Mapping[str, float]) -> Array:
-        """(m, k): at `q` (by joint), v of all m joints from v of the k that follow none of this tree, both in the order of the model."""
+        """Return (m, k): the matrix at `q` (by joint) from v of the k joints that follow no other joint of this tree to v of all m joints,
+        both in the order of the model.
+        """
         by_name = {joint.name: joint for joint in self.joints}
         free = [joint.name for joint in self.joints if joint.mimic is None or joint.mimic.joint not in by_name]
         matrix = np.zeros((len(self.joints), len(free)))
@@ -330,7 +348,7 @@ class Mode(OneLineRepr):
                 raise ModesError(f"the state has no `{what}` of joint `{missing}`")
 
     def _placed(self, state: RobotState) -> list[Array]:
-        """Poses in the world, by link: `X_WL = X_WP X_PJ exp(twist (q + offset)) X_JL`, for one coordinate after the other."""
+        """Return poses in the world, by link: `X_WL = X_WP X_PJ exp(twist (q + offset)) X_JL`, for one coordinate after the other."""
         self._check(state)
         poses = [state.base_pose] * len(self.links)
         for joint in self.joints:
@@ -339,7 +357,7 @@ class Mode(OneLineRepr):
         return poses
 
     def _jacobians(self, state: RobotState, placed: list[Array]) -> list[Array]:
-        """As of `jacobians`, at poses that are known."""
+        """Return `jacobians`, given the poses of the links."""
         count = 6 + len(self.joints)
         root, here = np.zeros((6, count)), np.zeros(3)
         root[:3, :3], root[3:, 3:6] = np.eye(3), state.base_pose[:3, :3]
@@ -352,7 +370,7 @@ class Mode(OneLineRepr):
                 J[:3] -= cross_matrix(here - frame[:3, 3]) @ J[3:]
                 jacobians[joint.child] = J
             X_WJ, step = frame @ joint.X_PJ, joint.step(state.q)
-            if joint.ball is not None and not joint.reversed:  # about axes of the document's child, which turn with it
+            if joint.ball is not None and not joint.reversed:  # about axes of the document's child, which rotate with it
                 X_WJ, step = X_WJ @ step, np.eye(4)
             angular, linear = X_WJ[:3, :3] @ joint.twist[:3], X_WJ[:3, :3] @ joint.twist[3:]
             J[:3, column], J[3:, column] = linear + np.cross(angular, here - X_WJ[:3, 3]), angular

@@ -1,4 +1,4 @@
-"""The true shapes of the parts and links of a robot, and which pairs of them are near each other in a pose."""
+"""Exact shapes of the parts and links of a robot, and pairs that are near each other in a pose."""
 
 from __future__ import annotations
 
@@ -16,16 +16,19 @@ from thingc.model.solids.shapes import Solid, Solids
 from thingc.targets.request import EmitRequest
 
 LOOK = 0.01
-"""How far [m] the smallest gap is looked for: beyond it nobody wants to know."""
+"""Distance [m] up to which the smallest gap is searched."""
 TOUCH = 1e-9
-"""A gap [m] that is none."""
+"""Gaps [m] up to this value count as contact."""
 CELL = (0.1, 0.1, 0.1, 0.002)
-"""The size of a cell of poses: of the rows of the rotation (about 6 deg), and of the translation [m]."""
+"""Cell size of poses: of the entries of the rotation matrix (about 6 deg), and of the translation [m]."""
 
 
 class NearPair(FrozenStruct):
-    """Two occurrences (indices) near each other in a keyframe: their `gap` [m]; where it is 0 the `volume` [m^3] of what they
-    share and its mean thickness `depth` [m]; and the number of the allowance that they fall under."""
+    """Two occurrences (indices) near each other in a keyframe.
+
+    `gap` is their distance [m]; if it is 0, `volume` [m^3] is that of the overlap and `depth` [m] its mean thickness. `allowance` is the
+    index of their allowance, if any.
+    """
 
     one: int
     other: int
@@ -37,14 +40,16 @@ class NearPair(FrozenStruct):
 
     @property
     def badness(self) -> tuple[float, float]:
-        """Deeper, then nearer."""
+        """Sort key: depth, then negative gap."""
         return self.depth, -self.gap
 
 
 class Collisions:
-    """The pairs of an assembly that may collide, and their shapes. `pairs` (indices) are on links without a common joint: their gaps are
-    measured. `close` are on one link, or on links that a joint connects: they touch by design, and only their overlaps count. `skipped`
-    are the pairs that are not compared, by reason."""
+    """Pairs of an assembly that may collide, and their shapes.
+
+    `pairs` (indices) are on links without a common joint: their gaps are measured. Those in `close` are on one link, or on links that a
+    joint connects: they may touch, and only overlaps count. `skipped` are pairs that are not compared, by reason.
+    """
 
     def __init__(self, request: EmitRequest) -> None:
         self.assembly, self.overlaps = request.assembly, Overlaps(request.store, request.workspace.mesh.linear, request.memo)
@@ -71,8 +76,9 @@ class Collisions:
     def overlapping(
         self, poses: Sequence[Pose], frame: Keyframe, allowed: Mapping[tuple[int, int], int], seen: set[object] | None,
     ) -> Iterator[NearPair]:
-        """The `close` pairs that overlap, unless the document allows that (`TC520`). A sweep passes the cells of poses `seen` so far: in
-        each of them a pair is compared once."""
+        """Yield the `close` pairs that overlap, unless the document allows it (`TC520`). A sweep passes `seen`, the cells of poses so far:
+        a pair is compared once per cell.
+        """
         for pair in self.overlaps.pairs(self.assembly.occurrences, poses):
             one, other = indices = pair.one.index, pair.other.index
             cell = (indices, *(round(number / size) for row, size in zip((*pair.at.rotation, pair.at.translation), CELL) for number in row))
@@ -91,15 +97,16 @@ class Collisions:
                 self._skip(indices, f"allowed: {reason}")
 
     def wrong(self, near: NearPair, clearance: float) -> bool:
-        """Whether two occurrences are nearer than they may be."""
+        """Return whether two occurrences are too near to each other."""
         return near.gap < clearance - TOUCH if clearance > 0.0 else near.depth > self.overlaps.deep
 
     def near(
         self, poses: Sequence[Pose], frame: Keyframe, clearance: float, look: float, allowed: Mapping[tuple[int, int], int],
         needed: Collection[int] = (),
     ) -> Iterator[NearPair]:
-        """The pairs nearer than `clearance` [m], and of those that no allowance is for also the nearest within `look` [m]. Of
-        allowances that are known to be `needed` nothing more is found out."""
+        """Yield the pairs nearer than `clearance` [m], and of those without an allowance also the nearest within `look` [m]. Pairs whose
+        allowance is in `needed` are skipped.
+        """
         if not self.pairs:
             return
         boxes = {index: solid.box(poses[index]) for index, solid in self._solids.items()}
@@ -127,7 +134,7 @@ class Collisions:
 
 
 def collisions_of(request: EmitRequest) -> Collisions:
-    """The pairs and shapes of the assembly, made once for all tests of a request."""
+    """Return the pairs and shapes of the assembly, computed once for all tests of a request."""
     known = request.made.get("collisions")
     if isinstance(known, Collisions):
         return known
@@ -141,7 +148,7 @@ def _ordered(a: int, b: int) -> tuple[int, int]:
 
 
 def _neighbours(assembly: Assembly) -> Iterator[tuple[int, int]]:
-    """Pairs of links that a joint connects, also one that closes a loop."""
+    """Yield pairs of links that a joint connects, including those that close loops."""
     for mate in assembly.mates:
         if mate.joints or mate.loop is not None:
             yield _ordered(assembly.link_of[mate.parent], assembly.link_of[mate.child])

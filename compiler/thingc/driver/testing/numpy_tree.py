@@ -1,4 +1,4 @@
-"""The tree of a robot in numbers: where its bodies are at given coordinates, and how fast they go."""
+"""Kinematics of a robot in numpy: poses and velocities of its bodies at given coordinates."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from thingc.model.robot.types import Robot
 Array = NDArray[np.float64]
 
 ROUND = np.pi
-"""How far a joint without limits is turned either way [rad]: once round."""
+"""Range of joints without limits in either direction [rad]: one turn."""
 
 
 class NumpyTree:
@@ -39,11 +39,11 @@ class NumpyTree:
         self._in_link = in_link(robot.assembly)
 
     def x(self, q: Mapping[str, float]) -> Array:
-        """The coordinates (n) of a state that is given by joint path."""
+        """Return the coordinates (n) of a state that is given by joint path."""
         return np.array([q[path] for path in self.paths], dtype=np.float64)
 
     def q(self, x: Array) -> dict[str, float]:
-        """Every joint [rad or m] by path at the coordinates x (n)."""
+        """Return the value [rad or m] of every joint by path at the coordinates x (n)."""
         free = {path: float(value) for path, value in zip(self.paths, x, strict=True)}
         return coordinates(self._joints.values(), free | in_cones(self._balls, free))
 
@@ -60,11 +60,11 @@ class NumpyTree:
         return np.array(room), np.array(slope).reshape(len(room), len(x))
 
     def bodies(self, q: Mapping[str, float]) -> tuple[Pose, ...]:
-        """The pose of every body in the world."""
+        """Return the pose of every body in the world."""
         return placed_bodies(self.robot.bodies, q, self.base)
 
     def mount(self, mount: MountAt) -> tuple[int, Pose]:
-        """The body that carries a mount, and the mount's pose in it."""
+        """Return the body of a mount, and the mount's pose in it."""
         assembly = self.robot.assembly
         pose = self._in_link[mount.occurrence] @ assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
         return self._body_of[assembly.link_of[mount.occurrence]], pose
@@ -90,12 +90,7 @@ class NumpyTree:
 
 
 def quasi_random(count: int, dimensions: int) -> Array:
-    """`count` points in the unit cube, evenly spread and the same in every run (count x dimensions).
-
-    Of one dimension equal steps from end to end. Else the additive recurrence of the generalised golden ratio g, the root of
-    g**(d + 1) = g + 1 (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018), after the corners of the
-    cube as far as they are at most a quarter of the points.
-    """
+    """Return `count` points in the unit cube, evenly distributed and the same in every run (count x dimensions)."""
     if dimensions == 0:
         return np.zeros((1, 0))
     if dimensions == 1:

@@ -1,4 +1,4 @@
-"""Robots in the poses that tests ask for, their loops closed."""
+"""Robots in the poses of tests, with closed loops."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from thingc.model.robot.types import Keyframe, Robot
 
 
 def posed(assembly: Assembly, mode: LinkedMode, poses: Iterable[NamedPose]) -> Robot | None:
-    """The robot of a mode with a keyframe for each of the poses in which its loops close; None where they close in none."""
+    """Return the robot of a mode with a keyframe for each pose in which its loops close; None if they close in none."""
     wanted = {pose.name: pose for pose in poses}
     others = tuple(pose for pose in assembly.poses if pose.name not in wanted)
     return root(replace(assembly, poses=(*wanted.values(), *others)), replace(mode, poses=tuple(wanted)), Report())
 
 
 def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
-    """The pose that a mode starts in: its own, else all joints at 0, under a name that no pose of the document has."""
+    """Return the initial pose of a mode: its own, else all joints at 0, with a name that no pose of the document has."""
     own = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
     if own is not None:
         return own
@@ -34,7 +34,7 @@ def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
 
 
 def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list[NamedPose]:
-    """A pose with joints moved through ranges: `samples` of them, named by their number."""
+    """Return `samples` poses with joints moved through ranges, named by their index."""
     poses: list[NamedPose] = []
     for number, place in enumerate(quasi_random(samples, len(ranges))):
         moved = {r.joint: r.lower + float(part) * (r.upper - r.lower) for r, part in zip(ranges, place, strict=True)}
@@ -43,11 +43,11 @@ def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list
 
 
 def keyframe(robot: Robot, pose: NamedPose) -> Keyframe | None:
-    """The keyframe of a pose; None where the loops do not close in it."""
+    """Return the keyframe of a pose; None if the loops do not close."""
     return next((frame for frame in robot.keyframes if frame.name == pose.name), None)
 
 
 def joints_text(assembly: Assembly, q: Mapping[str, float]) -> str:
-    """Coordinates [rad or m] for people: `shoulder -60 deg, elbow 120 deg`."""
+    """Format coordinates [rad or m]: `shoulder -60 deg, elbow 120 deg`."""
     twists = {joint.path: joint.twist for joint in joints_of(assembly)}
     return ", ".join(f"{path} {twists[path].shown(round(value, 6) + 0.0)}" for path, value in q.items())

@@ -1,4 +1,4 @@
-"""How far two mounts of a robot can be apart, and how near a mount gets to a point."""
+"""Search for the largest distance of two mounts, and for the smallest distance of a mount to a point."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from thingc.model.resolve.types import JointRange, NamedPose
 from thingc.model.robot.types import Keyframe, Robot
 
 SAMPLES = 1000
-"""Positions from which the farthest are taken."""
+"""Number of sampled positions."""
 LOOPED = 100
-"""Positions of a robot with loops, each of which has to be closed first."""
+"""Number of sampled positions of a robot with loops, which must be closed first."""
 CLIMBED = 6
-"""Of those, how many are followed uphill."""
+"""Number of the best samples to optimize."""
 STARTS = 24
-"""From how many positions a point is tried."""
+"""Number of start positions for a point."""
 CLOSED = 1e-6
-"""How far a loop may be open [m or rad] in a position that counts."""
+"""Largest loop error [m or rad] of a valid position."""
 
 
 def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[float, dict[str, float]]:
@@ -72,7 +72,7 @@ Ends = tuple[tuple[int, Pose], tuple[int, Pose]]
 
 
 def _distance(chain: NumpyTree, ends: Ends, x: Array) -> tuple[float, Array]:
-    """The distance [m] of two mounts and its derivative (n)."""
+    """Return the distance [m] of two mounts and its derivative (n)."""
     q = chain.q(x)
     at = chain.bodies(q)
     one, other = (np.array((at[body] @ pose).translation) for body, pose in ends)
@@ -198,7 +198,7 @@ def _approach(chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose]
 def _missed(
     chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, x: Array,
 ) -> tuple[float, float, float]:
-    """How far the mount is from the point [m] and off the direction [rad], and how far the loops are open."""
+    """Return the distance of the mount to the point [m], the deviation from the direction [rad], and the loop error."""
     q, _, (place, axis), (goal, direction) = _situation(chain, mount, frame, target, x)
     off = 0.0
     if target.direction is not None:
@@ -208,6 +208,6 @@ def _missed(
 
 
 def _joints(chain: NumpyTree, x: Array) -> dict[str, float]:
-    """The coordinates [rad or m] by joint path."""
+    """Return the coordinates [rad or m] by joint path."""
     q = chain.q(x)
     return {path: q[path] for path in chain.paths}

@@ -1,4 +1,4 @@
-"""Cases of tests, and what running them comes to."""
+"""Test cases and their results."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from thingc.model.robot.types import Keyframe, Robot
 from thingc.targets.request import EmitRequest
 
 Measure = float | int | str | list[float] | dict[str, float] | dict[str, list[str]] | None
-"""What a measured or expected value is in the JSON answer: SI."""
+"""Measured or expected value in the JSON output, in SI."""
 
 ROUNDING = 1e-9
-"""How far beyond a bound counts as rounding: of a mass or a length in proportion, of a place in metres."""
+"""Tolerance for rounding: relative for masses and lengths, in metres for positions."""
 
 
 class Failure(FrozenStruct):
-    """What a failed test says: its code and words, and which of the test's values (`max`, `within.x`) it contradicts."""
+    """A failure: its code and message, and which value of the test (`max`, `within.x`) is violated."""
 
     code: Code
     message: str
@@ -46,7 +46,7 @@ class Outcome(FrozenStruct):
 
 
 def shown(value: float, dimension: Dimension) -> str:
-    """A measured value [SI] for people, to four digits: `533.2 g`. What is below a nanometre, or so, is nothing."""
+    """Format a measured value [SI] with four digits: `533.2 g`. Values below about a nanometre are shown as 0."""
     value = value if abs(value) >= 1e-9 else 0.0
     number, space, unit = str(Quantity(value, dimension)).partition(" ")
     return f"{float(f'{float(number):.4g}'):g}{space}{unit}"
@@ -55,7 +55,7 @@ def shown(value: float, dimension: Dimension) -> str:
 def check_bounds(
     name: str, what: str, value: float, minimum: float | None, maximum: float | None, dimension: Dimension, code: Code,
 ) -> Outcome:
-    """A value [SI] between two bounds, either of which may be missing."""
+    """Format a range [SI]; either bound may be missing."""
     measured = shown(value, dimension)
     expected = {key: bound for key, bound in (("min", minimum), ("max", maximum)) if bound is not None}
     words = [f"{word} {Quantity(bound, dimension)}" for word, bound in (("at least", minimum), ("at most", maximum)) if bound is not None]
@@ -73,7 +73,7 @@ def check_bounds(
 
 
 def unclosed() -> Outcome:
-    """Of a pose in which the loops of the robot do not close."""
+    """Return the outcome for a pose in which the loops of the robot do not close."""
     failure = Failure(
         code=Code.TEST_POSE, key="pose", message="the loops of the mode do not close in this pose",
         help="`thingc info` says in which poses they do",
@@ -92,14 +92,14 @@ class TestCase(FrozenStruct):
     missing: int = 0
 
     def components(self, references: Collection[Reference]) -> list[int]:
-        """The occurrences that components named hold, in order; all where none is named."""
+        """Return the occurrences of the named components, in order; all if none is named."""
         if not references:
             return list(range(len(self.robot.assembly.occurrences)))
         return sorted({index for reference in references for index in self.linked.components[reference]})
 
 
 class Result(FrozenStruct):
-    """A case that was run, the time that it took [s], and what was said of it where it failed."""
+    """A case that was run, with its duration [s] and the diagnostic if it failed."""
 
     name: str
     kind: str
@@ -111,12 +111,12 @@ class Result(FrozenStruct):
 
     @property
     def passed(self) -> bool:
-        """Whether the test holds."""
+        """Whether the test passed."""
         return self.outcome.failure is None
 
     @property
     def where(self) -> str:
-        """`bench, home`: the mode and the pose, as far as there are any."""
+        """`bench, home`: the mode and the pose, if any."""
         return ", ".join(word for word in (self.mode, self.pose) if word is not None)
 
 

@@ -1,4 +1,4 @@
-"""The emitted MuJoCo model, let go in a pose with its drives set to it."""
+"""Simulate the emitted MuJoCo model, released in a pose with its drives set to it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from thingc.targets.mjcf.verify import heard
 Array = NDArray[np.float64]
 
 BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
-"""What MuJoCo warns of when numbers grow beyond all bounds."""
+"""MuJoCo warnings of diverging simulations."""
 
 
 class SettleResult(FrozenStruct):
@@ -30,18 +30,18 @@ class SettleResult(FrozenStruct):
     deepest: float
 
     def rest(self, drift: float) -> float:
-        """From when on [s] no point is further than `drift` [m] from where it ends."""
+        """Return the time [s] after which no point is further than `drift` [m] from its final position."""
         late = np.flatnonzero(self._off() > drift)
         return 0.0 if not len(late) else (int(late[-1]) + 1) * self.step
 
     def drift(self, start: float) -> float:
-        """How far [m] from where it ends a point was from `start` [s] on, at most."""
+        """Return the largest distance [m] of a point from its final position, from time `start` [s] on."""
         off = self._off()
         return float(off[min(len(off) - 1, round(start / self.step)) :].max())
 
     @property
     def moved(self) -> float:
-        """How far [m] from where it began a point ends, at most."""
+        """Return the largest distance [m] between initial and final positions."""
         return float(np.linalg.norm(self.path[-1] - self.path[0], axis=1).max())
 
     def _off(self) -> Array:
@@ -79,7 +79,7 @@ def simulated(
 
 
 def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjModel:
-    """The scene compiled; without its floor, if that is not wanted, in that nothing touches it."""
+    """Compile the scene; without the floor if requested (it then has no contacts)."""
     beside = {path.rpartition("/")[2]: data for path, data in files.items()}
     model = mujoco.MjModel.from_xml_string(files[scene].decode(), beside)
     if not floor:
@@ -93,7 +93,7 @@ def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjM
 
 
 def _points(robot: Robot, model: mujoco.MjModel, separator: str) -> list[tuple[int, Array]]:
-    """For each link its body in the model, and points in its frame (n x 3): its origin and the corners of its parts' boxes."""
+    """Return for each link its body in the model, and points in its frame (n x 3): its origin and the corners of its parts' boxes."""
     per_link = []
     for body in robot.bodies:
         link = robot.assembly.links[body.link]

@@ -1,4 +1,4 @@
-"""The tests of a document, run one after the other."""
+"""Run the tests of a document."""
 
 from __future__ import annotations
 
@@ -20,21 +20,18 @@ from thingc.targets.request import EmitRequest
 
 
 class Selection(FrozenStruct):
-    """What to run: names of tests, patterns allowed (none: all), and of modes (none: those of each test)."""
+    """Selection of tests: patterns of names (empty: all), and of modes (empty: those of each test)."""
 
     only: tuple[str, ...] = ()
     modes: tuple[str, ...] = ()
 
     def takes(self, test: LinkedTest) -> bool:
-        """Whether a test is meant."""
+        """Return whether a test is selected."""
         return not self.only or any(test.test.name == text or fnmatchcase(test.test.name, text) for text in self.only)
 
 
 def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result], None] = lambda result: None) -> list[Result]:
-    """Run the tests of `request.assembly` that are meant, in document order; `on_result` hears of each when it is done.
-
-    What fails is said in `request.report`, at the value that it contradicts. `request.robots` are the robots of its modes.
-    """
+    """Run the selected tests of `request.assembly`, in document order; `on_result` is called with each result."""
     results: list[Result] = []
     for linked in request.assembly.tests:
         if not selection.takes(linked):
@@ -62,7 +59,7 @@ def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result]
 
 
 def _say(linked: LinkedTest, result: Result, failure: Failure, report: Report) -> None:
-    """The diagnostic of a failed test, at the value that it contradicts."""
+    """Return the diagnostic of a failed test, at the violated value."""
     test = linked.test
     span = test.spans.get(failure.key)
     where = "" if not result.where else ", ".join(
@@ -75,7 +72,7 @@ def _say(linked: LinkedTest, result: Result, failure: Failure, report: Report) -
 
 
 class _Attempt(FrozenStruct):
-    """One case, not yet run."""
+    """A case that has not been run yet."""
 
     mode: str | None
     pose: str | None
@@ -83,7 +80,7 @@ class _Attempt(FrozenStruct):
 
 
 def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMode]) -> Iterator[_Attempt]:
-    """The cases of a test, in the order of modes and poses: once, once in each mode (where it starts), or in poses of each."""
+    """Yield the cases of a test, in the order of modes and poses: one in total, one per mode (in its initial pose), or several per mode."""
     kind, assembly, check = kinds()[linked.test.kind], request.assembly, linked.test.check
     if not kind.takes("mode"):
         case = TestCase(linked=linked, robot=request.robots[0], request=request)
@@ -97,7 +94,7 @@ def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMo
 
 
 def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[NamedPose]:
-    """The poses of a test in a mode: those named, where the mode starts, or all of its keyframes."""
+    """Return the poses of a test in a mode: the named ones, the initial pose, or all keyframes."""
     assembly: Assembly = request.assembly
     by_name = {pose.name: pose for pose in assembly.poses}
     if linked.test.every_pose:
@@ -107,7 +104,7 @@ def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[N
 
 
 def _in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: NamedPose) -> Callable[[], Outcome]:
-    """The case in a mode and a pose, ready to be run."""
+    """Return the case in a mode and a pose, ready to run."""
     def run() -> Outcome:
         runner, check = runner_of(linked.test.kind), linked.test.check
         wanted = runner.poses(check, pose)

@@ -1,4 +1,4 @@
-"""Measurements of document tests, one file for each kind of `thingc.documents.checks`, by the same name."""
+"""Measurements of document tests, one module for each kind of `thingc.documents.checks`, with the same name."""
 
 from __future__ import annotations
 
@@ -20,11 +20,7 @@ def _one_pose(check: Any, pose: NamedPose) -> Sequence[NamedPose]:
 
 
 class CheckRunner(FrozenStruct, Generic[Stated]):
-    """How tests of a kind are run.
-
-    `measure(case, stated)` measures one case. `poses(stated, pose)` are the poses that a case looks at, given the pose that it is named
-    after. `finish(linked, outcomes, report)` gets all outcomes, if the test was run in all of its modes.
-    """
+    """How to run tests of one kind."""
 
     measure: Callable[[TestCase, Stated], Outcome]
     poses: Callable[[Stated, NamedPose], Sequence[NamedPose]] = _one_pose
@@ -32,6 +28,6 @@ class CheckRunner(FrozenStruct, Generic[Stated]):
 
 
 def runner_of(kind: str) -> CheckRunner[Any]:
-    """The runner of a kind of test, by the kind's name."""
+    """Return the runner of a kind of test."""
     runner: CheckRunner[Any] = import_module(f"{__name__}.{kind}").RUNNER
     return runner

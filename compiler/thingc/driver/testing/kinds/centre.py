@@ -1,4 +1,4 @@
-"""Measure `centre` tests: see `thingc.documents.checks.centre` for what a document states."""
+"""Run `centre` tests; see `thingc.documents.checks.centre` for their specification."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from thingc.model.robot.kinematics import occurrence_poses
 
 
 def measure(case: TestCase, check: CentreCheck) -> Outcome:
-    """The centre of mass [m] in the frame of a mount, or in the world."""
+    """Measure the centre of mass [m] in the frame of a mount, or in the world."""
     robot, frame = case.robot, case.frames[0]
     at = occurrence_poses(robot, frame.q, frame.base)
     whole = total(robot.assembly.occurrences[index].properties.seen_from(at[index]) for index in case.components(check.of))

@@ -1,4 +1,4 @@
-"""Measure `ground_clearance` tests: see `thingc.documents.checks.ground_clearance` for what a document states."""
+"""Run `ground_clearance` tests; see `thingc.documents.checks.ground_clearance` for their specification."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from thingc.model.robot.floor_height import DECIMALS, ROUNDING, of_box, of_point
 from thingc.model.robot.kinematics import occurrence_poses
 
 LISTED = 5
-"""Further parts that a message names."""
+"""Maximum number of other parts in a message."""
 
 
 def measure(case: TestCase, check: GroundClearance) -> Outcome:
-    """The height of the lowest part over the plane."""
+    """Measure the height of the lowest part above the plane."""
     expected: dict[str, Measure] = {"at_least": check.least, "plane": check.plane}
     heights = sorted(_heights(case, check))
     if not heights:
@@ -68,12 +68,12 @@ def _heights(case: TestCase, check: GroundClearance) -> Iterator[tuple[float, st
 
 
 def _has_end(surface: Surface) -> bool:
-    """Whether it has a lowest point: a plane is ground itself."""
+    """Return whether it has a lowest point; a plane is itself ground."""
     return not isinstance(surface.solid, Primitive) or surface.solid.shape != "plane"
 
 
 def _low(case: TestCase, occurrence: Occurrence, number: int, pose: Pose) -> float:
-    """The lowest z [m] of one of the solids of an occurrence, which stands at a pose."""
+    """Return the lowest z [m] of a solid of an occurrence at a pose."""
     surface = occurrence.solids[number]
     if isinstance(surface.solid, Primitive):
         return pose.translation[2] + surface.solid.lowest(pose.rotation[2])

@@ -1,4 +1,4 @@
-"""Measure `mass` tests: see `thingc.documents.checks.mass` for what a document states."""
+"""Run `mass` tests; see `thingc.documents.checks.mass` for their specification."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from thingc.driver.testing.results import Outcome, TestCase, check_bounds
 
 
 def measure(case: TestCase, check: MassCheck) -> Outcome:
-    """The sum of the masses [kg]."""
+    """Measure the sum of the masses [kg]."""
     occurrences = case.robot.assembly.occurrences
     value = sum_of(occurrences[index].properties.mass for index in case.components(check.of))
     return check_bounds("mass", "the mass", value, check.minimum, check.maximum, MASS, Code.TEST_MASS)

@@ -1,4 +1,4 @@
-"""Measure `no_collision` tests: see `thingc.documents.checks.no_collision` for what a document states."""
+"""Run `no_collision` tests; see `thingc.documents.checks.no_collision` for their specification."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from thingc.model.resolve.types import NamedPose
 from thingc.model.robot.kinematics import occurrence_poses
 
 LISTED = 5
-"""Further pairs that a message names."""
+"""Maximum number of other pairs in a message."""
 
 
 def poses(check: CollisionCheck, pose: NamedPose) -> Sequence[NamedPose]:
@@ -27,7 +27,7 @@ def poses(check: CollisionCheck, pose: NamedPose) -> Sequence[NamedPose]:
 
 
 def measure(case: TestCase, check: CollisionCheck) -> Outcome:
-    """The keyframes looked at: one of a pose, or those of a sweep."""
+    """Return the keyframes to check: one for a pose, or those of a sweep."""
     collisions = collisions_of(case.request)
     allowed = _allowed(case.linked, check)
     nearest: NearPair | None = None
@@ -74,7 +74,7 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
 
 
 def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> None:
-    """Warns of allowances that no case has needed."""
+    """Warn of allowances that no case needed."""
     check: CollisionCheck = linked.test.check
     needed = {number for outcome in outcomes for number in outcome.needed}
     for number, allowance in enumerate(check.allow):
@@ -87,7 +87,7 @@ def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> N
 
 
 def _allowed(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int], int]:
-    """By pair of occurrences the number of the first allowance that it falls under."""
+    """Return the index of the first matching allowance, by pair of occurrences."""
     allowed: dict[tuple[int, int], int] = {}
     for number, allowance in enumerate(check.allow):
         ones, others = (
@@ -100,7 +100,7 @@ def _allowed(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int],
 
 
 def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], collisions: Collisions) -> Failure:
-    """The worst pair in the message, the others in notes."""
+    """Format the worst pair as the message, and the others as notes."""
     assembly, first = collisions.assembly, worst[0]
     notes = [Note(message=f"also {_how(assembly, near, check.clearance)}{_at(case, check, near)}") for near in worst[1 : LISTED + 1]]
     if len(worst) > LISTED + 1:
@@ -119,7 +119,7 @@ def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], c
 
 
 def _skipped_text(collisions: Collisions) -> str:
-    """The pairs that were skipped and why; the JSON answer lists all of them."""
+    """Describe the skipped pairs and the reasons; the JSON output lists all of them."""
     return "".join(
         f", {counted(len(pairs), 'pair')} skipped ({reason}: {next(iter(pairs))}{', ...' if len(pairs) > 1 else ''})"
         for reason, pairs in collisions.skipped.items()
@@ -141,7 +141,7 @@ def _how(assembly: Assembly, near: NearPair, clearance: float) -> str:
 
 
 def _at(case: TestCase, check: CollisionCheck, near: NearPair) -> str:
-    """Where in a sweep."""
+    """Describe the position in a sweep."""
     if not check.ranges:
         return ""
     return f" at {joints_text(case.robot.assembly, {r.joint: near.where.q[r.joint] for r in check.ranges})}"

@@ -1,4 +1,4 @@
-"""Measure `point` tests: see `thingc.documents.checks.point` for what a document states."""
+"""Run `point` tests; see `thingc.documents.checks.point` for their specification."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from thingc.driver.testing.results import Failure, Measure, Outcome, TestCase, s
 
 
 def measure(case: TestCase, check: PointCheck) -> Outcome:
-    """The nearest that the mount gets to the point, and how far off the direction it is there."""
+    """Measure the smallest distance of the mount to the point, and the deviation from the direction there."""
     best = nearest(case.robot, case.frames[0], ReachGoal(
         mount=case.linked.mounts[check.mount], frame=None if check.frame is None else case.linked.mounts[check.frame],
         point=check.point, direction=check.direction, within=check.within, angle=check.angle,

@@ -1,4 +1,4 @@
-"""Measure `reach` tests: see `thingc.documents.checks.reach` for what a document states."""
+"""Run `reach` tests; see `thingc.documents.checks.reach` for their specification."""
 
 from __future__ import annotations
 

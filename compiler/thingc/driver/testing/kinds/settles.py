@@ -1,4 +1,4 @@
-"""Measure `settles` tests: see `thingc.documents.checks.settles` for what a document states."""
+"""Run `settles` tests; see `thingc.documents.checks.settles` for their specification."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from thingc.targets.mjcf.compat import separator
 
 
 def measure(case: TestCase, check: SettleCheck) -> Outcome:
-    """The mode's model emitted with the pose as a keyframe, and simulated for `within` and `for` together."""
+    """Emit the mode's model with the pose as a keyframe, and simulate it for `within` plus `for`."""
     report = Report()
     artifacts = mjcf.emit(replace(case.request, robots=(case.robot,), report=report, made={}, verify=True))
     if report.failed:
@@ -34,7 +34,7 @@ def measure(case: TestCase, check: SettleCheck) -> Outcome:
 
 
 def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
-    """The verdict over the paths of all points."""
+    """Evaluate the paths of all points."""
     rest, drift, moved, deepest = motion.rest(check.drift), motion.drift(check.within), motion.moved, motion.deepest
     # In the last instant everything is where it ends: rest is only what lasts.
     settled = rest <= check.within + 1e-9

@@ -1,4 +1,4 @@
-"""Measure `torque_margin` tests: see `thingc.documents.checks.torque_margin` for what a document states."""
+"""Run `torque_margin` tests; see `thingc.documents.checks.torque_margin` for their specification."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from thingc.model.statics.support import lifted, stance
 from thingc.model.statics.types import Efforts
 
 SLACK = 1e-6
-"""What part of the gravity on the joints may stay unbalanced: rounding."""
+"""Tolerance of unbalanced gravity on the joints, relative."""
 
 
 def measure(case: TestCase, check: TorqueCheck) -> Outcome:
-    """The least of limit by static effort among the drives named."""
+    """Measure the smallest ratio of limit to static effort of the named drives."""
     robot, frame = case.robot, case.frames[0]
     bodies = body_poses(robot, frame.q, frame.base)
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}
@@ -72,12 +72,12 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
 
 
 def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:
-    """The drive with the least margin; of those that differ by rounding, the first."""
+    """Return the drive with the smallest margin; the first of those that differ only by rounding."""
     return min(check.joints, key=lambda path: float(f"{margins[path]:.12g}"))
 
 
 def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held: Efforts) -> tuple[str, Failure] | None:
-    """What is said, and the failure, where nothing holds the pose: feet in the air, a robot that falls over, a joint that gives way."""
+    """Describe the result and the failure if nothing supports the pose: feet in the air, a robot that falls over, or an undriven joint."""
     if robot.mode.feet:
         feet = stance(robot, q, bodies).feet
         high = lifted(feet)
@@ -110,7 +110,7 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
 
 
 def _without_friction(robot: Robot, frame: Keyframe, bodies: Sequence[Pose], check: TorqueCheck) -> float | None:
-    """The least margin if the floor only pushed upwards; None where nothing stands on it, or that would not hold the robot."""
+    """Return the smallest margin if the floor only pushed upwards; None if nothing stands on it, or if this would not support the robot."""
     if not any(foot.friction > 0.0 for foot in robot.mode.feet):
         return None
     smooth = replace(robot, mode=replace(robot.mode, feet=tuple(replace(foot, friction=0.0) for foot in robot.mode.feet)))
