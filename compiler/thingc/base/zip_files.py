@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from thingc.base.frozen_struct import FrozenStruct
 
 MODEL = "model.xml"
-"""The name under which MuJoCo looks for the model first in a `.mjz`, whatever that is called."""
+"""File name of the model that MuJoCo looks for first in a `.mjz`."""
 
 DATE, TIME = 0x21, 0
 """File name of the model that MuJoCo looks for first in a `.mjz`."""
@@ -25,7 +25,7 @@ _HEADER = 30
 
 
 class ZipEntry(FrozenStruct):
-    """A file's content, compressed (RFC 1951), with the CRC-32 and the size [bytes] of what it was."""
+    """Compressed content of a file (RFC 1951), with the CRC-32 and the size [bytes] of the uncompressed content."""
 
     data: bytes
     crc: int
@@ -33,7 +33,7 @@ class ZipEntry(FrozenStruct):
 
 
 def zipped(entries: Mapping[str, bytes | ZipEntry]) -> bytes:
-    """A zip file with these entries, sorted by name, the same bytes every time (layout: PKWARE APPNOTE.TXT 6.3)."""
+    """Return a zip file with these entries, sorted by name, reproducibly (format: PKWARE APPNOTE.TXT 6.3)."""
     parts, directory, at = list[bytes](), bytearray(), 0  # joined once, because meshes are large
     for name in sorted(entries):
         content, encoded = entries[name], name.encode()
@@ -50,7 +50,7 @@ def zipped(entries: Mapping[str, bytes | ZipEntry]) -> bytes:
 
 
 def entries(archive: bytes) -> dict[str, ZipEntry]:
-    """The entries of what `zipped` gave."""
+    """Return the entries of an archive created by `zipped`."""
     from zipfile import ZipFile
 
     members = {}
@@ -61,11 +61,11 @@ def entries(archive: bytes) -> dict[str, ZipEntry]:
 
 
 def inflate(entry: ZipEntry) -> bytes:
-    """What an entry was."""
+    """Return the uncompressed content of an entry."""
     return zlib.decompress(entry.data, -zlib.MAX_WBITS)
 
 
 def deflate(data: bytes) -> ZipEntry:
-    """Compress."""
+    """Compress content to an entry."""
     compressor = zlib.compressobj(4, zlib.DEFLATED, -zlib.MAX_WBITS)
     return ZipEntry(data=compressor.compress(data) + compressor.flush(), crc=zlib.crc32(data), size=len(data))

@@ -33,7 +33,7 @@ def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes
 
 
 def _box(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
-    """The box around a shape in the link's frame; None where nobody has read it."""
+    """Return the box around a shape in the link's frame; None if its mesh file has not been read."""
     if not isinstance(shape.solid, MeshFile):
         return shape.solid.box
     record = meshes.get(shape.solid)
@@ -41,7 +41,7 @@ def _box(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
 
 
 def _drawn(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
-    """A primitive, or the pieces of a mesh file, each in its colour."""
+    """Yield the surfaces of a shape: a primitive, or the pieces of a mesh file, each in its colour."""
     own, solid = shape.material or material, shape.solid
     otherwise = own.color if own is not None else None
     if not isinstance(solid, MeshFile):
@@ -64,7 +64,7 @@ def _touching(shape: LinkShape, material: Material | None, meshes: Meshes) -> It
 
 
 def _rubbing(shape: LinkShape, material: Material | None) -> Material | None:
-    """The material of a shape with the friction that the shape itself says."""
+    """Return the material of a shape, with the friction of the shape itself, if specified."""
     slide, torsion, roll = shape.friction
     if shape.friction == (None, None, None):
         return material
@@ -84,7 +84,7 @@ def _whole(shape: LinkShape, file: MeshFile, record: MeshRecord, material: Mater
 
 
 def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | None:
-    """The box around boxes; None around none."""
+    """Return the box around boxes; None if there are none."""
     corners = [corner for box in boxes for corner in box]
     if not corners:
         return None
@@ -93,24 +93,25 @@ def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | N
 
 
 class MissingDensity(Exception):
-    """Why the shapes of a link cannot tell what it weighs, in words that follow its name; empty where nobody has looked."""
+    """The mass of a link cannot be computed from its shapes. The message follows the link's name; it is empty if a mesh file was not
+    read.
+    """
 
 
 def solid_shapes(definition: LinkDefinition) -> Sequence[LinkShape]:
-    """The shapes that a link is taken to be made of: those that touch, or where none does those that are drawn."""
+    """Return the shapes that determine the mass of a link: those that touch, else those that are drawn."""
     return [one for one in definition.shapes if one.touches] or [one for one in definition.shapes if one.drawn]
 
 
 def weigh_shapes(definition: LinkDefinition, material: Material | None, meshes: Meshes, overrides: Overrides) -> MassResult:
-    """What a link weighs, by what the document states and by its shapes, which are looked at only where they count. Raises
-    `MissingDensity`."""
+    """Return the mass of a link: as stated in the document, else from its shapes. Raises `MissingDensity`."""
     if overrides.mass is None:
         return weigh_link(weight_of(definition, material, meshes), overrides)
     return weigh_link(NOTHING if is_fully_stated(overrides) else matter_of(definition, meshes), overrides)
 
 
 def _matter(shape: LinkShape, meshes: Meshes) -> MassProperties:
-    """What a shape holds at density 1, in the link's frame. Raises `MissingDensity`."""
+    """Return the properties of a shape at density 1, in the link's frame. Raises `MissingDensity`."""
     if not isinstance(shape.solid, MeshFile):
         return shape.solid.matter
     record = meshes.get(shape.solid)
@@ -122,13 +123,15 @@ def _matter(shape: LinkShape, meshes: Meshes) -> MassProperties:
 
 
 def matter_of(definition: LinkDefinition, meshes: Meshes) -> MassProperties:
-    """What a link is made of, at density 1: its volume [m^3] as the mass, centre [m] and inertia [m^5]. Raises `MissingDensity`."""
+    """Return the properties of a link at density 1: volume [m^3] as the mass, centre [m] and inertia [m^5]. Raises `MissingDensity`."""
     return total(_matter(shape, meshes) for shape in solid_shapes(definition))
 
 
 def weight_of(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> MassProperties:
-    """The same by the densities of its shapes' materials: mass [kg], inertia [kg m^2]; nothing where none has one. Raises `MissingDensity`,
-    also where only some have."""
+    """Return the properties of a link with the densities of its materials: mass [kg], inertia [kg m^2]; zero if no shape has a density.
+
+    Raises `MissingDensity`, also if only some shapes have a density.
+    """
     dense = [(shape, own.density) for shape in solid_shapes(definition) if (own := shape.material or material) and own.density is not None]
     weights = [(density, _matter(shape, meshes)) for shape, density in dense]
     others = [shape for shape in solid_shapes(definition) if shape not in [one for one, _ in dense]]

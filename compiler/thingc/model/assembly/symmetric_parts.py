@@ -1,4 +1,4 @@
-"""Parts of a mirrored assembly that are their own mirror images: screws, bearings, plates. They are the parts themselves."""
+"""Replace parts of a mirrored assembly that equal their mirror image, such as screws, bearings and plates, by the part itself."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class _Substituted:
         return replace(component, definition=definition.plain, bom=component.image_of.bom, mounts_mirrored=definition.mirror)
 
     def _is_own(self, definition: PartDefinition, plain: PartDefinition) -> bool:
-        """Whether the image is the part: its solid, its mounts, and the centre and inertia that it states, if it does."""
+        """Return whether the mirror image equals the part: its solid, its mounts, and the centre and inertia that it states, if any."""
         image, record = self._records.get(definition.text), self._records.get(plain.text)
         if not isinstance(image, PartRecord) or not isinstance(record, PartRecord):
             return False

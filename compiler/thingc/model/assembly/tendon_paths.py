@@ -1,8 +1,8 @@
-"""The path of a tendon through mounts, around spheres and cylinders, and over pulleys: how long it is, and what it pulls on.
+"""The path of a tendon through mounts, around spheres and cylinders, and over pulleys: its length, and its straight segments.
 
-Between two mounts it is straight, or the shortest path around the shape between them, on the side of its `side` mount. What counts is
-divided by the number of the pulley before it. This is MuJoCo's `spatial` tendon (Computation, "Tendon"; `mju_wrap` of its engine), worked
-out in whatever frame the mounts are given in.
+Between two mounts it is straight, or the shortest path around the shape between them, on the side of its `side` mount. Lengths are
+divided by the divisor of the preceding pulley. This is MuJoCo's `spatial` tendon (Computation, "Tendon"; `mju_wrap` of its engine),
+computed in the frame of the given poses.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from thingc.model.assembly.types import LinkedMount, TendonStep
 
 Point = tuple[float, float]
 TINY = 1e-15
-"""Below this [m] lengths are nothing: MuJoCo's `mjMINVAL`."""
+"""Lengths [m] below this value count as 0: MuJoCo's `mjMINVAL`."""
 
 
 class TendonSpan(OneLineRepr, FrozenStruct):
-    """A straight piece of it, from a point of the part that has one mount to one of that of another; all of it is divided by `divisor`."""
+    """A straight segment between points of the parts of two mounts; its contribution is divided by `divisor`."""
 
     ends: tuple[LinkedMount, LinkedMount]
     points: tuple[Vector, Vector]
@@ -29,19 +29,19 @@ class TendonSpan(OneLineRepr, FrozenStruct):
 
     @property
     def length(self) -> float:
-        """How long it is [m], before it is divided."""
+        """Length [m], before division."""
         return dist(*self.points)
 
 
 class TendonCourse(OneLineRepr, FrozenStruct):
-    """How long a tendon is [m], and its straight pieces, which pull on what they end at."""
+    """The length of a tendon [m], and its straight segments, which pull on the parts at their ends."""
 
     length: float
     spans: tuple[TendonSpan, ...]
 
 
 def course(steps: Sequence[TendonStep], at: Mapping[str, Pose]) -> TendonCourse:
-    """Of a path whose mounts are, by path, `at` these poses of one frame."""
+    """Compute the course of a tendon; `at` contains the poses of its mounts by path, in one frame."""
     spans: list[TendonSpan] = []
     length, divisor = 0.0, 1.0
     last: LinkedMount | None = None
@@ -71,7 +71,7 @@ def course(steps: Sequence[TendonStep], at: Mapping[str, Pose]) -> TendonCourse:
 
 
 def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector) -> tuple[float, Vector, Vector] | None:
-    """How far it lies on the shape [m], and the points where it comes and goes; None where it does not touch it."""
+    """Return the length on the shape [m] and the points of contact; None if the tendon does not touch the shape."""
     assert step.mount is not None and step.radius is not None
     shape, radius = at[step.mount.path], step.radius
     inverse = shape.inverse()
@@ -82,7 +82,7 @@ def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector
     else:
         x = _unit(p)
         normal = cross(p, q)
-        if sqrt(dot(normal, normal)) < TINY:  # both in one line with the centre: any plane through them is as good
+        if sqrt(dot(normal, normal)) < TINY:  # collinear with the centre: any plane through them will do
             largest = max(range(3), key=lambda k: abs(x[k]))
             normal = cross(x, (float(largest != 0), float(largest != 1), float(largest != 2)))
         y = _unit(cross(_unit(normal), x))
@@ -110,8 +110,12 @@ def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector
 
 
 def _circle(p: Point, q: Point, side: Point | None, radius: float) -> tuple[float, Point, Point] | None:
-    """The arc of a circle about the origin that a string from p to q lies on, and where it touches it first and last; None where it does
-    not. With a `side`, a point on the circle, it goes by there; else the shorter way, and only where the line would cut the circle."""
+    """Return the length of the arc of a circle about the origin on which a string from p to q lies, and its ends; None if it does not
+    touch.
+
+    With `side`, a point on the circle, the arc passes on this side; otherwise it is the shorter one, and only if the line intersects the
+    circle.
+    """
     pp, qq, square = p[0] ** 2 + p[1] ** 2, q[0] ** 2 + q[1] ** 2, radius**2
     if pp < square or qq < square:
         return None
@@ -149,7 +153,7 @@ def _circle(p: Point, q: Point, side: Point | None, radius: float) -> tuple[floa
 
 
 def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
-    """Whether the piece from a to b and that from c to d meet."""
+    """Return whether the segments from a to b and from c to d intersect."""
     det = (d[1] - c[1]) * (b[0] - a[0]) - (d[0] - c[0]) * (b[1] - a[1])
     if abs(det) < TINY:
         return False

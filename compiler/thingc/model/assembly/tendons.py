@@ -1,4 +1,4 @@
-"""Tendons with their references worked out."""
+"""Link tendons: resolve their references."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from thingc.model.resolve.types import PathStep
 
 
 def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tuple[LinkedTendon, ...]:
-    """The tendons of every document, at their paths; one that is wrong is left out (reported)."""
+    """Return the tendons of all documents with their paths; invalid ones are reported and left out."""
     tendons: list[LinkedTendon] = []
     for instance, definition in tree.assemblies:
         for one in definition.tendons:
@@ -38,7 +38,7 @@ def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tupl
 
 
 def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
-    """A step of the document of `instance`; None where it names nothing (reported)."""
+    """Return a step of a path in the document of `instance`; None if its references are invalid (reported)."""
     named = {one: mount_of(tree, instance, one) for one in (step.mount, step.side) if one is not None}
     if None in named.values():
         return None
@@ -49,7 +49,7 @@ def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
 
 
 def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> bool:
-    """Whether the `side` of a shape, if it has one, is on the link of the shape; else reported."""
+    """Return whether the `side` of a shape, if any, is on the link of the shape; otherwise report it."""
     if step.mount is None or step.side is None or link_of[step.mount.occurrence] == link_of[step.side.occurrence]:
         return True
     findings.error(
@@ -60,8 +60,10 @@ def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> b
 
 
 def rested(tendon: LinkedTendon, occurrences: Sequence[Occurrence], rest: Mapping[int, Pose], findings: LinkReport) -> LinkedTendon:
-    """One on a path with the length at q = 0 as that at which its spring rests, if no other is stated; `rest` are the poses of the
-    occurrences then. What lies inside of the shape that it is beside is reported."""
+    """Return the tendon with the rest length of its spring, by default its length at q = 0, where `rest` are the poses of occurrences.
+
+    A path whose mount is inside the shape that it wraps is reported.
+    """
     if not tendon.steps:
         return tendon
 

@@ -34,17 +34,19 @@ from thingc.model.resolve.types import (
 
 
 class MountFrame(OneLineRepr, FrozenStruct):
-    """A mount on an occurrence: its frame in the occurrence's frame."""
+    """A mount of an occurrence: its pose in the occurrence's frame."""
 
     pose: Pose
     interface: str | None = None
 
 
 class Surface(OneLineRepr, FrozenStruct):
-    """A shape of an occurrence that is drawn or touched: `solid` at `pose` in the occurrence's frame, of what it is made and in which
-    colour (`#rrggbb`, `#rrggbbaa`; None: of its own). Of a mesh that a link lists `name` is what its file may be called, `volume` [m^3]
-    what it holds, `own` the bytes that it was read from (SHA-256 and size) where MuJoCo reads them with the factors `scale`. `title` is the
-    name of a listed shape in files, without the path of nested documents."""
+    """A shape of an occurrence for display or collision: `solid` at `pose` in the occurrence's frame, with material and colour.
+
+    `color` is `#rrggbb` or `#rrggbbaa`, or None for that of the mesh. For meshes that a link lists, `name` is the base of the file name,
+    `volume` [m^3] that of the mesh, and `scale` the factors if MuJoCo reads the original file. `title` is the name of a listed
+    shape in files, without the path of nested documents.
+    """
 
     solid: Mesh | Primitive
     material: Material | None
@@ -58,8 +60,9 @@ class Surface(OneLineRepr, FrozenStruct):
 
 
 class Listed(OneLineRepr, FrozenStruct):
-    """The geometry of a link, whose shapes are listed, in its frame: what is drawn, what touches, of which `solids` it is taken to be made,
-    and the `box` around all of it (two corners [m]; None: there is nothing, or nobody has measured it yet)."""
+    """The geometry of a link that lists its shapes, in the link's frame: shapes for display, for collision, and for the mass (`solids`),
+    and the bounding `box` (two corners [m]; None if there are no shapes, or a mesh file has not been read).
+    """
 
     drawn: tuple[Surface, ...]
     touching: tuple[Surface, ...]
@@ -68,11 +71,11 @@ class Listed(OneLineRepr, FrozenStruct):
 
 
 class PartInstance(OneLineRepr, FrozenStruct):
-    """A component that is a part, a link or a frame. `record` is that of a part, `listed` is of a link; a frame has neither.
+    """A component that is a part, a link or a frame. `record` is that of a part, `listed` that of a link; a frame has neither.
 
     `properties` and `mounts` (with `origin`) are in its own frame; `mass_source` is `measured | vendor | stated | derived | estimated`,
-    `estimate` how one with an infill was estimated (`layers | skin`), else None. `sound` is False where its mass is wrong and that has been
-    reported. `color` is `#rrggbb`.
+    `estimate` is the method for an infill (`layers | skin`), else None. `sound` is False if its mass is invalid (reported).
+    `color` is `#rrggbb`.
     """
 
     component: Component
@@ -90,7 +93,7 @@ class PartInstance(OneLineRepr, FrozenStruct):
 
 
 class Occurrence(PartInstance):
-    """A part, a link or a frame at a path of the unrolled HAG (`hand/cap`). `index` is its place in document order."""
+    """A part, a link or a frame at a path of the unrolled HAG (`hand/cap`). `index` is its position in document order."""
 
     path: str
     index: int
@@ -98,12 +101,12 @@ class Occurrence(PartInstance):
     origin: Origin
 
     def name_in_files(self, surface: Surface) -> str | None:
-        """The name that the document gives to one of its shapes, behind the path of the document; None if it gives none."""
+        """Return the name of one of its shapes in files, with the path of the document; None if the document specifies none."""
         return None if surface.title is None else self.path[: self.path.rfind("/") + 1] + surface.title
 
     @property
     def drawn(self) -> tuple[Surface, ...]:
-        """What simulators and viewers draw, in its own frame; nothing where the document wants none, and without geometry."""
+        """The shapes for display, in its own frame; empty without geometry, and if the document disables them."""
         if self.listed is not None:
             return self.listed.drawn
         mesh = self.record.meshes.get("visual") if self.record is not None and self.overrides.visual else None
@@ -111,8 +114,10 @@ class Occurrence(PartInstance):
 
     @property
     def touching(self) -> tuple[Surface, ...]:
-        """The shapes that simulators collide, in its own frame, of a part as its `collision` chooses: of a mesh the convex hull. Empty for
-        `none`, without geometry, and where there is no such shape of the part."""
+        """The collision shapes, in its own frame; for a part as its `collision` selects, for a mesh its convex hull.
+
+        Empty for `none`, without geometry, and if the part has no such shape.
+        """
         if self.listed is not None:
             return self.listed.touching
         record, choice = self.record, self.overrides.collision
@@ -127,32 +132,35 @@ class Occurrence(PartInstance):
 
     @property
     def collides(self) -> bool:
-        """Whether it may touch anything, as far as that is known without its meshes."""
+        """Whether it may collide, as far as known without its meshes."""
         return bool(self.listed.touching) if self.listed is not None else self.overrides.collision != "none"
 
     @property
     def solids(self) -> tuple[Surface, ...]:
-        """What it is made of, in its own frame, however it is drawn or touched: of a part its mesh, of a link the shapes that touch, else
-        those that are drawn."""
+        """The shapes that determine its volume, in its own frame: the mesh of a part; of a link the collision shapes, else those for
+        display.
+        """
         if self.listed is not None:
             return self.listed.solids
         mesh = self.record.meshes.get("mesh") if self.record is not None else None
         return () if mesh is None else (self._surface(mesh),)
 
     def _surface(self, solid: Mesh | Primitive) -> Surface:
-        """A shape of a part, which is of one material."""
+        """Return a shape of a part, with the part's material."""
         return Surface(solid=solid, material=self.material, color=self.color)
 
     @property
     def box(self) -> tuple[Vector, Vector] | None:
-        """The box around its geometry, in its own frame: two corners [m]; None without any, and where it is not known exactly."""
+        """Bounding box in its own frame: two corners [m]; None without geometry, or if it is not known exactly."""
         return self.listed.box if self.listed is not None else self.record.box if self.record is not None else None
 
 
 class ActuatorModel(OneLineRepr, FrozenStruct):
-    """A joint's drive with defaults from the Thing's actuator filled in; SI. `effort` the force limit; `axis` of a drive of a ball is
-    the one about which it turns it, a unit vector that is fixed in the child, in the parent mount's axes at q = 0. `name` is what files
-    call it where that is not what they call the joint."""
+    """A drive, with defaults of the Thing's actuator filled in; SI. `effort` is the force limit.
+
+    `axis` is that of a drive of a ball: a unit vector fixed in the child, in the parent mount's axes at q = 0. `name` is the name in files,
+    if it differs from that of the joint.
+    """
 
     kind: DriveType
     kp: float | None
@@ -165,10 +173,10 @@ class ActuatorModel(OneLineRepr, FrozenStruct):
 
 
 class JointEdge(Coordinate):
-    """A coordinate of a mate, by its `name` in the top document (`hand.wrist[0]`), all defaults worked out.
+    """A coordinate of a mate, by its `name` in the top document (`hand.wrist[0]`), with all defaults filled in.
 
-    `twist` is what it does, seen in the frame that the coordinates before it in the mate have moved. `mimic.joint`
-    is of the top document, too. `limit.effort` and `.velocity` and `dynamics.armature` carry the drive's defaults.
+    `twist` is its motion, in the frame that the preceding coordinates of the mate have moved. `mimic.joint` is also a name in
+    the top document. `limit.effort`, `limit.velocity` and `dynamics.armature` include the drive's defaults.
     """
 
     twist: Twist
@@ -178,10 +186,10 @@ class JointEdge(Coordinate):
 class Mate(OneLineRepr, FrozenStruct):
     """An edge of the mate graph between occurrences `parent` and `child` (indices).
 
-    `X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ X_JC` over its `joints`; rigid without any.
-    `name` is the path of the joint, as its document calls it (None: rigid).
-    `parent_mount` and `child_mount` are the names of the mounts mated (`origin` for `at`). `loop` is the path of a joint that
-    closes a loop: it places nothing, and is no edge of the tree that the documents' placements make.
+    `X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ X_JC` over its `joints`; rigid without joints.
+    `name` is the path of the joint (None if rigid).
+    `parent_mount` and `child_mount` are the names of the mated mounts (`origin` for `at`). `loop` is the path of a joint that
+    closes a loop: it places nothing, and is not an edge of the tree of placements.
     """
 
     parent: int
@@ -197,10 +205,10 @@ class Mate(OneLineRepr, FrozenStruct):
 
 
 class Link(OneLineRepr, FrozenStruct):
-    """Occurrences joined rigidly: one body in every simulator.
+    """Rigidly connected occurrences: one body in every simulator.
 
     `frame` is the index of the occurrence whose frame is the link's; `poses[k]` is the pose of `members[k]` in it;
-    `properties` are summed, in the link's frame.
+    `properties` are the combined mass properties, in the link's frame.
     """
 
     name: LinkPath
@@ -220,34 +228,35 @@ class MountAt(OneLineRepr, FrozenStruct):
 
 
 class LinkedMount(MountAt):
-    """A mount that a document names, by the path of its site: `hand/tip`, or `hand/origin` for a component."""
+    """A mount in a document, with the path of its site: `hand/tip`, or `hand/origin` for a component."""
 
     path: SitePath
 
     @property
     def of_component(self) -> bool:
-        """Whether a component is named, whose origin is laid on a pose, and not a mount, which is mated to it.
+        """Whether the reference is a component, whose origin is placed at a pose, and not a mount, which is mated to it.
 
-        A mount of an assembly may be the origin of one of its components, so `mount` does not tell.
+        `mount` does not show this, because a mount of an assembly may be the origin of one of its components.
         """
         return self.path.rpartition("/")[2] == "origin"
 
 
 class ExportedMount(LinkedMount):
-    """A mount that an assembly exports, by its path there (`tip`, `hand/tip`)."""
+    """An exported mount of an assembly, with its path (`tip`, `hand/tip`)."""
 
     origin: Origin
 
 
 class Adhesion(LinkedMount):
-    """A magnet: a mount that pulls. `force` [N] is its largest in any mode."""
+    """A magnet at a mount. `force` [N] is its largest force in any mode."""
 
     force: float
 
 
 class LinkedHold(OneLineRepr, FrozenStruct):
-    """A hold of a mode: `mount` is mated to the world frame moved to `pose` (None: where the mode's own pose puts it), or with
-    `turns` only its origin is laid there."""
+    """A hold of a mode: `mount` is mated to the world frame moved to `pose` (None: at its place in the mode's own pose); with `turns`, only
+    its origin is placed there.
+    """
 
     mount: LinkedMount
     pose: Pose | None
@@ -256,7 +265,7 @@ class LinkedHold(OneLineRepr, FrozenStruct):
 
 
 class Foot(OneLineRepr, FrozenStruct):
-    """A mount that a floating mode stands on, with the sliding friction between it and the floor."""
+    """A mount on which a mode with a free base stands, with the sliding friction between it and the floor."""
 
     mount: LinkedMount
     friction: float
@@ -264,8 +273,9 @@ class Foot(OneLineRepr, FrozenStruct):
 
 
 class LinkedSensor(Measurement):
-    """A sensor at its path (`leg/imu`), with its references worked out: `joint` and `tendon` are paths, `touching` the indices of links.
-    `parts` says which readings files have a name of its own for."""
+    """A sensor with its path (`leg/imu`) and resolved references: `joint` and `tendon` are paths, `touching` the indices of links.
+    `parts` are the readings that have their own names in files.
+    """
 
     path: SensorPath
     at: LinkedMount | None = None
@@ -277,30 +287,32 @@ class LinkedSensor(Measurement):
 
     @property
     def mounts(self) -> tuple[LinkedMount, ...]:
-        """Those that it speaks of."""
+        """The mounts that it refers to."""
         return tuple(one for one in (self.at, self.seen_from) if one is not None)
 
     @property
     def site(self) -> str | None:
-        """The path of the mount that it sits on."""
+        """Path of the mount that it is attached to."""
         return None if self.at is None else self.at.path
 
     def part(self, reading: str) -> str:
-        """What the sensor of one reading is called (`gyro`) where a format has one for each."""
+        """Return the name of one reading of the sensor (`gyro`) for formats with separate sensors."""
         return self.parts.get(reading, f"{self.path}:{reading}")
 
 
 class TendonStep(Wrap):
-    """A step of a path, with its mounts worked out."""
+    """A step of the path of a tendon, with resolved mounts."""
 
     mount: LinkedMount | None
     side: LinkedMount | None
 
 
 class LinkedTendon(OneLineRepr, FrozenStruct):
-    """A tendon at its path (`hand/grip`): `moves` by joint path how much longer it gets per unit of q, `turns` whether its length is an
-    angle [rad], else it is [m]. One on a path has `steps`, and a `width` [m] if one is stated; its spring rests where it is stated, else
-    where its length is that at q = 0."""
+    """A tendon with its path (`hand/grip`). `moves` is the change of its length per unit of q, by joint path; `turns`: the length is an
+    angle [rad], otherwise it is in [m].
+
+    A spatial tendon has `steps`, and a `width` [m] if specified. The rest length of its spring is that specified, or its length at q = 0.
+    """
 
     path: TendonPath
     moves: dict[JointPath, float]
@@ -314,20 +326,20 @@ class LinkedTendon(OneLineRepr, FrozenStruct):
 
     @property
     def mounts(self) -> tuple[LinkedMount, ...]:
-        """Those that it speaks of."""
+        """The mounts that it refers to."""
         return tuple(one for step in self.steps for one in (step.mount, step.side) if one is not None)
 
     def length(self, q: Mapping[str, float]) -> float:
-        """How long one over joints is at `q` (every joint by path, rad or m)."""
+        """Return the length of a tendon over joints at `q` (every joint by path, rad or m)."""
         return sum_of(factor * q[path] for path, factor in self.moves.items())
 
 
 class LinkedMode(ModeSettings):
-    """A mode of the top document with its references worked out; `exclude` are pairs of link indices, `adhesion` by path.
+    """A mode of the top document with resolved references; `exclude` are pairs of link indices, `adhesion` is by path.
 
-    `pose` is the mode's own, the first of `poses`; `cut` the joints (by path) it wants loops cut at. Of a mode that is `on_floor` the
-    height of `at` is 0 until the pass `stand` has found it, which then adds where `at` is in its poses to
-    `at_in`, which has those that the document states.
+    `pose` is the mode's own pose, the first of `poses`; `cut` are the joints (by path) at which loops should be cut. For a mode that is
+    `on_floor`, the height of `at` is 0 until the pass `stand` computes it; that pass also adds the placements in other poses to `at_in`,
+    which otherwise contains those that the document states.
     """
 
     root: LinkedMount
@@ -338,9 +350,10 @@ class LinkedMode(ModeSettings):
 
 
 class FileNames(OneLineRepr, FrozenStruct):
-    """What files call things that have another path: components (which is what links are called after), exported mounts, whole joints,
-    tendons, drives by the coordinate or tendon that they drive, equalities by the joint that mimics or closes a loop, sensors (or a part of
-    one, `imu:gyro`) and poses."""
+    """Names in files that differ from the path: of components (also used for links), exported mounts, whole joints,
+    tendons, drives by their coordinate or tendon, equalities by the joint that mimics or closes a loop, sensors (or a
+    reading, `imu:gyro`) and poses.
+    """
 
     components: dict[str, str] = {}
     mounts: dict[str, str] = {}
@@ -353,7 +366,7 @@ class FileNames(OneLineRepr, FrozenStruct):
 
 
 class LinkedTest(OneLineRepr, FrozenStruct):
-    """A test of the top document with its references worked out: mounts, and components to all occurrences that they hold."""
+    """A test of the top document with resolved references: mounts, and all occurrences in components."""
 
     test: Test
     mounts: dict[Reference, MountAt]
@@ -361,10 +374,10 @@ class LinkedTest(OneLineRepr, FrozenStruct):
 
 
 class Connected(OneLineRepr, FrozenStruct):
-    """What hangs together with what, before anything has a place.
+    """The connected robot, before poses are computed.
 
-    `link_of[i]` is the link of occurrence i. `between` are the links (by index) that only join two joints of another one: they weigh
-    nothing, and show nothing.
+    `link_of[i]` is the link of occurrence i. `between` are massless intermediate links (by index): they join exactly two joints, and have
+    neither mass nor shapes.
     """
 
     occurrences: tuple[Occurrence, ...]
@@ -380,12 +393,11 @@ class Connected(OneLineRepr, FrozenStruct):
 
 
 class Assembly(Connected):
-    """The output of `link`: everything about the robot that does not depend on a root.
+    """The output of `link`: all properties of the robot that do not depend on a root.
 
-    `base` is the occurrence whose frame is the assembly's; `rest[i]` the pose of occurrence i in it at q = 0.
-    `mates` without those that close loops has one edge fewer than there are occurrences.
-    `names` is None where files call everything by its path. `raw` has nested documents' joint and body names already prefixed with their
-    path.
+    `base` is the occurrence whose frame is the assembly's; `rest[i]` is the pose of occurrence i in it at q = 0.
+    Without those that close loops, there is one mate fewer than there are occurrences.
+    `names` is None if all names in files are paths. In `raw`, names of joints and bodies of nested documents are prefixed with their path.
     """
 
     name: str
@@ -401,16 +413,16 @@ class Assembly(Connected):
 
     @property
     def hag(self) -> Hag:
-        """The hierarchical assembly graph, worked out when it is asked for."""
+        """The hierarchical assembly graph, computed on access."""
         return hag_of(self.definition)
 
     @property
     def drives(self) -> dict[str, str]:
-        """What files call drives, by the paths of the coordinates and tendons that they drive."""
+        """Names of drives in files, by the paths of their coordinates and tendons."""
         driven: list[JointEdge | LinkedTendon] = [*(joint for mate in self.mates for joint in mate.joints), *self.tendons]
         return {one.path: one.actuator.name or one.path for one in driven if one.actuator is not None}
 
     @property
     def properties(self) -> MassProperties:
-        """The whole robot at q = 0, in the base component's frame."""
+        """Mass properties of the whole robot at q = 0, in the base component's frame."""
         return total(o.properties.seen_from(self.rest[o.index]) for o in self.occurrences)

@@ -1,4 +1,4 @@
-"""One assembly document with its parameters: the order in which its sections are resolved."""
+"""Resolve an assembly document with its parameters, section by section."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from thingc.model.resolve.tests import tests
 from thingc.model.resolve.types import AssemblyDefinition, Component, LinkName
 
 MAX_DEFINITIONS = 2000
-"""Nested documents with different parameters: two uses in each of thirty documents would make 2^30 of them."""
+"""Maximum number of resolved documents: two uses of each of thirty nested documents with different parameters would make 2^30."""
 
 
 def resolved(
@@ -72,7 +72,7 @@ def resolved(
 
 
 def _check_count(context: ResolveRun, scope: Scope) -> None:
-    """Say it, once, where documents nest without an end that anybody would see."""
+    """Report once that there are too many nested documents."""
     if len(context.tables) >= MAX_DEFINITIONS and not context.overfull:
         context.overfull = True
         scope.error(
@@ -82,7 +82,7 @@ def _check_count(context: ResolveRun, scope: Scope) -> None:
 
 
 def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
-    """Work out the sections of a document, each behind those that it refers to, and its `definition`."""
+    """Resolve the sections of a document in order of their dependencies, and set its `definition`."""
     scope, spec = table.scope, table.spec
     _check_names(scope, spec)
     table.materials = in_scope(context, scope, spec)
@@ -116,7 +116,7 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
 def _definition(
     context: ResolveRun, table: DocumentScope, made: tuple[Component, ...], links: tuple[LinkName, ...], top: bool,
 ) -> AssemblyDefinition:
-    """What a table that is filled in says, as later passes see it."""
+    """Return the definition of a resolved document, for later passes."""
     scope, spec = table.scope, table.spec
     stated = (spec.modes, context.values(scope, "modes", spec.modes), *context.around(table))
     own_modes = context.sound("modes", stated, lambda: modes(table, scope)) if top else ()
@@ -136,7 +136,7 @@ def _definition(
 
 
 def _check_names(scope: Scope, spec: AssemblySpec) -> None:
-    """The names of everything that is not unrolled."""
+    """Check the names of everything that is not in a `repeat`."""
     for name in spec.parameters:
         if name in CONSTANTS or name in FUNCTIONS:
             scope.error(

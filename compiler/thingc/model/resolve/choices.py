@@ -1,9 +1,8 @@
-"""What `--set` says in place of a document: choices, `components.foot.part` and a text; values by their path are put into the tree by
-`substituting`.
+"""Choices of `--set`, such as `components.foot.part` and a text. (Values by path are put into the tree by `substituting`.)
 
-A choice names a component by the components on the way (`components.leg.components.foot.part`), or what a document's
-components have by default (`defaults.component.material`). It replaces what is written there, and is part of the identity of
-every definition that it stands in. Files and documents are named from the document that is compiled.
+A choice names a component by its path (`components.leg.components.foot.part`), or the default of a document's
+components (`defaults.component.material`). It replaces the value in the document, and is part of the identity of
+every definition that contains it. Files and documents are relative to the document that is compiled.
 """
 
 from __future__ import annotations
@@ -23,11 +22,11 @@ from thingc.model.resolve.parts import missing_hint
 from thingc.model.resolve.repeats import Unrolled
 
 Choices = tuple[tuple[str, str], ...]
-"""Paths from one document down, and what is chosen there; sorted."""
+"""Paths from one document down, and the chosen texts; sorted."""
 
 
 def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choices:
-    """Those choices whose paths can be read; the others are reported."""
+    """Return the choices with valid paths; the others are reported."""
     sound: dict[str, str] = {}
     for path, text in choices.items():
         if parse(path) is None and not is_value(path):
@@ -38,7 +37,7 @@ def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choice
 
 
 def that_say_more(context: ResolveRun, relative: str, spec: AssemblySpec, choices: Choices) -> Choices:
-    """The choices without those that a document makes itself: they are no choice."""
+    """Return the choices that differ from the document."""
     return tuple((path, text) for path, text in choices if not _written(context, relative, spec, path, text))
 
 
@@ -59,27 +58,29 @@ def _written(context: ResolveRun, relative: str, spec: AssemblySpec, path: str, 
 
 
 def _place(context: ResolveRun, relative: str, text: str) -> str:
-    """The path in the workspace of what a document calls `text`."""
+    """Return the path in the workspace of a file that a document names `text`."""
     import posixpath
 
     return posixpath.normpath(posixpath.join(posixpath.dirname(relative), text))
 
 
 def below(choices: Choices, *names: str) -> Choices:
-    """The choices inside the nested document of a component, by paths from there on; `names` are those that it goes by, and
-    a later one is the more exact."""
+    """Return the choices inside the nested document of a component, with paths relative to it.
+
+    `names` are the names of the component; later ones are more specific and take precedence.
+    """
     inside = [(through, text) for path, text in choices if (through := nested(path)) is not None]
     by_path = {path: text for name in names for (component, path), text in inside if component == name}
     return tuple(sorted(by_path.items()))
 
 
 def values(choices: Choices) -> dict[str, str]:
-    """What is set by path in the document itself."""
+    """Return the values that are set by path in the document itself."""
     return {path: text for path, text in choices if parse(path) is None and nested(path) is None}
 
 
 def own(choices: Choices, *names: str) -> dict[str, str]:
-    """What is chosen for a component itself, by key; `names` as of `below`."""
+    """Return the choices for a component itself, by key; `names` as in `below`."""
     by_key: dict[str, str] = {}
     for name in names:
         by_key.update({key: text for key in KEYS for path, text in choices if path == f"components.{name}.{key}"})
@@ -87,7 +88,7 @@ def own(choices: Choices, *names: str) -> dict[str, str]:
 
 
 def with_default_material(context: ResolveRun, table: DocumentScope) -> AssemblySpec:
-    """The document's model with the material that is chosen for its components."""
+    """Return the spec of the document with the material that was chosen as the default of components."""
     spec = table.spec
     text = dict(table.choices).get(DEFAULT_MATERIAL)
     if text is None or not _known_material(context, table, text, DEFAULT_MATERIAL):
@@ -99,7 +100,7 @@ def with_default_material(context: ResolveRun, table: DocumentScope) -> Assembly
 
 
 def check_names(context: ResolveRun, table: DocumentScope, items: Sequence[Unrolled[ComponentSpec]]) -> None:
-    """Report choices for components that the document has not."""
+    """Report choices for unknown components."""
     names = {item.name for item in items} | set(table.spec.components)
     if table.doubts.lacks("components") or table.unbuilt:
         return
@@ -113,7 +114,7 @@ def check_names(context: ResolveRun, table: DocumentScope, items: Sequence[Unrol
 
 
 def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSpec]) -> tuple[ComponentSpec, frozenset[str]]:
-    """A component's model with what is chosen for it, and the keys that are; a choice that cannot be is reported."""
+    """Return the spec of a component with its choices applied, and the chosen keys; invalid choices are reported."""
     spec = item.spec
     if not table.choices:
         return spec, frozenset()
@@ -152,7 +153,7 @@ def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSp
 
 
 def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> bool:
-    """Whether a part that was chosen can be looked at; reported where it cannot."""
+    """Return whether a chosen part is available; otherwise report it."""
     schema = context.schemas.get(reference)
     if schema is not None and not isinstance(schema, PartFailure):
         return True
@@ -163,7 +164,7 @@ def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> boo
 
 
 def refuse_file(context: ResolveRun, node: ComponentScope, text: str) -> None:
-    """Report a file that was chosen and is none of a part."""
+    """Report a chosen file that is not a part."""
     context.say_of_option(
         f"components.{node.name}.file", f"`{shortened(text)}` is no file of a part in this workspace",
         f"name it from `{context.documents.root.relative}`, for example `parts/motor.step`",
@@ -171,7 +172,7 @@ def refuse_file(context: ResolveRun, node: ComponentScope, text: str) -> None:
 
 
 def refuse_circle(context: ResolveRun, node: ComponentScope, relative: str) -> None:
-    """Report an assembly that would stand inside itself."""
+    """Report an assembly that would contain itself."""
     context.say_of_option(f"components.{node.name}.assembly", f"`{relative}` would stand inside itself", "choose another assembly")
 
 
@@ -187,12 +188,12 @@ def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: 
 
 
 def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str]]:
-    """The documents (as the top document names them) and the parts that choices name: what has to be read beforehand."""
+    """Return the documents (as named by the top document) and the parts that choices refer to, which must be loaded first."""
     return _choice_names(choices, "assembly"), _choice_names(choices, "part")
 
 
 def chosen_files(choices: Mapping[str, str], document: str) -> list[str]:
-    """The absolute paths of the files of parts that choices name, as the top document, at a path, would name them."""
+    """Return the absolute paths of part files that choices refer to, relative to the top document."""
     paths = [named(text, os.path.abspath(document)) for text in _choice_names(choices, "file")]
     return [path for path in paths if path is not None]
 

@@ -1,4 +1,4 @@
-"""Components: what each one is (a part, a file, a nested assembly, a frame) and what stands beside it."""
+"""Resolve components: parts, files, nested assemblies and frames, with their settings."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from thingc.model.resolve.shapes import of_link
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Material
 
 MAX_NESTING = 120
-"""Documents inside each other: a little more than `load` follows, which reports the usual case."""
+"""Maximum depth of nested documents: slightly above the limit of `load`, which normally reports it."""
 
 Nest = Callable[[ResolveRun, str, AssemblySpec, Mapping[str, ExpressionValue], choose.Choices], DocumentScope]
-"""Resolves a nested document with the values set for its parameters, and the choices made inside it."""
+"""Resolves a nested document with values of its parameters, and the choices inside it."""
 
 
 def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[ComponentSpec]], nest: Nest) -> None:
-    """Fill `table.nodes`, with definitions worked out as far as they are sound, and count the occurrences."""
+    """Fill `table.nodes` with definitions, as far as they are valid, and count the occurrences."""
     items = tuple(items)
     if table.choices:
         choose.check_names(context, table, items)
     for item in items:
-        if context.overfull:  # nothing will come of it
+        if context.overfull:  # the result is not used
             return
         spec, chosen = choose.chosen(context, table, item)
         node = ComponentScope(name=item.name, spec=spec, path=item.path, scope=item.scope, chosen=chosen)
@@ -47,7 +47,7 @@ def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[Co
             node.unsound = True
         added = node.table.occurrences if node.table is not None else 1
         if table.occurrences + added > MAX_OCCURRENCES:
-            if not context.overfull:  # documents around this one are too large for the same reason
+            if not context.overfull:  # report once: enclosing documents exceed the limit, too
                 context.overfull = True
                 node.scope.error(
                     Code.TOO_MANY, f"with `{node.name}` this assembly has {table.occurrences + added} occurrences; "
@@ -59,7 +59,7 @@ def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[Co
 
 
 def _in_doubt(table: DocumentScope, node: ComponentScope) -> bool:
-    """Whether something of a component, or of what every component has by default, was left out by validation."""
+    """Return whether validation left out something of a component, or of the defaults of components."""
     return bool(table.doubts) and (table.doubts.touch(node.path) or table.doubts.touch(("defaults", "component")))
 
 
@@ -87,7 +87,7 @@ def _define(context: ResolveRun, table: DocumentScope, node: ComponentScope, nes
 
 
 def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefinition, axis: str) -> AssemblyDefinition | None:
-    """The mirror image of a nested assembly; None where something in it is mirrored along another axis, which is reported."""
+    """Return the mirror image of a nested assembly; None if a component in it is mirrored along another axis (reported)."""
     other = other_axis(definition, axis)
     if other is not None:
         name, its = other
@@ -104,7 +104,7 @@ def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefin
 
 
 def _nested(context: ResolveRun, table: DocumentScope, node: ComponentScope, text: str, nest: Nest) -> DocumentScope | None:
-    """The table of a nested document; None where it could not be read or stands inside itself (both reported by `load`)."""
+    """Return the table of a nested document; None if it could not be read or contains itself (both reported by `load`)."""
     scope, path = node.scope, (*node.path, "assembly")
     chosen = "assembly" in node.chosen
     document = context.documents.named(context.documents.root if chosen else scope.document, text)
@@ -130,7 +130,7 @@ def _nested(context: ResolveRun, table: DocumentScope, node: ComponentScope, tex
 
 
 def _given(context: ResolveRun, node: ComponentScope, relative: str, spec: AssemblySpec) -> dict[str, ExpressionValue]:
-    """The parameters that the component sets for its nested document; what does not fit is reported and left out."""
+    """Return the parameters that the component sets for its nested document; invalid ones are reported and left out."""
     scope, path = node.scope, (*node.path, "parameters")
     values: dict[str, ExpressionValue] = {}
     for name, raw in node.spec.parameters.items():
@@ -148,7 +148,7 @@ def _given(context: ResolveRun, node: ComponentScope, relative: str, spec: Assem
 def components(
     context: ResolveRun, table: DocumentScope, placements: dict[str, Attach | At | None], *, unreadable: bool,
 ) -> tuple[Component, ...]:
-    """The model's components, in document order. What is unsound has no definition, so that later passes leave it out."""
+    """Return the components in document order. Invalid ones have no definition, so that later passes skip them."""
     defaults = table.spec.defaults.component if table.spec.defaults is not None else None
     below: tuple[tuple[object, Path], ...] = ((defaults, ("defaults", "component")),) if defaults is not None else ()
     unused = DefaultLayers(below)  # type: ignore[arg-type]

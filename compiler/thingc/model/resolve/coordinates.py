@@ -1,4 +1,4 @@
-"""Coordinates of joints: how documents name them, their limits, what they do by themselves, and what they follow."""
+"""Coordinates of joints: names, limits, dynamics and mimics."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from thingc.base.source import Origin
 
 
 class Limit(OneLineRepr, FrozenStruct):
-    """Of a joint: `lower`, `upper` [rad or m]; `effort` [N m or N] and `velocity` [rad/s or m/s] as far as written. Of a ball `cone`, how
-    far it may turn [rad] from q = 0, about whatever axis."""
+    """Limits of a joint: `lower`, `upper` [rad or m]; `effort` [N m or N] and `velocity` [rad/s or m/s], if specified. For a ball, `cone`
+    is the largest rotation angle [rad] from q = 0, about any axis.
+    """
 
     lower: float | None = None
     upper: float | None = None
@@ -28,8 +29,9 @@ class Limit(OneLineRepr, FrozenStruct):
 
 
 class Dynamics(OneLineRepr, FrozenStruct):
-    """Of a joint, SI, as far as written: viscous `damping`, dry `friction`, reflected inertia `armature`, `stiffness` of a spring, and the
-    q at which that does nothing, `rest`."""
+    """Dynamics of a joint in SI, if specified: viscous `damping`, dry `friction`, reflected inertia `armature`, `stiffness` of a spring,
+    and its rest position `rest`.
+    """
 
     damping: float | None = None
     friction: float | None = None
@@ -38,25 +40,26 @@ class Dynamics(OneLineRepr, FrozenStruct):
     rest: float | None = None
 
     def sprung(self, q: float) -> float:
-        """What its spring does [N m or N] at `q` [rad or m], along positive q."""
+        """Return the force of its spring [N m or N] at `q` [rad or m], along positive q."""
         return 0.0 if self.stiffness is None else self.stiffness * ((self.rest or 0.0) - q)
 
     @property
     def acts(self) -> bool:
-        """Whether any of it is not 0."""
+        """Whether any of these values is not 0."""
         return any((self.damping, self.friction, self.armature, self.stiffness))
 
 
 class CoordinateName(str):
-    """A coordinate as documents call it: `hand.wrist[0]`, of a joint that has one `hand.yaw`. `joint` is the joint's name, `number`
-    which of its coordinates it is (None: it has one), `path` what artifacts call it: `hand/wrist_0`."""
+    """Name of a coordinate in documents: `hand.wrist[0]`, or `hand.yaw` for a joint with one coordinate. `joint` is the joint's name,
+    `number` the index of the coordinate (None if there is only one), `path` its name in files: `hand/wrist_0`.
+    """
 
     joint: str
     number: int | None
     path: str
 
     def __new__(cls, text: str) -> CoordinateName:
-        """Of a text that a document has; what is no number in brackets at its end belongs to the name."""
+        """Parse a name as in a document; a suffix that is not a number in brackets is part of the joint's name."""
         name = super().__new__(cls, text)
         numbered = _NUMBERED.fullmatch(text)
         name.joint, name.number = (numbered[1], int(numbered[2])) if numbered is not None else (text, None)
@@ -64,13 +67,13 @@ class CoordinateName(str):
         return name
 
     def in_files(self, path: str) -> CoordinateName:
-        """The same coordinate, which artifacts call `path`."""
+        """Return the same coordinate with `path` as its name in files."""
         name = CoordinateName(self)
         name.path = path
         return name
 
     def numbered(self, number: int) -> CoordinateName:
-        """The coordinate with this number of the joint of this name."""
+        """Return the coordinate of this joint with an index."""
         return CoordinateName(f"{self.joint}[{number}]")
 
 
@@ -78,8 +81,9 @@ _NUMBERED = re.compile(r"(.*)\[(\d+)\]")
 
 
 class Mimic(OneLineRepr, FrozenStruct):
-    """q = offset + multiplier * x + higher[0] * x^2 + higher[1] * x^3 ... with x = q(joint), SI; `joint` is a coordinate of the same
-    document, as that calls it. `name` is that of its equality in files, if any is given."""
+    """q = offset + multiplier * x + higher[0] * x^2 + higher[1] * x^3 ... with x = q(joint), SI. `joint` is the name of a coordinate in the
+    same document. `name` is that of the equality in files, if specified.
+    """
 
     joint: CoordinateName
     multiplier: float
@@ -90,18 +94,18 @@ class Mimic(OneLineRepr, FrozenStruct):
 
     @property
     def polynomial(self) -> tuple[float, ...]:
-        """The coefficients of the powers of q(joint), from the 0th on."""
+        """Coefficients of the powers of q(joint), starting with the 0th."""
         return (self.offset, self.multiplier, *self.higher)
 
     def tangent(self, x: float) -> tuple[float, float]:
-        """(m, c): near `x` q is m q(joint) + c."""
+        """Return (m, c) of the linearization near `x`: q = m q(joint) + c."""
         if not self.higher:
             return self.multiplier, self.offset
         slope = self.multiplier + sum_of(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
         return slope, self.at(x) - slope * x
 
     def at(self, x: float) -> float:
-        """q where q(joint) is `x`; infinite beyond what a number can be."""
+        """Return q for q(joint) = `x`; infinite on overflow."""
         linear = self.multiplier * x + self.offset
         try:
             return linear if not self.higher else linear + sum_of(c * x**k for k, c in enumerate(self.higher, start=2))
@@ -110,7 +114,7 @@ class Mimic(OneLineRepr, FrozenStruct):
 
 
 class Coordinate(OneLineRepr, FrozenStruct):
-    """What a coordinate of a joint is in every pass: its name, the kind of its joint, and its numbers in SI units."""
+    """A coordinate of a joint: its name, the kind of its joint, and its values in SI units."""
 
     name: CoordinateName
     kind: JointKind
@@ -122,5 +126,5 @@ class Coordinate(OneLineRepr, FrozenStruct):
 
     @property
     def path(self) -> str:
-        """What artifacts call it: `hand/wrist_0`."""
+        """Name in files: `hand/wrist_0`."""
         return self.name.path

@@ -1,5 +1,6 @@
-"""What resolving knows of a document beyond the model it makes: also the names of what was wrong, so that a mistake is
-reported once and not again by everything that refers to it."""
+"""State of resolving a document: the definition, and the names of invalid elements, so that an error is
+reported once and not at every reference.
+"""
 
 from __future__ import annotations
 
@@ -37,9 +38,11 @@ Answer = TypeVar("Answer")
 
 @dataclass(slots=True, kw_only=True)
 class ComponentScope:
-    """A component while its document is resolved. `table` is that of the nested document, None for parts and frames;
-    `unsound`: something that later passes need was wrong; `unplaced`: nothing else than its place was; `doubtful`: validation has left
-    something of it out; `chosen` are the keys whose values are choices (see `choices`)."""
+    """A component while its document is resolved. `table` is that of the nested document, None for parts and frames.
+
+    `unsound`: something that later passes need is invalid; `unplaced`: only its placement is invalid; `doubtful`: validation left
+    something out; `chosen` are the keys whose values are choices (see `choices`).
+    """
 
     name: str
     spec: ComponentSpec
@@ -60,17 +63,17 @@ class ComponentScope:
 
     @property
     def bare(self) -> str | None:
-        """`frame` or `link` of one that has no other mounts than the document gives it; None of all others."""
+        """`frame` or `link` for components whose only mounts are those of the document; None for others."""
         return "frame" if self.frame else "link" if self.spec.link is not None else None
 
 
 @dataclass(slots=True, kw_only=True)
 class DocumentScope:
-    """One document with one set of parameters. In `exports`, `joints` and `poses` None stands for one that was wrong.
+    """One document with one set of parameters. In `exports`, `joints` and `poses`, None stands for invalid elements.
 
-    `parameters` include the `choices` made inside it (see `thingc.model.resolve.choices`). `unbuilt` and `unbuilt_joints` are the
-    prefixes (`leg_`) of repeats that could not be unrolled; `occurrences` counts its parts, links and frames; `base` is the name of the
-    base component; `loose` are the sound references of what was left out because another one in it was wrong; `images` are the mirror
+    `parameters` include the `choices` inside it (see `thingc.model.resolve.choices`). `unbuilt` and `unbuilt_joints` are the prefixes
+    (`leg_`) of repeats that could not be unrolled; `occurrences` is the number of its parts, links and frames; `base` is the name of the
+    base component; `loose` are valid references of elements that were left out because of another, invalid one; `images` are the mirror
     images of its definition, by axis.
     """
 
@@ -97,20 +100,20 @@ class DocumentScope:
 
     @property
     def doubts(self) -> InvalidEntries:
-        """What validation has left out of the document."""
+        """Entries of the document that validation left out."""
         return self.scope.doubts
 
     @property
     def key(self) -> tuple[str, tuple[tuple[str, Value], ...]]:
-        """What it is known by."""
+        """Key of the table: document and parameters."""
         return self.document.relative, self.parameters
 
     def inner(self) -> Iterator[DocumentScope]:
-        """The tables of the documents nested in it, each as often as it is nested."""
+        """Tables of nested documents, each as often as it is nested."""
         return (node.table for _, node in self.all_nodes() if node.table is not None)
 
     def all_joints(self) -> Iterator[tuple[CoordinateName, Joint | None]]:
-        """Every joint with its path in dots, nested ones after this document's own; None for one that was wrong."""
+        """Yield every joint with its dotted path, nested ones after this document's own; None for invalid ones."""
         yield from self.joints.items()
         for node in self.nodes.values():
             if node.table is not None:
@@ -118,7 +121,7 @@ class DocumentScope:
                     yield CoordinateName(f"{node.name}.{path}"), joint
 
     def all_nodes(self) -> Iterator[tuple[str, ComponentScope]]:
-        """Every component with its path in dots, parents before what is inside them."""
+        """Yield every component with its dotted path, parents before their content."""
         for node in self.nodes.values():
             yield node.name, node
             if node.table is not None:
@@ -126,14 +129,14 @@ class DocumentScope:
                     yield f"{node.name}.{path}", inner
 
     def unsure_joints(self) -> bool:
-        """Whether joints may be missing here because something was wrong: then a pattern without a match is no news."""
+        """Return whether joints may be missing because of errors: patterns without a match are then not reported."""
         return bool(self.unbuilt or self.unbuilt_joints) or any(
             node.unsound or node.unplaced or (node.table is not None and node.table.unsure_joints()) for node in self.nodes.values()
         )
 
 
 class DeclaredParameters(FrozenStruct):
-    """The parameters of a document with nothing set: their values (absent where wrong), and the names that were wrong."""
+    """Parameters of a document with nothing set: their values (without invalid ones), and the names of invalid ones."""
 
     values: Mapping[str, ExpressionValue]
     broken: frozenset[str]
@@ -141,11 +144,11 @@ class DeclaredParameters(FrozenStruct):
 
 @dataclass(slots=True, kw_only=True)
 class ResolveRun:
-    """One run of `resolve`: its inputs, and what has been worked out or reported already.
+    """One run of `resolve`: its inputs, and what has been resolved or reported.
 
-    `tables` is keyed by document and canonical parameters (equal definitions are one object); `nesting` holds the
-    documents being resolved, outermost first, `route` the components that nest them; `said` is that of every scope; `overfull`: too many
-    occurrences were reported; `digest` gives the SHA-256 of a file; `quantities` are those of the `Settings`.
+    `tables` is keyed by document and canonical parameters (equal definitions are one object); `nesting` contains the
+    documents being resolved, outermost first, `route` the components that nest them; `said` is shared by all scopes; `overfull`: too many
+    occurrences were reported; `digest` returns the SHA-256 of a file; `quantities` are those of the `Settings`.
     """
 
     documents: Documents
@@ -169,7 +172,7 @@ class ResolveRun:
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
 
     def recall(self) -> None:
-        """Take over from the last run what was sound there: nested documents with their parameters, and material documents."""
+        """Reuse valid results of the last run: nested documents with their parameters, and material documents."""
         known = self.memo.last("resolve", (self.specs, self.schemas))
         if known is not None:
             self.recalled, declared, materials = known
@@ -179,12 +182,12 @@ class ResolveRun:
             self.recalled = self.of_any_text.last(("nested", self.documents.root.relative), self._nested()) or {}
 
     def _nested(self) -> tuple[object, ...]:
-        """All that nested documents depend on, and what they nest."""
+        """Return the inputs of nested documents."""
         root = self.documents.root
         return {path: one for path, one in self.documents.by_path.items() if one is not root}, self.schemas, self.workspace
 
     def table(self, key: tuple[str, tuple[tuple[str, Value], ...]]) -> DocumentScope | None:
-        """What has been worked out of a document with these parameters, in this run or the last."""
+        """Return the table of a document with these parameters from this run or the last, or None."""
         known = self.tables.get(key)
         if known is None and key in self.recalled:
             known = self.tables[key] = self.recalled[key]
@@ -192,19 +195,19 @@ class ResolveRun:
         return known
 
     def values(self, scope: Scope, place: str, model: object) -> tuple[ExpressionValue | None, ...]:
-        """The values of all names that expressions in a section of a document use."""
+        """Return the values of all names that expressions in a section of a document use."""
         names = self.memo(("names", scope.document.relative, place), names_in, model)
         return tuple(scope.names.get(name) for name in names)
 
     def there(self, table: DocumentScope) -> list[tuple[object, ...]]:
-        """The components of a document, as far as references can see them."""
+        """Return the components of a document, as far as references depend on them."""
         return [
             (node.name, node.spec, node.unsound, node.unplaced, node.definition if node.table is not None else node.definition is None)
             for node in table.nodes.values()
         ]
 
     def around(self, table: DocumentScope) -> tuple[object, ...]:
-        """What a sound section of a document can see of the others: what is there, but no numbers."""
+        """Return what a valid section of a document can refer to in others, without numbers."""
         return (
             self.there(table),
             [
@@ -215,7 +218,7 @@ class ResolveRun:
         )
 
     def sound(self, place: Hashable, inputs: tuple[object, ...], make: Callable[[], Answer]) -> Answer:
-        """What `make` gives, or gave in the last run with equal inputs; kept as long as nothing at all was said."""
+        """Return the result of `make`, or the cached one of the last run for equal inputs; cached only if nothing was reported."""
         known: Answer | None = self.memo.last(place, inputs)
         if known is None:
             known = make()
@@ -224,12 +227,17 @@ class ResolveRun:
         return known
 
     def same(self, what: str, document: str, made: Iterable[Named]) -> tuple[Named, ...]:
-        """What a document's text makes, each the equal object of the last run where it is no other: later passes know it then."""
+        """Return elements made from a document's text, each replaced by the equal object of the last run, if any, for caching in later
+        passes.
+        """
         return tuple(self.memo.same((what, document, *self.route, one.name), one) for one in made)
 
     def remember(self, top: DocumentScope) -> None:
-        """Keep for the next run the nested documents that this one has used, if nothing at all was said; for one of another text of the top
-        document alone, if what was said is of that. (Of a part that failed and what was allowed is told only once.)"""
+        """Cache the nested documents of this run for the next one, if nothing was reported.
+
+        If all diagnostics are in the top document, they are cached for other texts of it. (Failed parts and suppressed warnings prevent
+        caching, because they are reported only once.)
+        """
         tables = {table.key: table for table in top.inner()}
         said = [diagnostic.span for diagnostic in self.report.diagnostics]
         own = self.documents.root.path
@@ -240,24 +248,24 @@ class ResolveRun:
         self.memo.keep("resolve", (self.specs, self.schemas), (tables, self.declared, self.materials))
 
     def from_top(self, path: str) -> str:
-        """A path in the document that is being resolved, as the top document has it."""
+        """Convert a path in the current document to one from the top document."""
         return ".".join((*(f"components.{name}" for name in self.route), path))
 
     def say_of_option(self, path: str, message: str, help: str | None) -> None:
-        """Report what is wrong with `--set` at a path in the document that is being resolved."""
+        """Report an error of `--set` at a path in the current document."""
         self.report.add(Code.CHOICE_OPTION, message, None, path=f"{SET}{self.from_top(path)}", help=help)
 
     def scope(self, document: Document, names: Mapping[str, ExpressionValue], broken: frozenset[str] = NOTHING) -> Scope:
-        """A scope that reports to this run."""
+        """Return a scope that reports to this run."""
         return Scope(document=document, report=self.report, names=names, broken=broken, said=self.said, doubts=self.doubts(document))
 
     def doubts(self, document: Document) -> InvalidEntries:
-        """What validation has left out of a document."""
+        """Return the entries of a document that validation left out."""
         return self.specs.doubts.get(document.relative, NO_DOUBTS)
 
 
 def names_in(*models: object) -> tuple[str, ...]:
-    """The names that expressions anywhere in these models use: all that what is made of them depends on besides."""
+    """Return the names that expressions anywhere in these models use, their only external inputs."""
     names: set[str] = set()
     waiting = list(models)
     while waiting:

@@ -1,4 +1,4 @@
-"""Joints: kinds, references, limits, dynamics, drives. What mimics what is in `mimics`."""
+"""Resolve joints: kinds, references, limits, dynamics and drives. Mimics are in `mimics`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ NO_DYNAMICS = Dynamics()
 
 
 def _said(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) -> tuple[Any, Path] | None:
-    """What is written for a key. A default of the document that is meant for turns is none for slides, and the other way."""
+    """Return the value of a key. Defaults of the document for rotations do not apply to translations, and vice versa."""
     said = layers.pick(key)
     if said is not None and said[1][0] == "defaults":
         return None if _of_others(scope, *said, key, coordinate) else said
@@ -44,7 +44,7 @@ def _said(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) 
 
 
 def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimension) -> bool:
-    """Whether a value is one for turns where the joint slides, or the other way round."""
+    """Return whether a value has units of rotation and the joint translates, or vice versa."""
     own, other = (TURN, SLIDE) if coordinate == ANGLE else (SLIDE, TURN)
     value = scope.value(raw, path)
     return isinstance(value, Quantity) and not value.fits(own[key]) and value.fits(other[key])
@@ -53,7 +53,7 @@ def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimensi
 def _values(
     scope: Scope, name: str, coordinate: Dimension, section: str, layers: DefaultLayers, keys: tuple[str, ...],
 ) -> dict[str, float | None]:
-    """The values of keys that are at least 0; None where nothing is written or it is wrong (reported)."""
+    """Return the values of keys that must be at least 0; None if not specified, or invalid (reported)."""
     of = dimensions_of(coordinate)
     values: dict[str, float | None] = {}
     for key in keys:
@@ -63,9 +63,9 @@ def _values(
 
 
 def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: Places) -> bool:
-    """Fill `table.joints` (without mimics) and note in `places` what each one places.
+    """Fill `table.joints` (without mimics) and record in `places` what each joint places.
 
-    A joint that is wrong in its kind or references is None there, and its child, where it has one, unplaced.
+    A joint with an invalid kind or reference is None there, and its child, if any, is unplaced.
     Returns whether the child of some joint could not be read.
     """
     defaults = table.spec.defaults.joint if table.spec.defaults is not None else None
@@ -104,7 +104,7 @@ def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: P
 
 
 def _named(table: DocumentScope, scope: Scope, text: str) -> str | None:
-    """The component that a wrong reference begins with, where there is one of that name."""
+    """Return the component that an invalid reference begins with, if it exists."""
     first = text.split(".")[0]
     if scope.index is not None:
         first = first.replace("${" + scope.index[0] + "}", scope.index[1]).replace("$" + scope.index[0], scope.index[1])
@@ -114,7 +114,7 @@ def _named(table: DocumentScope, scope: Scope, text: str) -> str | None:
 def _coordinates(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, parent: Reference, child: Reference, layers: DefaultLayers,
 ) -> tuple[Joint, ...]:
-    """The joint; of one that has several coordinates one for each."""
+    """Return the joint; if it has several coordinates, one joint for each."""
     scope, path, count = item.scope, item.path, len(kind.twists)
     lead = _lead(scope, item.spec, kind, item.name, path)
     axis = _axis(scope, item.spec, kind, item.name, path)
@@ -144,8 +144,9 @@ def _coordinates(
 def _ball(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, mounts: tuple[Reference, Reference], layers: DefaultLayers,
 ) -> tuple[Joint, ...]:
-    """The coordinates of a ball. Its limit and its dynamics are of all of them; of up to three drives each has its own axis, and stands
-    with one of the coordinates."""
+    """Return the coordinates of a ball. Limit and dynamics belong to all of them; each of up to three drives has its own axis, and is
+    stored with one of the coordinates.
+    """
     scope, spec, path, name = item.scope, item.spec, item.path, item.name
     for key in ("limit", "dynamics"):
         if isinstance(getattr(spec, key), (list, dict)):
@@ -175,7 +176,7 @@ def _ball(
 
 
 def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int, Drive]:
-    """The drives of a ball by their number; one that is wrong is left out (reported)."""
+    """Return the drives of a ball by index; invalid ones are reported and left out."""
     scope, written, path, name = item.scope, item.spec.drive, (*item.path, "drive"), item.name
     if written is None:
         return {}
@@ -208,7 +209,7 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
 
 
 def _direction(scope: Scope, written: Sequence[Any], place: Path, what: str, code: Code) -> Vector | None:
-    """The unit vector along what is written; None where that is wrong (reported, an axis of 0 by `code`)."""
+    """Return the unit vector along a written vector; None if it is invalid (reported; a zero vector with `code`)."""
     axis = scope.vector(written, place, NUMBER, what)
     size = 0.0 if axis is None else hypot(*axis)
     if axis is None or size > 0.0:
@@ -221,7 +222,7 @@ def _resolve_joint(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[Reference, Reference],
     layers: DefaultLayers, number: int | None,
 ) -> Joint:
-    """A joint, or with a `number` that coordinate of it."""
+    """Return a joint, or with `number` one of its coordinates."""
     scope, spec, path, name = item.scope, item.spec, item.path, CoordinateName(item.name)
     if number is not None:
         name = name.numbered(number)
@@ -231,7 +232,7 @@ def _resolve_joint(
     limit, dynamics, drive = NO_LIMIT, NO_DYNAMICS, None
     nodes = _nodes(table, layers, number)
     if kind.at_once:
-        pass  # what its coordinates have is read once for all of them
+        pass  # values of a ball are read once for all coordinates
     elif twist is None:
         for key in ("limit", "dynamics", "offset", "drive"):
             if key in spec.model_fields_set and getattr(spec, key) is not None:
@@ -257,7 +258,7 @@ def _resolve_joint(
 
 
 def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | None) -> None:
-    """An axis of a drive is of a ball."""
+    """Report an axis of a drive whose joint is not a ball."""
     if said is not None and isinstance(said[0], DriveSpec) and said[0].axis is not None and said[1][0] == "joints":
         scope.error(
             Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: its drive has no `axis`", (*said[1], "axis"), key=True,
@@ -266,7 +267,7 @@ def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | 
 
 
 def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> Vector | None:
-    """The unit vector that stands in the place of z; None where none is written, or it is wrong (reported)."""
+    """Return the unit vector that replaces z; None if it is not specified, or invalid (reported)."""
     if spec.axis is None:
         return None
     place = (*path, "axis")
@@ -282,7 +283,7 @@ def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
 
 
 def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> float | None:
-    """How far [m] the joint slides in a turn; None where it does not, or that is wrong (reported)."""
+    """Return the advance per turn [m]; None if the joint has none, or it is invalid (reported)."""
     if spec.lead is None:
         if kind.leads and not scope.doubts.touch(path):
             scope.error(
@@ -307,8 +308,7 @@ def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
 
 
 def _nodes(table: DocumentScope, layers: DefaultLayers, number: int | None) -> dict[str, Node]:
-    """What stands within the joint by dotted key (of a coordinate what is its own); what the document's defaults say where the joint
-    itself is silent."""
+    """Return the nodes of the joint, or of a coordinate, by dotted key, with those of the document's defaults where the joint has none."""
     nodes: dict[str, Node] = {}
     for _, base in reversed(layers.items):
         _collect(node_at(table.document.tree, base), "", nodes, number)
@@ -373,7 +373,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
 
 
 def _cone(scope: Scope, name: str, layers: DefaultLayers) -> Limit:
-    """The limit of a ball."""
+    """Return the limit of a ball."""
     own = [(key, said[1]) for key in ("lower", "upper", "effort", "velocity") if (said := layers.pick(key)) and said[1][0] == "joints"]
     if own:
         scope.error(
@@ -385,7 +385,7 @@ def _cone(scope: Scope, name: str, layers: DefaultLayers) -> Limit:
 
 
 def _type(scope: Scope, item: Unrolled[JointSpec], said: tuple[Any, Path]) -> list[Note]:
-    """The note that shows why a value of a joint has the dimension that it should have."""
+    """Return the note that shows why a value of a joint must have this dimension."""
     return scope.beside(f"`{item.name}` is {item.spec.type} here", (*item.path, "type"), said[1])
 
 
@@ -412,14 +412,14 @@ def _drive(table: DocumentScope, scope: Scope, name: str, coordinate: Dimension,
         if path[0] == "defaults" and any(
             _of_others(scope, raw, (*path, key), key, coordinate) for key in ("kp", "kv") if (raw := getattr(spec, key)) is not None
         ):
-            return None  # gains of turns are none for slides: such a drive moves nothing
+            return None  # a drive with gains for rotations cannot move a slide
         reference = None if spec.component is None else _driving_part(table, scope, name, spec.component, (*path, "component"))
         if spec.component is not None and reference is None:
             return None
         written = DefaultLayers(((spec, path),))
         values = _values(scope, name, coordinate, "drive", written, ("kp", "kv", "effort", "velocity", "armature"))
         if spec.kp is not None and values["kp"] is None:
-            values["kp"] = 1.0  # a stand-in, so that no later pass says that there is none
+            values["kp"] = 1.0  # placeholder, so that no later pass reports it as missing
         return Drive(
             component=reference, kind=spec.kind, kp=values["kp"], kv=values["kv"], effort=values["effort"], velocity=values["velocity"],
             armature=values["armature"], origin=scope.origin(path),
@@ -438,7 +438,7 @@ def _drive(table: DocumentScope, scope: Scope, name: str, coordinate: Dimension,
 
 
 def _driving_part(table: DocumentScope, scope: Scope, name: str, text: str, path: Path) -> Reference | None:
-    """The reference to the part whose actuator drives the joint `name`; None if it is not a part (reported)."""
+    """Return the reference to the part whose actuator drives the joint `name`; None if it is not a part (reported)."""
     component = references.component(table, scope, text, path)
     if component is None:
         return None

@@ -1,4 +1,4 @@
-"""What a link is: a component whose geometry is listed, shape by shape, and modelled by nobody."""
+"""Links: components whose shapes are listed in the document, without a CAD model."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ if TYPE_CHECKING:
     from thingc.model.resolve.types import Material
 
 NAMED = 3
-"""How many shapes a label names."""
+"""Maximum number of shapes in a label."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LinkShape(OneLineRepr):
-    """A shape of a link, in its frame: whether it is `drawn`, and whether it `touches`. `pose` is that of a mesh file: a primitive has its
-    own. `material`, `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) are what the shape itself says; None: as its
-    link, and its material, have it. `name` is its name in files."""
+    """A shape of a link, in its frame. `drawn` and `touches` enable display and collision. `pose` is that of a mesh file; primitives have
+    their own. `material`, `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) are specified for the shape itself; None: those
+    of the link and its material. `name` is its name in files.
+    """
 
     solid: Primitive | MeshFile
     drawn: bool
@@ -42,12 +43,12 @@ class LinkShape(OneLineRepr):
 
     @property
     def word(self) -> str:
-        """What it is, for people."""
+        """Display name of the shape."""
         return self.solid.path if isinstance(self.solid, MeshFile) else self.solid.shape
 
     @property
     def said(self) -> tuple[object, ...]:
-        """All that it says, as plain values."""
+        """All of its properties as plain values."""
         solid, material = self.solid, self.material.name if self.material is not None else None
         pose = self.pose if isinstance(solid, MeshFile) else solid.pose
         shape = (solid.path, *solid.content) if isinstance(solid, MeshFile) else (solid.shape, solid.size)
@@ -55,15 +56,18 @@ class LinkShape(OneLineRepr):
                 *([self.name] if self.name else []))
 
     def mirrored(self, mirror: Mirror) -> LinkShape:
-        """Its mirror image: every primitive is the image of itself, in a frame that is mirrored, and a mesh file is read mirrored."""
+        """Return its mirror image: primitives are equal to their image in a mirrored frame; mesh files are read mirrored."""
         if isinstance(self.solid, MeshFile):
             return dataclasses.replace(self, solid=replace(self.solid, scale=mirror.vector(self.solid.scale)), pose=mirror.frame(self.pose))
         return dataclasses.replace(self, solid=replace(self.solid, pose=mirror.frame(self.solid.pose)))
 
 
 class LinkDefinition(OneLineRepr, FrozenStruct):
-    """The shapes of a link: equal ones are one node of the HAG. `text` is `link-` and 12 hex of the SHA-256 of what it lists (`link`
-    where that is nothing), `label` for people. Of a mirror image `mirror` is the axis of its frame, `plain` what it mirrors."""
+    """The shapes of a link; equal definitions are one node of the HAG.
+
+    `text` is `link-` and 12 hex digits of the SHA-256 of the list (`link` if it is empty), `label` the display name. For a mirror image,
+    `mirror` is the axis of its frame, and `plain` the original.
+    """
 
     shapes: tuple[LinkShape, ...]
     text: str
@@ -72,7 +76,7 @@ class LinkDefinition(OneLineRepr, FrozenStruct):
     plain: LinkDefinition | None = None
 
     def mirrored(self, axis: str) -> LinkDefinition:
-        """The definition of the mirror image at the plane normal to `axis` (`x | y | z`) of the link's frame."""
+        """Return the mirror image at the plane normal to `axis` (`x | y | z`) of the link's frame."""
         mirror = Mirror(axis)
         return replace(
             self, shapes=tuple(shape.mirrored(mirror) for shape in self.shapes), text=with_mirror(self.text, axis),
@@ -81,13 +85,13 @@ class LinkDefinition(OneLineRepr, FrozenStruct):
 
 
 def mesh_files_of(definition: object) -> tuple[MeshFile, ...]:
-    """The mesh files that a link lists; none of any other definition."""
+    """Return the mesh files that a link lists; empty for other definitions."""
     shapes = definition.shapes if isinstance(definition, LinkDefinition) else ()
     return tuple(dict.fromkeys(shape.solid for shape in shapes if isinstance(shape.solid, MeshFile)))
 
 
 def link_of(shapes: tuple[LinkShape, ...]) -> LinkDefinition:
-    """The definition of a link with these shapes."""
+    """Return the definition of a link with these shapes."""
     if not shapes:
         return LinkDefinition(shapes=(), text="link", label="link")
     digest = hashlib.sha256(repr([one.said for one in shapes]).encode()).hexdigest()[:12]

@@ -1,4 +1,4 @@
-"""The materials in scope of a document: material documents, inline ones, and those of the bd_materials library."""
+"""The materials in scope of a document: of material documents, inline, and from the bd_materials library."""
 
 from __future__ import annotations
 
@@ -18,15 +18,17 @@ from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.types import Material, Process
 
 _STAND_IN = 1000.0
-"""Density [kg/m^3] of a material whose own was wrong and has been reported, so that no later pass says that it has none.
-Nothing is ever built with it: there is an error in the report."""
+"""Placeholder density [kg/m^3] of a material with an invalid one (reported), so that no later pass reports it as missing.
+
+It is never built: the report has an error.
+"""
 
 BRIDGE_FLOWS = (0.1, 2.0)
-"""What bridges can be laid with: less is no strand, more is no bridge."""
+"""Range of plausible flow ratios of bridges."""
 
 
 def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str, Material | None]:
-    """Every material by name; None for names that must not be complained about (their document was wrong)."""
+    """Return every material by name; None for names that must not be reported (their document is invalid)."""
     if isinstance(spec.materials, Mapping):
         return _resolve_materials(scope, spec.materials)
     materials: dict[str, Material | None] = {}
@@ -51,7 +53,7 @@ def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str,
 
 
 def unreadable(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> bool:
-    """Whether a material document of this one could not be read: then an unknown name is no news."""
+    """Return whether a material document of this one could not be read: unknown names are then not reported."""
     if scope.doubts.lacks("materials"):
         return True
     if isinstance(spec.materials, Mapping):
@@ -64,7 +66,7 @@ def unreadable(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> bool:
 
 
 def of_document(context: ResolveRun, document: Document) -> dict[str, Material | None]:
-    """The materials of a `materials/1` document by name, worked out once per run; none where the document was wrong."""
+    """Return the materials of a `materials/1` document by name, computed once per run; empty if the document is invalid."""
     materials = context.materials.get(document.relative)
     if materials is None:
         materials = context.materials[document.relative] = {}
@@ -76,7 +78,7 @@ def of_document(context: ResolveRun, document: Document) -> dict[str, Material |
 
 
 def _resolve_materials(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[str, Material | None]:
-    """The materials of one document, those that validation has left out with a stand-in for their density."""
+    """Return the materials of one document; those that validation left out get a placeholder density."""
     materials: dict[str, Material | None] = {name: material(scope, name, entry, ("materials", name)) for name, entry in specs.items()}
     for name in scope.doubts.names("materials"):
         materials.setdefault(name, Material(name=name, density=_STAND_IN, origin=scope.origin(("materials", name), key=True)))
@@ -84,7 +86,7 @@ def _resolve_materials(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[
 
 
 def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Material:
-    """One material with what it takes from the library; parts of it that were wrong are reported and left out."""
+    """Resolve one material, with values from the library; invalid values are reported and left out."""
     library = None if spec.base is None else _library(scope, spec.base, (*path, "base"))
     density, base_color = library or (None, None)
     wrong = scope.doubts.touch(path) or spec.base is not None and library is None
@@ -102,7 +104,7 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
 
 
 def friction(scope: Scope, spec: FrictionSpec | None, path: Path) -> tuple[float | None, float | None, float | None]:
-    """Sliding, torsional and rolling friction; None of what is not said, or wrong (reported)."""
+    """Return sliding, torsional and rolling friction; None if not specified, or invalid (reported)."""
     if spec is None:
         return None, None, None
     slide = scope.number(spec.slide, (*path, "slide"), NUMBER, "sliding friction", least=0.0)
@@ -114,7 +116,7 @@ def friction(scope: Scope, spec: FrictionSpec | None, path: Path) -> tuple[float
 
 
 def process(scope: Scope, layers: DefaultLayers) -> Process:
-    """How something is made, key by key from the layers; keys that are wrong are reported and left out."""
+    """Resolve a process, key by key from the layers; invalid keys are reported and left out."""
 
     origins: dict[str, Origin] = {}
 
@@ -162,7 +164,7 @@ _BASE = re.compile(r"bd_materials:(.*)")
 
 
 def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | None:
-    """Density [kg/m^3] and colour of `bd_materials:NAME`; None where there is none (reported). Imports the library."""
+    """Return density [kg/m^3] and colour of `bd_materials:NAME`; None if there is none (reported). Imports the library."""
     match = _BASE.fullmatch(text.strip())
     if match is None:
         scope.error(

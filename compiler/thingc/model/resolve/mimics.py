@@ -22,7 +22,7 @@ from thingc.model.resolve.types import Joint
 
 
 def mimics(table: DocumentScope, items: Iterable[Unrolled[JointSpec]]) -> None:
-    """Add what mimics what to `table.joints`; a mimic that is wrong is reported and left out."""
+    """Add mimics to `table.joints`; invalid ones are reported and left out."""
     items = list(items)
     for item in items:
         own = [joint for joint in table.joints.values() if joint is not None and joint.name.joint == item.name]
@@ -37,7 +37,7 @@ def mimics(table: DocumentScope, items: Iterable[Unrolled[JointSpec]]) -> None:
 def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: MimicSpec, path: Path) -> Mimic | None:
     scope = item.scope
     if not isinstance(spec, MimicSpec):
-        return None  # a list where there is one coordinate: reported
+        return None  # a list for a single coordinate: already reported
     coordinate = joint.twist.coordinate if joint.twist is not None else None
     if joint.kind.at_once:
         scope.error(Code.MIMIC, f"joint `{joint.name.joint}` is a ball: it cannot mimic", path, key=True, help="take it out")
@@ -76,7 +76,7 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
 def _polynomial(
     item: Unrolled[JointSpec], followed: _Followed, coordinate: Dimension, written: Sequence[Any], path: Path, notes: list[Note],
 ) -> Mimic | None:
-    """The k-th coefficient is that of q(joint)^k, in units of q / q(joint)^k."""
+    """Return the mimic; the k-th coefficient is that of q(joint)^k, in units of q / q(joint)^k."""
     scope, place = item.scope, (*path, "polynomial")
     values: list[float] = []
     dimension = coordinate
@@ -98,7 +98,7 @@ def _polynomial(
 
 
 class _Followed(FrozenStruct, kw_only=False):
-    """A coordinate that may be followed: its name, its joint and what it is measured in."""
+    """A coordinate that can be followed: its name, its joint and its dimension."""
 
     name: CoordinateName
     joint: Joint
@@ -106,7 +106,7 @@ class _Followed(FrozenStruct, kw_only=False):
 
 
 def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, path: Path) -> _Followed | None:
-    """What `mimic.joint` names; reported, and None, where that is nothing that can be followed."""
+    """Resolve `mimic.joint`; report it and return None if it cannot be followed."""
     scope, place = item.scope, (*path, "joint")
     said = CoordinateName(spec.joint)
     parts = references.words(scope, said.joint, place)
@@ -145,7 +145,7 @@ def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, 
 
 
 def _break_cycles(table: DocumentScope, items: dict[str, Unrolled[JointSpec]]) -> None:
-    """Report every circle of mimics once, and take its mimics out."""
+    """Report every cycle of mimics once, and remove its mimics."""
     follows = {name: joint.mimic.joint for name, joint in table.joints.items() if joint is not None and joint.mimic is not None}
     for circle in find_cycles(follows, follows.get):
         first = items[circle[0]]

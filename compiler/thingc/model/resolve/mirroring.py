@@ -27,13 +27,15 @@ AT_MOUNT = Mirror("y")
 
 
 def mirrored(definition: AssemblyDefinition, axis: str) -> AssemblyDefinition:
-    """The mirror image of an assembly at the plane normal to `axis` of its frame; of one that is a mirror image along it what that
-    mirrors. Nothing in it may be mirrored along another axis (see `other_axis`)."""
+    """Return the mirror image of an assembly at the plane normal to `axis` of its frame; for a mirror image along this axis, the original.
+
+    Nothing in the assembly may be mirrored along another axis (see `other_axis`).
+    """
     return _mirrored(definition, axis, {})
 
 
 def other_axis(definition: AssemblyDefinition, axis: str) -> tuple[str, str] | None:
-    """A component (its path in dots) that is mirrored already, along another axis than this, and that axis; None where there is none."""
+    """Return a component (its dotted path) that is mirrored along another axis, and that axis; None if there is none."""
     for component in definition.components:
         inner = component.definition
         if inner is None:
@@ -47,7 +49,7 @@ def other_axis(definition: AssemblyDefinition, axis: str) -> tuple[str, str] | N
 
 
 def _mirrored(definition: AssemblyDefinition, axis: str, met: dict[int, AssemblyDefinition]) -> AssemblyDefinition:
-    """The same, with those that have been worked out, so that equal definitions stay one object."""
+    """Return the mirror image; `met` caches results, so that equal definitions are one object."""
     if definition.plain is not None:
         return definition.plain
     if id(definition) not in met:
@@ -62,7 +64,7 @@ def _mirrored(definition: AssemblyDefinition, axis: str, met: dict[int, Assembly
 def _component(one: Component, axis: str, met: dict[int, AssemblyDefinition]) -> Component:
     mirror, definition, bom = Mirror(axis), one.definition, one.bom
     if isinstance(definition, PartDefinition):
-        bom = replace(bom, number=None)  # that of the part is not the number of its image
+        bom = replace(bom, number=None)  # the order number of the part does not apply to its image
     if isinstance(definition, PartDefinition | LinkDefinition):
         definition = definition.plain or definition.mirrored(axis)
     elif definition is not None:
@@ -94,7 +96,7 @@ def _placement(placement: Attach | At) -> Attach | At:
 
 
 def _mirror_joint(joint: Joint) -> Joint:
-    """The image of a joint, or of one of its coordinates."""
+    """Return the image of a joint, or of one of its coordinates."""
     twist = joint.twist
     if joint.axis is not None:
         image = None if twist is None else replace(twist, angular=_turned(twist.angular), linear=AT_MOUNT.vector(twist.linear))
@@ -106,6 +108,6 @@ def _mirror_joint(joint: Joint) -> Joint:
 
 
 def _turned(axis: Vector) -> Vector:
-    """About what the image of a mount turns by the same angle: `-D axis`."""
+    """Return the axis about which the image of a mount turns by the same angle: `-D axis`."""
     x, y, z = AT_MOUNT.vector(axis)
     return (-x + 0.0, -y + 0.0, -z + 0.0)

@@ -1,5 +1,6 @@
-"""Modes: `extends` merged, names worked out, numbers in SI; what they hold, cut and stand on. `model/assembly/modes.py` finds the link of a
-root."""
+"""Resolve modes: merge `extends`, resolve names, convert numbers to SI; holds, cuts and feet. `model/assembly/modes.py` finds the link of a
+root.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ from thingc.model.resolve.types import Cut, Hold, Mode, Reference, Standing
 
 
 def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Hold, ...]:
-    """The holds of a mode, key by key over what it extends. One that is wrong is left out (reported)."""
+    """Return the holds of a mode, key by key over the modes that it extends. Invalid ones are reported and left out."""
     merged: dict[str, tuple[object, Path]] = {}
     for model, path in reversed(layers.items):
         for text, said in (getattr(model, "hold", None) or {}).items():
@@ -46,8 +47,9 @@ def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Ho
 
 
 def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut, ...]:
-    """The joints that a mode wants loops cut at, in the order in which it names them; fixed ones only where they close a loop. One that is
-    wrong is left out (reported)."""
+    """Return the joints at which a mode should cut loops, in the order written; fixed joints only if they close a loop. Invalid ones are
+    reported and left out.
+    """
     said = layers.pick("cut")
     if said is None:
         return ()
@@ -77,8 +79,9 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
 
 
 def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers, base: BaseType) -> Standing | None:
-    """The mounts under `standing_on`, each once, and the friction that is stated, as far as they are sound (else reported); None where
-    there are none."""
+    """Return the mounts under `standing_on`, each once, and their friction, if stated; None if there are none. Invalid ones are
+    reported.
+    """
     said = layers.pick("standing_on")
     if said is None or said[0] == []:
         return None
@@ -103,7 +106,7 @@ def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayer
 
 
 def mounts_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) -> list[Reference]:
-    """The mounts that a name or pattern fits: those that the document exports by their names, else `components.mount`."""
+    """Return the mounts that match a name or pattern: exported mounts of the document by name, else `components.mount`."""
     if not GLOB.search(text):
         reference = references.shown_mount(table, scope, text, path)
         return [reference] if reference is not None else []
@@ -122,11 +125,11 @@ MAX_EXTENDED = 20
 MAX_EXCLUDED = 100_000
 
 GRAVITY: Mapping[StandsOn, Vector] = {"floor": (0.0, 0.0, -9.81), "wall": (-9.81, 0.0, 0.0), "ceiling": (0.0, 0.0, 9.81)}
-"""Gravity [m/s^2] in the world frame by its word: what the robot stands on, clings to or hangs from."""
+"""Gravity [m/s^2] in the world frame, by what the robot stands on, clings to or hangs from."""
 
 
 def modes(table: DocumentScope, scope: Scope) -> tuple[Mode, ...]:
-    """The modes of the document, or the one that a document without modes has. One that is wrong is left out (reported)."""
+    """Return the modes of the document, or the default mode if it has none. Invalid ones are reported and left out."""
     spec = table.spec
     if not spec.modes:
         if table.base is None or any(doubt[:1] == ("modes",) for doubt in scope.doubts.paths):
@@ -148,7 +151,7 @@ def modes(table: DocumentScope, scope: Scope) -> tuple[Mode, ...]:
 
 
 def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
-    """The modes that extend themselves, each circle reported once."""
+    """Return the modes that extend themselves; each cycle is reported once."""
     circular: set[str] = set()
     for circle in find_cycles(specs, lambda name: specs[name].extends if name in specs else None):
         circular.update(circle)
@@ -163,7 +166,7 @@ def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
 
 
 def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[str]) -> DefaultLayers | None:
-    """The mode over what it extends; None where that cannot be told (reported)."""
+    """Return the layers of a mode and the modes that it extends; None if they cannot be determined (reported)."""
     items: list[tuple[ModeSpec, Path]] = []
     step: str | None = name
     while step is not None:
@@ -230,7 +233,7 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
 
 
 def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: BaseType) -> dict[str, Pose]:
-    """The world side of the root in some poses."""
+    """Return the placements of the root in poses that have their own."""
     said, path = layers.pick("at_in") or ({}, ())
     poses: dict[str, Pose] = {}
     if said and base not in ("free", "held"):
@@ -246,7 +249,7 @@ def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: Base
 
 
 def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
-    """The world side of the root, and whether its height is left to the floor: `on: floor`, unless a nearer `xyz` has a height."""
+    """Return the placement of the root, and whether its height is computed: `on: floor`, unless a nearer `xyz` has a height."""
     at = layers.sub("at")
     if not at:
         return NO_POSE, False
@@ -272,7 +275,7 @@ def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
 
 
 def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: Sequence[Hold]) -> None:
-    """A hold at a place says how high the robot is, too."""
+    """Report a hold with a position in a mode `on: floor`, because it specifies the height as well."""
     on = layers.sub("at").pick("on")
     for hold in held:
         if hold.pose is not None and on is not None:
@@ -285,7 +288,7 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: 
 
 
 def _gravity(scope: Scope, layers: DefaultLayers) -> tuple[Vector, Origin]:
-    """Gravity, and where it is written in numbers (empty where it is not)."""
+    """Return gravity, and where it is written in numbers (else empty)."""
     said = layers.pick("gravity")
     if said is None:
         return GRAVITY["floor"], ()
@@ -322,7 +325,7 @@ def _poses(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[s
 
 
 def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[str, ...] | None:
-    """Paths (with `/`) of the driven joints that are present, in document order."""
+    """Return the paths (with `/`) of the driven joints of the mode, in document order."""
     said = layers.pick("actuators")
     if said is None:
         return None
@@ -330,14 +333,14 @@ def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tup
 
 
 def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> tuple[str, ...]:
-    """Paths (with `/`) of the driven joints that names and patterns fit, in document order; `patterns` with their places."""
+    """Return the paths (with `/`) of the driven joints that match names and patterns, in document order; `patterns` have their places."""
     joints = dict(table.all_joints())
     known = [name for name, joint in joints.items() if joint is not None and joint.drive is not None]
     chosen: set[str] = set()
     for pattern, at in patterns:
         if pattern in joints:
             joint = joints[CoordinateName(pattern)]
-            if joint is not None and joint.drive is None and "drive" not in joint.spans:  # a wrong one has been reported
+            if joint is not None and joint.drive is None and "drive" not in joint.spans:  # an invalid drive has been reported
                 scope.error(
                     Code.DRIVE, f"joint `{pattern}` has no `drive`: it is no actuator", at, help="give the joint a `drive`",
                     notes=[Note(message=f"`{pattern}` is written here", span=joint.origin[0])],
@@ -375,7 +378,7 @@ def _exclude(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tup
 
 
 def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) -> list[str]:
-    """The components that a name or pattern fits."""
+    """Return the components that match a name or pattern."""
     if not GLOB.search(text):
         component = references.component(table, scope, text, path)
         return [".".join(component[0].path)] if component is not None else []
@@ -386,7 +389,7 @@ def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path
 
 
 def _adhesion(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, float], ...]:
-    """Force [N] per mount, key by key over what the mode extends."""
+    """Return the force [N] per mount, key by key over the modes that it extends."""
     merged: dict[str, tuple[object, Path]] = {}
     for model, path in reversed(contacts.items):
         for text, raw in getattr(model, "adhesion", {}).items():
@@ -401,7 +404,7 @@ def _adhesion(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tu
 
 
 def simulation(scope: Scope, layers: DefaultLayers) -> dict[str, float | str]:
-    """`timestep` [s], `integrator`, `cone`, `impratio`, as far as they are written."""
+    """Return `timestep` [s], `integrator`, `cone`, `impratio`, as far as specified."""
     settings: dict[str, float | str] = {}
     for key, dimension in (("timestep", TIME), ("integrator", None), ("cone", None), ("impratio", NUMBER)):
         said = layers.pick(key)
@@ -414,6 +417,6 @@ def simulation(scope: Scope, layers: DefaultLayers) -> dict[str, float | str]:
 
 
 def step_origin(scope: Scope, layers: DefaultLayers) -> Origin:
-    """Where `timestep` is written; empty where it is not."""
+    """Return where `timestep` is written, or an empty origin."""
     said = layers.pick("timestep")
     return scope.origin(said[1]) if said is not None else ()

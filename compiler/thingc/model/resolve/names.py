@@ -1,4 +1,4 @@
-"""What files call things of a document: `names:`."""
+"""Names in files of elements of a document: `names:`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from thingc.model.resolve.types import NamedKind, NameInFiles
 
 
 def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
-    """Those that the document gives, in its order. One for what is not there, or two of one name, are left out (reported)."""
+    """Yield the names that the document specifies, in order. Names of unknown elements and duplicates are reported and left out."""
     spec = table.spec.names
     if spec is None:
         return

@@ -1,4 +1,4 @@
-"""What a model is made of, all the way down."""
+"""Iterate over the nested definitions of a model."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from thingc.model.resolve.types import AssemblyDefinition
 
 
 def assemblies_of(model: AssemblyDefinition) -> Iterator[AssemblyDefinition]:
-    """The model and the definitions nested in it, each once, the top first."""
+    """Yield the model and the definitions nested in it, each once, the top first."""
     waiting, met = [model], {id(model)}
     for definition in waiting:
         yield definition
@@ -21,7 +21,7 @@ def assemblies_of(model: AssemblyDefinition) -> Iterator[AssemblyDefinition]:
 
 
 def decomposed(model: AssemblyDefinition) -> frozenset[str]:
-    """The texts of the part definitions of which some component asks for `collision: decompose`."""
+    """Return the texts of the part definitions that some component uses with `collision: decompose`."""
     return frozenset(
         one.definition.text for definition in assemblies_of(model) for one in definition.components
         if isinstance(one.definition, PartDefinition) and one.overrides.collision == "decompose"
@@ -29,7 +29,7 @@ def decomposed(model: AssemblyDefinition) -> frozenset[str]:
 
 
 def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:
-    """Every part definition of a model once, in document order (nested documents where they first stand)."""
+    """Return every part definition of a model once, in document order (nested documents at their first use)."""
     definitions: dict[PartDefinition, None] = {}
     seen: set[tuple[str, object, str | None]] = set()
     waiting = [iter(model.components)]
@@ -41,7 +41,7 @@ def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:
         definition = component.definition
         if isinstance(definition, PartDefinition):
             definitions.setdefault(definition)
-            if component.image_of is not None and definition.plain is not None:  # it may be its own image
+            if component.image_of is not None and definition.plain is not None:  # it may equal its mirror image
                 definitions.setdefault(definition.plain)
         elif isinstance(definition, AssemblyDefinition):
             key = (definition.document, definition.parameters, definition.mirror)

@@ -1,4 +1,4 @@
-"""What a document says about one component on top of what its part says: mass, material, collision, BOM and the rest."""
+"""Overrides of a part's properties in a document: mass, material, collision, BOM and others."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ NONE_SAID = Overrides()
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 _OF_PARTS = ("material", "mass", "com", "inertia", "collision", "visual", "process", "print", "bom")
-"""Keys that only a part or a frame has a use for."""
+"""Keys that are only valid for a part or a frame."""
 
 
 def refuse_on_assembly(node: ComponentScope) -> None:
-    """Report overrides that are written on a nested assembly: they would not say which of its components they mean."""
+    """Report overrides on a nested assembly: it is not clear to which of its components they apply."""
     for key in _OF_PARTS:
         if key in node.spec.model_fields_set and getattr(node.spec, key) is not None:
             node.scope.error(
@@ -37,7 +37,7 @@ def refuse_on_assembly(node: ComponentScope) -> None:
 
 
 def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
-    """Everything but material and BOM, key by key from the layers; keys that are wrong are reported and left out."""
+    """Return all overrides except material and BOM, key by key from the layers; invalid keys are reported and left out."""
     mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
     collision, visual = layers.pick("collision"), layers.pick("visual")
     made, up = layers.sub("process"), _up(scope, layers)
@@ -56,7 +56,7 @@ def _mass(scope: Scope, layers: DefaultLayers) -> StatedValue | None:
     raw, path = said
     source, at = (raw.source, (*path, "value")) if isinstance(raw, MassSpec) else ("stated", path)
     value = scope.number(raw.value if isinstance(raw, MassSpec) else raw, at, MASS, "the mass", above=0.0, most=HEAVIEST)
-    # Of a wrong one a stand-in stays, so that no later pass says that there is none.
+    # Invalid values are replaced by a placeholder, so that no later pass reports them as missing.
     return StatedValue(value=(1.0 if value is None else value,), source=source, origin=scope.origin(path), stand_in=value is None)
 
 
@@ -100,13 +100,13 @@ def _up(scope: Scope, layers: DefaultLayers) -> Vector | None:
 
 
 def bom(layers: DefaultLayers) -> BomEntry:
-    """The line of the bill of materials."""
+    """Return the entry of the bill of materials."""
     lines = layers.sub("bom")
     return BomEntry(**{key: said[0] for key in BomEntry.__struct_fields__ if (said := lines.pick(key)) is not None})
 
 
 def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | None], *, unreadable: bool) -> Material | None:
-    """The material that the document names, or None; an unknown one is reported unless a material document was unreadable."""
+    """Return the material that the document names, or None; an unknown one is reported unless a material document was unreadable."""
     said = layers.pick("material")
     if said is None:
         return None
@@ -118,19 +118,22 @@ def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | No
         if not known:
             help = "list a document of materials: `materials: [materials.yaml]`"
         scope.error(Code.UNKNOWN_MATERIAL, f"no material `{name}` is in scope", path, help=help)
-    # A stand-in with a density, so that no later pass says that the component has none.
+    # A placeholder with a density, so that no later pass reports it as missing.
     return Material(name=name, density=1000.0, origin=scope.origin(path))
 
 
 def extra_mounts(node: ComponentScope) -> dict[str, ExtraMount]:
-    """The mounts that the document adds. One whose place is wrong is reported, and stays at the component's origin; one of a reserved name
-    is reported, and stays, so that it is known where it is used."""
+    """Return the mounts that the document adds.
+
+    A mount with an invalid pose is reported, and put at the component's origin; one with a reserved name is reported, and kept so that
+    references to it are valid.
+    """
     scope = node.scope
     path: Path = (*node.path, "mounts")
     check_names(scope, [(name, (*path, name), "a mount") for name in node.spec.mounts])
     mounts: dict[str, ExtraMount] = {}
     for name, spec in node.spec.mounts.items():
-        if name == ORIGIN:  # every component has it, as it is
+        if name == ORIGIN:  # every component has this mount
             continue
         at = (*path, name)
         pose = scope.pose(spec, at)

@@ -1,4 +1,4 @@
-"""Parameters of an assembly document: values, expressions in any order, bounds, and what a parent or `-p` sets."""
+"""Parameters of an assembly document: values, expressions in any order, bounds, and values set by a parent or by `-p`."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 Complain = Callable[..., None]
-"""`complain(name, code, message, help=None, notes=())`: reports where a value was set."""
+"""`complain(name, code, message, help=None, notes=())`: reports an error where a value is set."""
 
 
 def declared(context: ResolveRun, document: Document, spec: AssemblySpec) -> DeclaredParameters:
-    """The document's own values, worked out once per run; what is wrong with them is reported then."""
+    """Return the document's own values, computed once per run, with errors reported."""
     known = context.declared.get(document.relative)
     if known is None:
         values, broken = worked_out(document, spec, {}, context.report, context.doubts(document))
@@ -44,9 +44,9 @@ def declared(context: ResolveRun, document: Document, spec: AssemblySpec) -> Dec
 def worked_out(
     document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression], report: Report, doubts: InvalidEntries,
 ) -> tuple[dict[str, ExpressionValue], set[str]]:
-    """The value of every parameter with `given` in place of the document's own, and the names that were wrong.
+    """Return the value of every parameter, where `given` overrides the document's own, and the names of invalid ones.
 
-    Expressions may use each other in any order; a circle is reported as its chain, with a place for each step.
+    Expressions may use each other in any order; a cycle is reported as its chain, with a place for each step.
     """
     values: dict[str, ExpressionValue] = {}
     broken: set[str] = {name for name in spec.parameters if name not in given and doubts.touch(("parameters", name))}
@@ -61,7 +61,7 @@ def worked_out(
 
     def work_out(name: str) -> None:
         raw, path = own(name)
-        names: Mapping[str, ExpressionValue] = values  # every parameter that it uses is there, or broken
+        names: Mapping[str, ExpressionValue] = values  # every parameter that it uses has been computed, or is invalid
         if isinstance(raw, Expression) and any(use.name not in spec.parameters for use in raw.names):
             names = {other: values.get(other, False) for other in spec.parameters if other != name}  # to be suggested for the unknown name
         scope = Scope(document=document, report=report, names=names, broken=broken, doubts=doubts)
@@ -72,7 +72,7 @@ def worked_out(
             values[name] = value
 
     for first in spec.parameters:
-        open_: dict[str, Iterator[str]] = {first: _used(own(first)[0], spec)}  # a stack, so that long chains need no deep one
+        open_: dict[str, Iterator[str]] = {first: _used(own(first)[0], spec)}  # explicit stack, because chains may be long
         while open_:
             name, uses = next(reversed(open_.items()))
             use = next((use for use in uses if use not in values and use not in broken), None)
@@ -90,7 +90,7 @@ def worked_out(
 
 
 def _used(raw: Any, spec: AssemblySpec) -> Iterator[str]:
-    """The parameters that a value refers to."""
+    """Yield the parameters that a value refers to."""
     return iter([use.name for use in raw.names if use.name in spec.parameters] if isinstance(raw, Expression) else [])
 
 
@@ -109,7 +109,7 @@ def _report_cycle(document: Document, spec: AssemblySpec, chain: list[str], plac
 
 
 def canonical(values: Mapping[str, ExpressionValue]) -> tuple[tuple[str, Value], ...]:
-    """Parameters sorted by name: SI floats, whole numbers as ints, flags and texts as they are."""
+    """Return parameters sorted by name: SI floats, integral numbers as ints, booleans and texts unchanged."""
     return tuple((name, plain(values[name])) for name in sorted(values))
 
 
@@ -117,9 +117,10 @@ def fitting(
     context: ResolveRun, document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue], what: str, complain: Complain,
     names: Collection[str] = (),
 ) -> dict[str, ExpressionValue]:
-    """Those of the values somebody sets that fit their parameters: known, of the same dimension, within the bounds.
+    """Return the given values that are valid for their parameters: known, of the same dimension, within the bounds.
 
-    `names` are those that an expression may use where they are set."""
+    `names` are those that an expression may use where they are set.
+    """
     table = declared(context, document, spec)
     scope = context.scope(document, table.values, table.broken)
     sound: dict[str, ExpressionValue] = {}
@@ -146,8 +147,9 @@ def fitting(
 
 
 class AssemblyParameters:
-    """The parameters of an assembly, for whoever sets them from outside: the `name` of the assembly, and their own `values` (without those
-    that are wrong, which is said when the assembly is resolved)."""
+    """The parameters of an assembly, for external callers: the `name` of the assembly, and their own `values` (without invalid ones, which
+    are reported when the assembly is resolved).
+    """
 
     def __init__(self, documents: Documents, specs: Specs, workspace: Workspace) -> None:
         spec = specs[documents.root.relative]
@@ -158,14 +160,14 @@ class AssemblyParameters:
         self.values = declared(self._context, documents.root, spec).values
 
     def given(self, texts: Mapping[str, str]) -> dict[str, ExpressionValue]:
-        """The values of all where some are set by texts, as `-p` takes them; without those that are wrong."""
+        """Return the values of all parameters if some are set by texts, as with `-p`; without invalid ones."""
         root, context = self._context.documents.root, replace(self._context, report=Report())
         sound = from_command_line(context, root, self._spec, texts)
         values, _ = worked_out(root, self._spec, sound, Report(), context.doubts(root))
         return {name: value for name, value in values.items() if name in sound or name not in texts}
 
     def fitting(self, name: str, value: ExpressionValue, complain: Complain) -> ExpressionValue | None:
-        """A value for a parameter; None where it does not fit (said by `complain`), or where the assembly's own is wrong."""
+        """Return a value for a parameter; None if it is not valid (reported with `complain`), or if the assembly's own value is invalid."""
         return fitting(self._context, self._context.documents.root, self._spec, {name: value}, f"`{self.name}`", complain).get(name)
 
 
@@ -204,7 +206,7 @@ def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
 
 
 def _within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionValue, complain: Complain) -> bool:
-    """Whether a value that somebody sets lies within its parameter's bounds."""
+    """Return whether a given value is within its parameter's bounds."""
     if not isinstance(value, Quantity):
         return True
     for key, bound in _bounds(scope, spec, name).items():
@@ -223,9 +225,9 @@ def _beyond(key: str, value: Quantity, bound: Quantity) -> bool:
 
 
 def check_bounds(scope: Scope, spec: AssemblySpec, names: Iterable[str]) -> set[str]:
-    """Report bounds that are none, and values of the document's own (given in `scope`) that lie beyond theirs.
+    """Report invalid bounds, and the document's own values (given in `scope`) that exceed them.
 
-    Returns the names of those values: what uses them need not be looked at.
+    Return the names of those values; expressions that use them need not be checked.
     """
     outside: set[str] = set()
     for name in names:
