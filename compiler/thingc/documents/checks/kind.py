@@ -1,4 +1,4 @@
-"""What a kind of document test is: the contract between one file per kind and the passes."""
+"""Definition of a kind of document test, shared by the modules of kinds and the passes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.documents.spec.base import Model, rule
 
 BOUNDED = ConfigDict(json_schema_extra={"anyOf": [{"required": ["min"]}, {"required": ["max"]}]})
-"""Of a model that takes `min`, `max` or both, as its schema says it."""
+"""Configuration of models that require `min`, `max` or both, for the schema."""
 
 
 def require_bounds(low: object, high: object, kind: str, example: str) -> None:
-    """Raises the fault of a mapping that has neither `min` nor `max`."""
+    """Raise an error if neither `min` nor `max` is given."""
     if low is None and high is None:
         raise rule(f"a `{kind}` test needs `min`, `max` or both; none is here", f"write for example `{example}`")
 
@@ -55,5 +55,5 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     of_limits: bool = False
 
     def takes(self, key: str) -> bool:
-        """Whether a test of this kind may say `mode`, or `pose`."""
+        """Return whether tests of this kind accept `mode`, or `pose`."""
         return key in self.model.model_fields

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 JointBoundField = Annotated[Value, quantity(ANGLE, LENGTH)]
 
 SAMPLES = 200
-"""Positions of a sweep that does not say how many."""
+"""Default number of positions of a sweep."""
 MOST_SAMPLES = 10_000
 
 
@@ -71,7 +71,7 @@ class NoCollisionTest(Model):
 
 
 class AllowedContact(OneLineRepr, FrozenStruct):
-    """A pair that may touch: every component of `one` and every component of `other`. `text` names it for people."""
+    """A pair that may touch: every component of `one` with every component of `other`. `text` is its display name."""
 
     one: tuple[Reference, ...]
     other: tuple[Reference, ...]
@@ -91,7 +91,7 @@ class CollisionCheck(OneLineRepr, FrozenStruct):
 
 
 def read_no_collision(written: NoCollisionTest, reader: Reader) -> CollisionCheck:
-    """Poses or ranges without collisions."""
+    """Read a `no_collision` test."""
     samples = SAMPLES
     if written.samples is not None:
         wanted = reader.number(written.samples, "samples", NUMBER, least=1.0, most=float(MOST_SAMPLES))
@@ -108,7 +108,7 @@ def read_no_collision(written: NoCollisionTest, reader: Reader) -> CollisionChec
 
 
 def _allowance(said: AllowSpec, reader: Reader, index: int) -> AllowedContact:
-    """A pair that may touch."""
+    """Read a pair that may touch."""
     one, other = (reader.components(text, ("allow", index, "pair", side)) for side, text in enumerate(said.pair))
     return AllowedContact(
         one=one, other=other, text=f"`{said.pair[0]}` and `{said.pair[1]}`", reason=said.reason.strip(),

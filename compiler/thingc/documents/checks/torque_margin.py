@@ -44,7 +44,7 @@ class TorqueCheck(OneLineRepr, FrozenStruct):
 
 
 def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck:
-    """A margin of drives; only where the document says what carries the robot."""
+    """Read a `torque_margin` test; report modes for which the document does not specify what supports the robot."""
     minimum = reader.number(written.min, "min", NUMBER, above=0.0)
     joints = reader.drives(written.drive, "drive")
     floating = [name for name in reader.chosen_modes if not _carried(reader.modes[name])]
@@ -67,18 +67,18 @@ def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck
 
 
 def _carried(mode: Mode) -> bool:
-    """Whether something other than a simulation knows of carries the base of a mode."""
+    """Return whether the base of a mode is supported by something that the document specifies."""
     return mode.base != "free" or mode.standing is not None or bool(mode.holds)
 
 
 def _left_out(joints: Sequence[str], mode: Mode) -> list[str]:
-    """Those of the `joints` (paths) whose drives a mode does without."""
+    """Return the `joints` (paths) whose drives a mode does not use."""
     present = mode.actuators
     return [joint for joint in joints if present is not None and joint not in present]
 
 
 def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findings: LinkReport) -> None:
-    """A margin is one of a limit: a drive without one has none."""
+    """Report drives without an effort limit, which have no margin."""
 
     for path in check.joints:
         joint = joints.get(path)

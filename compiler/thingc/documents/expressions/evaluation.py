@@ -1,4 +1,4 @@
-"""Working an expression out: one double and one dimension per term, every fault at its term."""
+"""Evaluate expressions: a double and a dimension per term, with errors located at terms."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from thingc.base.units import ANGLE, NUMBER, UNITS, Dimension, Quantity, fits, s
 from thingc.documents.expressions.terms import CONSTANTS, Binary, Call, Expression, ExpressionError, Literal, NameUse, Term, Unary
 
 ExpressionValue = Union[Quantity, bool, str]
-"""What a value of a document comes to."""
+"""The value of an expression or a parameter."""
 
 
 def evaluate(expression: Expression, names: Mapping[str, ExpressionValue]) -> ExpressionValue:
-    """Work an expression out. `names` are the parameters and the repeat index (a Quantity of dimension NUMBER).
+    """Evaluate an expression. `names` are the parameters and the repeat index (a Quantity of dimension NUMBER).
 
-    A name alone passes a flag or a text through; a comparison gives a flag; everything else gives a finite Quantity.
-    Raises ExpressionError for an unknown name, dimensions that do not go together, and results that are not finite.
+    A single name may be a boolean or a text; a comparison returns a boolean; everything else a finite Quantity.
+    Raises ExpressionError for unknown names, incompatible dimensions, and results that are not finite.
     """
     return _Evaluator(expression.text, names).value(expression.tree)
 
 
 class _Evaluator:
-    """Walks a tree; the text is for messages."""
+    """Evaluates a tree; the text is used in messages."""
 
     def __init__(self, text: str, names: Mapping[str, ExpressionValue]) -> None:
         self.text = text
@@ -68,7 +68,7 @@ class _Evaluator:
         return shortened(self.text[term.offset : term.end])
 
     def same(self, left: Term, a: Quantity, right: Term, b: Quantity) -> Dimension:
-        """The common dimension of two operands (a bare 0 takes the other's)."""
+        """Return the common dimension of two operands (a bare 0 takes the other's)."""
         if fits(b.dimension, a.dimension) and fits(a.dimension, b.dimension):
             return a.dimension
         if _zero(right):
@@ -98,7 +98,7 @@ class _Evaluator:
         return Quantity(result + 0.0, dimension)
 
     def chain(self, term: Binary) -> Quantity:
-        """Sums and products lean to the left: a loop along them, so that a long sum needs no deep stack."""
+        """Evaluate left-associative sums and products in a loop, so that long sums do not need deep recursion."""
         spine: list[Binary] = []
         first: Term = term
         while isinstance(first, Binary) and first.operator in ("+", "-", "*", "/"):
@@ -173,7 +173,7 @@ class _Evaluator:
         return self.finite(term, lambda: {"sin": numeric.sin, "cos": numeric.cos, "tan": numeric.tan}[term.function](x), NUMBER)
 
     def extreme(self, term: Call, arguments: list[Quantity]) -> Quantity:
-        """`min` and `max`: the dimension is that of the first argument that is no bare 0."""
+        """Evaluate `min` and `max`: the dimension is that of the first argument that is not a bare 0."""
         lead = next((k for k, argument in enumerate(term.arguments) if not _zero(argument)), 0)
         for argument, quantity in zip(term.arguments, arguments, strict=True):
             self.same(term.arguments[lead], arguments[lead], argument, quantity)
@@ -186,21 +186,21 @@ def _zero(term: Term) -> bool:
 
 
 def kind_of(value: ExpressionValue) -> str:
-    """What a value is, with its article: `an angle`, `a text`, `true or false`."""
+    """Describe the type of a value, with its article: `an angle`, `a text`, `true or false`."""
     if isinstance(value, Quantity):
         return value.dimension.words
     return "true or false" if isinstance(value, bool) else "a text"
 
 
 def words_of(value: ExpressionValue) -> str:
-    """A value as a document writes it."""
+    """Format a value as in a document."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return str(value)
 
 
 def plain(value: ExpressionValue) -> float | bool | str:
-    """A value without its dimension."""
+    """Return a value without its dimension."""
     if not isinstance(value, Quantity):
         return value
     if value.dimension == NUMBER and value.value % 1.0 == 0.0:

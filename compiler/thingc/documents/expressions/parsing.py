@@ -1,4 +1,4 @@
-"""Text to tree: precedence climbing by hand, because Python's own parser gives no places inside units."""
+"""Parse expressions by precedence climbing; Python's own parser has no positions inside units."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from thingc.documents.expressions.terms import (
 
 
 def parse_expression(text: str, *, dotted: bool = False) -> Expression:
-    """Read an expression, with or without its leading `=`; with `dotted` names may have dots in them (`centre.x`).
+    """Parse an expression, with or without its leading `=`; with `dotted`, names may contain dots (`centre.x`).
 
     Raises ExpressionError.
     """
@@ -48,7 +48,7 @@ _FOREIGN = {
 
 
 class _Parser:
-    """Precedence climbing over one text; `at` is the next character, `names` what names are like."""
+    """Precedence climbing over one text; `at` is the next character, `names` the pattern of names."""
 
     def __init__(self, text: str, names: re.Pattern[str] = _NAME) -> None:
         self.text = text
@@ -72,7 +72,7 @@ class _Parser:
             self.at += 1
 
     def peek(self) -> str:
-        """The operator that comes next, or an empty text."""
+        """Return the next operator, or an empty text."""
         self.spaces()
         match = _OPERATOR.match(self.text, self.at)
         return match.group() if match else ""
@@ -226,12 +226,13 @@ class _Parser:
 
 
 _MARKED = re.compile(r"(?:\$\{|\{\{|\$\(|#\{|<%=?)\s*(.*?)\s*(?:\}\}?|\)|%>)|\$([A-Za-z]\w*)")
-"""How other languages mark an expression in a text: xacro, shells, templates."""
+"""How other languages mark expressions in texts: xacro, shells, templates."""
 
 
 def expression_hint(text: str, names: Collection[str] | None = None) -> Suggestion | None:
-    """A hint where somebody wrote an expression without its `=`, or marked it as other languages do; None where it is none, or uses
-    other names than `names`."""
+    """Return a hint for an expression without `=`, or with the marks of another language; None if it is not an expression, or uses names
+    that are not in `names`.
+    """
     text = text.strip()
     marked = _MARKED.fullmatch(text)
     inside = (marked.group(1) or marked.group(2) or "") if marked is not None else text

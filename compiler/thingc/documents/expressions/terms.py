@@ -1,4 +1,4 @@
-"""The tree of an expression, with the place of every term."""
+"""The syntax tree of an expression, with the place of every term."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from thingc.base.units import Quantity, scan_number
 
 
 class ExpressionError(ValueError):
-    """An expression that cannot be read or worked out.
+    """An expression cannot be parsed or evaluated.
 
-    `kind` is `expression` (how it is written), `name` (an unknown name), `dimension`, `unit` or `value` (no finite
-    result); `offset` and `end` are characters of the expression's text, its `=` counted where it has one.
+    `kind` is `expression` (syntax), `name` (an unknown name), `dimension`, `unit` or `value` (a result that is not
+    finite); `offset` and `end` are characters of the expression's text, including its `=`, if any.
     """
 
     def __init__(self, message: str, offset: int, end: int, *, kind: str = "expression", help: str | None = None) -> None:
@@ -27,14 +27,14 @@ class ExpressionError(ValueError):
 
 
 class _Place(FrozenStruct):
-    """Where a term is in its text: from the character `offset` to before `end`."""
+    """Place of a term in its text: from the character `offset` to `end` (exclusive)."""
 
     offset: int
     end: int
 
 
 class Literal(_Place):
-    """A number with its unit. `zero`: written as a bare 0, which is 0 of every dimension."""
+    """A number with its unit. `zero`: written as a bare 0, which is valid for every dimension."""
 
     value: Quantity
     zero: bool
@@ -47,7 +47,7 @@ class NameUse(_Place):
 
 
 class Unary(_Place):
-    """`-a` (a leading `+` leaves no trace)."""
+    """`-a` (a leading `+` is dropped)."""
 
     operand: Term
 
@@ -72,31 +72,31 @@ Term = Union[Literal, NameUse, Unary, Binary, Call]
 FUNCTIONS: dict[str, tuple[int, int]] = {
     "min": (1, 32), "max": (1, 32), "abs": (1, 1), "sqrt": (1, 1), "sin": (1, 1), "cos": (1, 1), "tan": (1, 1), "atan2": (2, 2),
 }
-"""Every function, with its least and largest number of arguments."""
+"""All functions, with their smallest and largest number of arguments."""
 
 COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "!="))
-"""Operators whose value is true or false."""
+"""Operators whose result is a boolean."""
 
 CONSTANTS = {"pi": Quantity(math.pi)}
 
 MAX_DEPTH = 60
-"""Levels of parentheses, signs and powers in one expression."""
+"""Maximum nesting of parentheses, signs and powers."""
 
 
 class Expression(FrozenStruct):
-    """A parsed expression: its text as written (with the `=` where it had one) and its tree."""
+    """A parsed expression: its text as written (including its `=`, if any) and its tree."""
 
     text: str
     tree: Term
 
     @property
     def compares(self) -> bool:
-        """Whether it is a comparison, whose value is true or false."""
+        """Whether it is a comparison, whose result is a boolean."""
         return isinstance(self.tree, Binary) and self.tree.operator in COMPARISONS
 
     @property
     def names(self) -> tuple[NameUse, ...]:
-        """Every use of a name, in the order written; constants and functions are none."""
+        """All uses of names, in the order written, without constants and functions."""
         return tuple(term for term in _terms(self.tree) if isinstance(term, NameUse) and term.name not in CONSTANTS)
 
 
@@ -114,7 +114,7 @@ def _terms(tree: Term) -> Iterator[Term]:
 
 
 def words_in(expression: Expression) -> Iterator[tuple[int, int, str]]:
-    """Each word of an expression: from where to where, and whether it is a `name`, a `function`, a `number` or a `unit`."""
+    """Yield each word of an expression: start, end, and whether it is a `name`, a `function`, a `number` or a `unit`."""
     for term in _terms(expression.tree):
         if isinstance(term, NameUse):
             yield term.offset, term.end, "name"

@@ -1,4 +1,4 @@
-"""The text that says a value: what `-p NAME=VALUE` reads back to the last bit."""
+"""Format values as text that `-p NAME=VALUE` parses to exactly the same value."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from thingc.documents.expressions.evaluation import ExpressionValue, plain
 
 
 def text_of(value: ExpressionValue, unit: str = "") -> str:
-    """A value as `-p NAME=VALUE` reads it back to the last bit: in `unit`, where it can be said so, else in SI (`95.5 mm`, `0.0955 m`);
-    `true`, a text as it is."""
+    """Format a value as text that `-p NAME=VALUE` parses exactly: in `unit` if possible, else in SI (`95.5 mm`, `0.0955 m`); `true`; texts
+    as they are.
+    """
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -31,8 +32,10 @@ def text_of(value: ExpressionValue, unit: str = "") -> str:
 
 
 def _in_unit(quantity: Quantity, unit: str) -> str | None:
-    """A quantity in a unit, in as few digits as say the same value to the last bit; None where no digits do (in degrees, which are rounded
-    twice, some are missing), or it is no unit of that dimension."""
+    """Format a quantity in a unit with the fewest digits that represent it exactly.
+
+    None if no digits do (some degrees, which are rounded twice), or if the unit has another dimension.
+    """
     known = _scanned(unit)
     if known is None or known[2] != quantity.dimension:
         return None
@@ -40,7 +43,7 @@ def _in_unit(quantity: Quantity, unit: str) -> str | None:
     double = float(number)
     if not numeric.isfinite(double):
         return None
-    near = (double + ulps * math.ulp(double) for ulps in (0, 1, -1))  # for degrees
+    near = (double + ulps * math.ulp(double) for ulps in (0, 1, -1))  # neighbouring doubles, needed for degrees
     texts = (f"{double:.15g}", f"{number:.16g}", *(f"{one:.17g}" for one in (number, *near)))
     try:
         return next((f"{text} {unit}" for text in texts if converted(text, known) == quantity.value), None)
@@ -50,7 +53,7 @@ def _in_unit(quantity: Quantity, unit: str) -> str | None:
 
 @functools.cache
 def _scanned(unit: str) -> Unit | None:
-    """What a word for a unit means; None where it is no unit."""
+    """Parse a unit; None if it is invalid."""
     try:
         return scan_unit(unit, 0)[0]
     except UnitError:

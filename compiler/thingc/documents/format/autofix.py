@@ -1,7 +1,7 @@
-"""Which fixes of diagnostics are applied, and where: only what can have meant one thing.
+"""Choose and apply the fixes of diagnostics that are unambiguous.
 
-A name that a person chose may be misspelt where it is used or where it is given. It is taken to be misspelt where it
-stands once while the other spelling stands in two places at least; with one place each nobody can tell.
+A name may be misspelt where it is used or where it is declared. The use is fixed only if the spelling
+occurs once and the other one at least twice; otherwise it is ambiguous.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ LANGUAGE = frozenset({
     Code.BAD_COLOR, Code.EXPRESSION_COMMA, Code.RAW_TARGET, Code.RAW_UNKNOWN, Code.LIBRARY, Code.PART_MISSING, Code.MISSING_FILE,
     Code.DIMENSION,
 })
-"""Codes of faults in words that no document gives: those of the language, of units, of Python, of files; and of expressions."""
+"""Codes of errors in words that documents do not define: those of the language, units, Python, files, and expressions."""
 
 GIVING = frozenset({"components", "joints", "links", "mounts", "parameters", "materials", "poses", "modes", "sensors", "tendons"})
-"""Keys of a document below which it gives names."""
+"""Keys of a document whose entries declare names."""
 
 PASSES = 5
-"""Times that the mended documents are looked at again: a fault may hide others."""
+"""Maximum number of passes: fixing an error may reveal others."""
 
 
 class TextEdit(FrozenStruct):
-    """One change: characters `start` to before `end` of the text of `file`, in `line` and `column` (from 1)."""
+    """A change: characters from `start` to `end` (exclusive) of the text of `file`, at `line` and `column` (from 1)."""
 
     file: str
     line: int
@@ -42,19 +42,20 @@ class TextEdit(FrozenStruct):
 
 
 class CheckResult(FrozenStruct):
-    """What a check found, and the documents that it read (empty where it could read none)."""
+    """Result of a check, and the documents that it read (empty if it could not read any)."""
 
     found: Sequence[Diagnostic]
     documents: Sequence[Document]
 
 
 Look = Callable[[Mapping[str, bytes]], CheckResult]
-"""Checks with other contents of files (by absolute path) than those on disk."""
+"""Checks documents with other contents of files (by absolute path) than those on disk."""
 
 
 def located(edit: Edit, text: str) -> tuple[int, int] | None:
-    """The characters of the text of its file (without a byte order mark) that an edit replaces; None where what should stand
-    there does not stand there exactly once."""
+    """Return the range that an edit replaces in the text of its file (without a byte order mark); None if the text to replace is not there
+    exactly once.
+    """
     source = Source(edit.span.file, text)
     if not (0 < edit.span.line <= len(source.starts) and 0 < edit.span.end_line <= len(source.starts)):
         return None
@@ -69,12 +70,12 @@ def located(edit: Edit, text: str) -> tuple[int, int] | None:
 def autofix(
     look: Look, contents: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
 ) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
-    """Apply what is sure until nothing of that kind is left.
+    """Apply unambiguous fixes until none are left.
 
-    `contents` are files that have been changed before, by absolute path; `allowed` says of a file whether it may be changed,
-    `read` its bytes on disk. Returns the changes in the order made, the contents of all changed files, and what is left to
-    say. A change that leaves a fault at its place is not made, and in the end every changed file has fewer faults of the first
-    pass in which anything changed than before.
+    `contents` are files that have been changed before, by absolute path; `allowed` returns whether a file may be changed, `read` its bytes
+    on disk. Return the changes in the order made, the contents of all changed files, and the remaining diagnostics. Changes that do not
+    remove the error at their place are not made, and finally every changed file has fewer errors than before in the first pass whose number
+    of errors changed.
     """
     before = look(contents)
     done, texts, left = _autofix(look, before, contents, allowed, read, strict=False)
@@ -109,7 +110,7 @@ def _autofix(
 def safe_edits(
     now: CheckResult, texts: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
 ) -> list[TextEdit]:
-    """The fixes of which nothing else can have been meant, those that do not overlap. `texts`, `allowed`, `read`: as for `autofix`."""
+    """Return the unambiguous fixes that do not overlap. `texts`, `allowed`, `read`: as for `autofix`."""
     words, given = _word_counts(now.documents)
     edits: list[TextEdit] = []
     decoded: dict[str, str | None] = {}
@@ -135,12 +136,12 @@ def safe_edits(
 
 
 def _base(word: str) -> str:
-    """A name without the number that a repeat gives it."""
+    """Return a name without the index of a repeat."""
     return re.sub(r"_(?:\d+|\$\w+)$", "", word)
 
 
 def _word_counts(documents: Iterable[Document]) -> tuple[Counter[str], set[str]]:
-    """How often every word stands in the documents, and the names that they give."""
+    """Count every word in the documents, and collect the declared names."""
     words: Counter[str] = Counter()
     given: set[str] = set()
     for document in documents:
@@ -156,8 +157,9 @@ def _word_counts(documents: Iterable[Document]) -> tuple[Counter[str], set[str]]
 
 
 def _told_apart(edit: Edit, words: Counter[str], given: set[str]) -> bool:
-    """Whether a name is surely misspelt where it is used: not where a document gives the other spelling and nobody else
-    uses that."""
+    """Return whether a name is certainly misspelt where it is used: not if the other spelling is declared but not used
+    elsewhere.
+    """
     written, meant = (_base(word.rpartition(".")[2]) for word in (edit.written, edit.replacement))
     if words[written] != 1:
         return False
@@ -178,7 +180,7 @@ def _applied(chosen: Sequence[TextEdit], texts: Mapping[str, bytes], read: Calla
 
 
 def _faults(diagnostics: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
-    """How many errors of each pass a file has, the first pass first: fewer of an early one is better, whatever it hid."""
+    """Return the number of errors of each pass in a file, first pass first; fewer errors in an early pass are better."""
     passes = Counter(
         d.code.code[2] for d in diagnostics if d.severity is Severity.ERROR and d.span is not None and d.span.file == file
     )
@@ -186,7 +188,7 @@ def _faults(diagnostics: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
 
 
 def _better(chosen: Sequence[TextEdit], before: Sequence[Diagnostic], after: Sequence[Diagnostic], *, strict: bool) -> list[TextEdit]:
-    """The changes that did good: no fault is where they were made, and with `strict` their file has fewer faults."""
+    """Return the changes that removed the error at their place, and, with `strict`, reduced the errors of their file."""
     errors = [d.span for d in after if d.severity is Severity.ERROR and d.span is not None]
 
     def mended(one: TextEdit) -> bool:

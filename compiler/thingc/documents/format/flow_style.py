@@ -33,16 +33,17 @@ FIRST: dict[type[BaseModel], tuple[str, ...]] = {
         "modes", "sensors", "names",
     ),
 }
-"""Models whose keys do not stand as a person reads them (those of defaults and poses come before their own): these keys first, the
-others behind them in the model's order."""
+"""Models whose order of keys differs from that of their fields (which begin with inherited ones): these keys come first, the
+others in the model's order.
+"""
 
 FREE = ("$schema", "thingc")
-"""Keys that stand above all others of a document."""
+"""Keys that come before all others of a document."""
 
 
 @cache
 def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, FieldType]]:
-    """The rank and the shape of every key of a model."""
+    """Return the rank and the type of every key of a model."""
     keys = model_keys(model)
     first = [key for key in FIRST.get(model, ()) if key in keys]
     names = [*first, *(key for key in keys if key not in first)]
@@ -52,20 +53,20 @@ def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, FieldType]]
 
 
 def root_shape(kind: str | None) -> FieldType | None:
-    """The shape of a document of a kind; None if the kind is unknown."""
+    """Return the type of a document of a kind; None if the kind is unknown."""
     model = model_of(kind or "")
     return None if model is None else shape_of(model)
 
 
 def shape_for(shape: FieldType | None, value: Any) -> FieldType | None:
-    """The shape of what is written: of a union the branch that was meant. `value` needs the right type and keys only."""
+    """Return the type of a value, for unions the intended branch. Only the type and the keys of `value` are used."""
     if shape is None or shape.kind != "union":
         return shape
     return branch_of(shape, value)
 
 
 def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
-    """The shape of an entry (or, without a key, of an item) of a value of this shape, if it is known."""
+    """Return the type of an entry (or, without a key, of an item) of a value of this type, if known."""
     if shape is None:
         return None
     if shape.model is not None and shape.kind == "model":
@@ -76,9 +77,9 @@ def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
 
 
 def ordered(names: Sequence[str], shape: FieldType | None) -> list[int]:
-    """The canonical order of the keys of a mapping, as indices into `names`.
+    """Return the canonical order of the keys of a mapping, as indices into `names`.
 
-    A key that the model does not know stays behind the key that it stands behind.
+    Unknown keys stay behind the key that precedes them.
     """
     if shape is None or shape.kind != "model" or shape.model is None:
         return list(range(len(names)))
@@ -96,7 +97,7 @@ _GLUED = re.compile(rf"({_NUMBER}(?: {_NUMBER})*)( *)((?:[^\W\d_]|%).*)", re.ASC
 
 
 def spaced(text: str, shape: FieldType | None) -> str:
-    """`120mm` as `120 mm`, `0 0 4mm` as `0 0 4 mm`; any other text, and any text that is no quantity here, as it is."""
+    """Insert the space before units: `120 mm` for `120mm`, `0 0 4 mm` for `0 0 4mm`; other texts are unchanged."""
     match = _GLUED.fullmatch(text)
     if match is None or match.group(2) == " " or shape is None:
         return text
@@ -105,7 +106,7 @@ def spaced(text: str, shape: FieldType | None) -> str:
 
 
 def equal_values(text: str, other: str, shape: FieldType | None) -> bool:
-    """Whether two texts are one quantity to the field that takes them (no field: None, or an item of a vector)."""
+    """Return whether two texts are the same quantity for a field."""
     if shape is not None and shape.kind == "field" and shape.field is not None:
         try:
             value = shape.field.validate(text)
@@ -121,7 +122,7 @@ def equal_values(text: str, other: str, shape: FieldType | None) -> bool:
 
 
 def takes_vectors(shape: FieldType) -> bool:
-    """Whether a field takes three values, so that the items of a list there are quantities."""
+    """Return whether a field is a vector, so that the items of a list are quantities."""
     if shape.kind != "field" or shape.field is None:
         return False
     try:
@@ -131,14 +132,14 @@ def takes_vectors(shape: FieldType) -> bool:
 
 
 class Inline:
-    """Prints the values of one text; `separator` stands between key and value (`: ` or ` = `)."""
+    """Formats the values of a text; `separator` is between key and value (`: ` or ` = `)."""
 
     def __init__(self, text: str, separator: str) -> None:
         self.text = text
         self.separator = separator
 
     def value(self, piece: Segment, shape: FieldType | None, by: int) -> str:
-        """The value as it should be written, its further lines moved by `by` columns."""
+        """Format a value, with its continuation lines moved by `by` columns."""
         written = self.text[piece.start : piece.end]
         if piece.kind == "scalar":
             return self.scalar(piece, written, shape, by)
@@ -161,7 +162,7 @@ class Inline:
         return f"{head}{' ' if head else ''}{opening}{body}{closing}"
 
     def entry(self, item: Item, shape: FieldType | None, by: int) -> str:
-        """`key: value`, or an item of a list."""
+        """Format `key: value`, or an item of a list."""
         if item.key is None:
             vector = shape is not None and takes_vectors(shape)
             return self.value(item.value, shape if vector else shape_below(shape, None), by)
@@ -169,7 +170,7 @@ class Inline:
         return key + self.separator + self.value(item.value, shape_below(shape, item.name), by)
 
     def scalar(self, piece: Segment, written: str, shape: FieldType | None, by: int) -> str:
-        """A scalar as it is written, with a space before its unit."""
+        """Format a scalar, with a space before its unit."""
         if "\n" in written:
             return shifted(written, by)
         if not written or shape is None or piece.aliases or piece.anchors:
@@ -183,7 +184,7 @@ class Inline:
         return self.text[piece.start : piece.body] + quote + spaced(inner, shape) + quote
 
     def gaps(self, piece: Segment) -> list[str]:
-        """What stands before, between and behind the entries."""
+        """Return the text before, between and after the entries."""
         at = piece.body + 1
         gaps: list[str] = []
         for item in piece.items:
@@ -192,7 +193,7 @@ class Inline:
         return [*gaps, self.text[at : piece.end - 1]]
 
     def tidied(self, gap: str, outer: bool, by: int) -> str:
-        """A gap of a value over several lines: its lines stay, with no spaces at their ends."""
+        """Remove trailing spaces in a gap of a value over several lines."""
         if "\n" not in gap:
             return ("," if "," in gap else "") if outer else ", "
         first, *others = gap.split("\n")
@@ -202,14 +203,14 @@ class Inline:
 
 
 def outline(piece: Segment) -> Any:
-    """What `shape_for` needs to know of a value: its type and its keys."""
+    """Return the type and the keys of a value, for `shape_for`."""
     if piece.kind == "map":
         return {item.name: None for item in piece.items}
     return [] if piece.kind == "list" else ""
 
 
 def order_of(items: list[Item], shape: FieldType | None) -> list[int]:
-    """The canonical order of the entries of a mapping; theirs, where another would part an alias from its anchor."""
+    """Return the canonical order of the entries of a mapping; the written order if reordering would separate an alias from its anchor."""
     order = ordered([item.name for item in items], shape)
     if order == sorted(order):
         return order

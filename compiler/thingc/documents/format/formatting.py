@@ -1,4 +1,4 @@
-"""`format_document`: a document in canonical layout, proven to mean the same."""
+"""`format_document`: format a document in canonical layout, and verify that its meaning is unchanged."""
 
 from __future__ import annotations
 
@@ -12,17 +12,16 @@ from thingc.documents.load.documents import document_kind, read_tree
 from thingc.documents.spec.annotation_types import FieldType
 
 MODELINE = "# yaml-language-server: $schema="
-"""What begins the comment in which the YAML language server looks for a schema."""
+"""Prefix of the comment that specifies the schema for the YAML language server."""
 
 
 def format_document(
     path: str, data: bytes, report: Report, *, schema: str | None = None, tree: MappingNode | None = None,
 ) -> bytes | None:
-    """The bytes of a document in canonical layout; None where it is not well-formed, which has been reported.
+    """Return the bytes of a document in canonical layout; None if it is not well-formed (reported).
 
-    Lines end as the first of the file does; a byte order mark goes. With `schema` (a path relative to the document) a
-    YAML document has a modeline that names it. `tree` is that of the text, where it has been read. Texts in a form that is left alone come
-    back as they are.
+    All lines end as the first one of the file; a byte order mark is removed. With `schema` (a path relative to the document) a YAML
+    document gets a modeline that names it. `tree` is the parsed text, if available. Texts with unsupported syntax are returned unchanged.
     """
     before = tree or read_tree(path, data, report)
     kind = None if before is None else document_kind(before, report)
@@ -53,7 +52,7 @@ def format_document(
 
 
 def is_laid_out(document: Document) -> bool:
-    """Whether `format_document` would leave a document as it is, but for the ends of lines."""
+    """Return whether `format_document` would not change a document, except for line ends."""
     text = re.sub(r"\r\n?", "\n", document.text)
     try:
         return _layout(document.path, text, root_shape(document.kind)) == text
@@ -72,7 +71,7 @@ def _layout(path: str, text: str, shape: FieldType | None) -> str:
 
 
 def with_modeline(text: str, schema: str) -> str:
-    """The text with a modeline that names a schema: the one that is there mended, else one above all."""
+    """Return the text with a modeline that names a schema: an existing one is updated, otherwise one is added at the top."""
     line = MODELINE + schema
     lines = text.split("\n")
     for at, old in enumerate(lines):
@@ -84,15 +83,15 @@ def with_modeline(text: str, schema: str) -> str:
 
 
 def schema_path(relative: str) -> str:
-    """Where `thingc schema` writes the schema of a document (its path in the workspace), relative to the document."""
+    """Return the path of the schema that `thingc schema` writes, relative to the document (a path in the workspace)."""
     up = "../" * relative.count("/")
     return f"{up}.thingc/schema/{relative}.json"
 
 
 def same(before: Node, after: Node, shape: FieldType | None) -> bool:
-    """Whether two trees mean the same: equal values and keys, and the keys that a person chooses in the same order.
+    """Return whether two trees are equivalent: equal values and keys, and user-defined keys in the same order.
 
-    A quantity may have another space before its unit.
+    Quantities may differ in the space before the unit.
     """
     if isinstance(before, ScalarNode) and isinstance(after, ScalarNode):
         if type(before.value) is type(after.value) and before.value == after.value:

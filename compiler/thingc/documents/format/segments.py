@@ -12,11 +12,11 @@ from itertools import dropwhile
 from thingc.base.frozen_struct import FrozenStruct
 
 COMMENT_GAP = 2
-"""Spaces before a comment at the end of a line, at least."""
+"""Minimum number of spaces before a comment at the end of a line."""
 
 
 class UnsupportedStyle(Exception):
-    """The text has a form that is left alone: the document stays as it is."""
+    """The text has unsupported syntax: the document is not changed."""
 
 
 @dataclass(slots=True, kw_only=True)

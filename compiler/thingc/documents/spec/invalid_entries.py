@@ -1,4 +1,4 @@
-"""What validation could not make sense of in a document whose rest goes on to the later passes."""
+"""Invalid parts of a document whose valid rest is passed on to later passes."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 ANY_NAME = "*"
-"""In a path in doubt the name of an entry that was no name (reported): it may stand for any that is referred to."""
+"""In a path, stands for an entry with an invalid name (reported): it may be any entry that is referred to."""
 
 
 class InvalidEntries(FrozenStruct):
-    """The key paths of a document whose values were wrong (reported) and left out, or may be what a wrong key meant.
+    """Key paths of a document whose values are invalid (reported) and left out, or that an invalid key may stand for.
 
-    What a later pass would say of such a place, of what is around it, or of what is inside, is no news.
+    Later passes do not report errors at such a place, at its parents, or inside it.
     """
 
     paths: frozenset[Path] = frozenset()
@@ -30,19 +30,19 @@ class InvalidEntries(FrozenStruct):
         return bool(self.paths)
 
     def touch(self, path: Path) -> bool:
-        """Whether the value at `path`, something around it or something inside it is in doubt."""
+        """Return whether the value at `path`, one of its parents, or something inside it is invalid."""
         return any(doubt[: len(path)] == path[: len(doubt)] for doubt in self.paths)
 
     def at(self, path: Path) -> bool:
-        """Whether the value at `path` as a whole, or something around it, is in doubt."""
+        """Return whether the value at `path` as a whole, or one of its parents, is invalid."""
         return any(doubt == path[: len(doubt)] for doubt in self.paths)
 
     def lacks(self, section: str) -> bool:
-        """Whether nobody knows which names a section has: it is in doubt as a whole, or one of its names was none."""
+        """Return whether the names in a section are not completely known: the section, or one of its names, is invalid."""
         return (section, ANY_NAME) in self.paths or self.at((section,))
 
     def names(self, section: str) -> Iterator[str]:
-        """The entries of a section that are in doubt as a whole, in alphabetical order."""
+        """Yield the entries of a section that are invalid as a whole, in alphabetical order."""
         yield from sorted(str(doubt[1]) for doubt in self.paths if len(doubt) == 2 and doubt[0] == section and doubt[1] != ANY_NAME)
 
 
@@ -50,8 +50,9 @@ NO_DOUBTS = InvalidEntries()
 
 
 class Specs(dict[str, "AssemblySpec | MaterialsSpec"]):
-    """The models of documents by path in the workspace; `doubts` has those of which only the sound rest is here, `allowances`
-    the warnings that they allow."""
+    """The models of documents by path in the workspace; `doubts` contains the invalid entries of documents, `allowances` the warnings that
+    they suppress.
+    """
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -59,7 +60,7 @@ class Specs(dict[str, "AssemblySpec | MaterialsSpec"]):
         self.allowances: list[Allowance] = []
 
     def joined(self, more: Specs) -> Specs:
-        """These and others together."""
+        """Return these specs and others combined."""
         both = Specs({**self, **more})
         both.doubts = {**self.doubts, **more.doubts}
         both.allowances = [*self.allowances, *more.allowances]

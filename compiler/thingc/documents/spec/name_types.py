@@ -1,7 +1,7 @@
-"""Types of fields and keys that declare a name, or name something that is declared elsewhere.
+"""Types of fields and keys that declare a name or refer to one.
 
-The type of a text states what it names, once, here. `documents/names/document_names.py` finds it in documents; rename and go to
-definition have no list of keys of their own. A field of text that names nothing is one of the few that `tests/spec/test_mentions.py` lists.
+They are the only place that defines what a text refers to. `documents/names/document_names.py` uses them; rename and go to
+definition have no lists of keys of their own. The few text fields that refer to nothing are listed in `tests/spec/test_mentions.py`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from thingc.documents.spec.fields import JointValueField, Name, ReferenceField
 Declared = Literal[
     "component", "export", "index", "joint", "link", "material", "mode", "mount", "parameter", "pose", "sensor", "tendon", "test",
 ]
-"""What a document declares by a name: `export` is a mount that it shows to a parent assembly, `index` that of a `repeat`."""
+"""Kinds of declared names: `export` is a mount that is exported to a parent assembly, `index` that of a `repeat`."""
 ReferenceKind = Literal[
     "assembly document", "choice", "component", "coordinate", "coordinate or tendon", "expression", "joint", "joint or nested assembly",
     "material", "materials document", "mode", "modes", "mount", "mount of its own", "mount or export", "parameter of a nested assembly",
@@ -28,17 +28,17 @@ results; `raw` is an element of a file that a target writes."""
 
 
 RESERVED = frozenset({"world", "root", "origin"})
-"""Names that nothing in a document may have: they have a meaning."""
+"""Reserved names, which have a meaning of their own."""
 
 
 class DeclaresName(FrozenStruct, kw_only=False):
-    """Of a key or a text: it declares a name."""
+    """Annotation of a key or a text that declares a name."""
 
     what: Declared
 
 
 class RefersTo(FrozenStruct, kw_only=False):
-    """Of a key or a text: it names something."""
+    """Annotation of a key or a text that refers to something."""
 
     what: ReferenceKind
 
@@ -88,4 +88,4 @@ PoseValueField = Annotated[JointValueField, RefersTo("pose of a nested assembly"
 ModeNames = Annotated[str, RefersTo("modes")] | Annotated[list[Annotated[str, RefersTo("modes")]], Field(min_length=1)]
 PoseNames = Annotated[str, RefersTo("poses")] | Annotated[list[Annotated[str, RefersTo("poses")]], Field(min_length=1)]
 JointNames = JointPattern | Annotated[list[JointPattern], Field(min_length=1)]
-"""Names, patterns or `all`, alone or several."""
+"""Names, patterns or `all`; one or a list."""

@@ -1,7 +1,7 @@
-"""Regular expressions of values, and the like, for the JSON Schemas.
+"""Regular expressions of values and similar patterns, for the JSON Schemas.
 
-They take everything that the compiler takes, and refuse words that are no unit, and a single unit of another dimension. What
-dimension a product of units has, and whether an expression is one, is beyond regular expressions.
+They accept everything that the compiler accepts, and reject unknown units and single units of another dimension. The
+dimension of products of units, and the syntax of expressions, cannot be checked by regular expressions.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ ANY_VALUE = rf"^(\s*{EXPRESSION}|\s*{_DIGITS}(\s*{_UNITS})?\s*|(?!\s*(=|[-+]?\.?
 
 
 def _units_of(*dimensions: Dimension) -> str:
-    """The pattern of a unit: no single one that is of none of the dimensions (`0 %` is a bare 0, which has every one)."""
+    """Return the pattern of a unit, without single units of other dimensions (`0 %` is accepted, as a bare 0)."""
     single = {unit: dimension for unit, (_, _, dimension) in UNITS.items() if dimension != NUMBER}
     wrong = sorted(unit for unit, dimension in single.items() if not any(fits(dimension, one) for one in dimensions))
     return rf"(?!({'|'.join(wrong)})\s*$){_UNITS}"
 
 
 def quantity_pattern(*dimensions: Dimension, word: str = "") -> str:
-    """The pattern of a text for a value of one of the dimensions; `word` is what else it may be."""
+    """Return the pattern of a value of one of the dimensions; `word` is an alternative."""
     bare = _DIGITS if any(fits(NUMBER, one) for one in dimensions) else _ZERO
     return rf"^\s*({EXPRESSION}|{_DIGITS}\s*{_units_of(*dimensions)}|{bare}{'|' + word if word else ''})\s*$"
 
 
 def vector_pattern(dimension: Dimension) -> str:
-    """The pattern of three numbers and a unit, or of three zeros."""
+    """Return the pattern of three numbers and a unit, or of three zeros."""
     numbers, zeros = ((_BETWEEN.join([one] * 3)) for one in (_DIGITS, _ZERO))
     return rf"^\s*({numbers}\s*{_units_of(dimension)}|{zeros})\s*$"
 
 
 def raw_schema(levels: int) -> dict[str, Any]:
-    """Scalars, lists of them, and mappings of both down to `levels`."""
+    """Return the schema of scalars, lists of them, and mappings of both with a depth of `levels`."""
     schema: dict[str, Any] = {
         "type": ["string", "number", "boolean", "array", "object"],
         "items": {"type": ["string", "number", "boolean", "object"] if levels else ["string", "number", "boolean"]},

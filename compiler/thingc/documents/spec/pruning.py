@@ -1,4 +1,4 @@
-"""The sound rest of a faulty document: what is wrong is taken out with the smallest entry that can be left out."""
+"""Remove the invalid parts of a document, each with the smallest entry that can be left out."""
 
 from __future__ import annotations
 
@@ -12,23 +12,26 @@ from thingc.documents.spec.annotation_types import FieldType, model_keys
 from thingc.documents.spec.invalid_entries import ANY_NAME
 
 ROUNDS = 12
-"""How often the rest of a document is looked at again: an entry may need the key that was taken out of it."""
+"""Maximum number of passes: an entry may need a key that was removed from it."""
 
 _NEEDED = ("thingc", "name", "components")
-"""Keys without which nothing can be said of an assembly. (A document of materials needs its `materials`, see `prune`.)"""
+"""Required keys of an assembly. (A document of materials requires `materials`, see `prune`.)"""
 
 _STAND_INS: dict[str, Any] = {"parameters": 0, "poses": {}}
-"""What stays of an entry that is taken out, by section: its name is known, and its value is in doubt."""
+"""Placeholder of a removed entry, by section: its name is known, but not its value."""
 
 
 MISPLACED = "misplaced"
-"""The kind of a fault of keys (`value`) that stand beside the entry that they are of, the `owner` in its context (None where they stand
-before every entry)."""
+"""Kind of an error of keys (`value`) that are indented like the entry that they belong to, the `owner` in its context (None if they are
+before the first entry).
+"""
 
 
 class Fault(FrozenStruct):
-    """One error of the document: at `path`, of the key with `key`; the type and context as pydantic or `fields` gave
-    them; `shape` what is expected there, or the mapping that it is in where a key is unknown or missing."""
+    """An error of the document at `path`, or at the key with `key`; type and context are those of pydantic or `fields`.
+
+    `shape` is the expected type, or that of the mapping with an unknown or missing key.
+    """
 
     path: Path
     kind: str
@@ -39,7 +42,7 @@ class Fault(FrozenStruct):
 
 
 def prune(plain: dict[str, Any], faults: Sequence[Fault]) -> set[Path] | None:
-    """Take faults out of a document's plain values. Returns what is in doubt then; None where nothing useful stays."""
+    """Remove the errors from a document's plain values. Return the paths that are then in doubt, or None if nothing useful remains."""
     doubts: set[Path] = set()
     for fault in faults:
         path = fault.path
@@ -72,15 +75,17 @@ def prune(plain: dict[str, Any], faults: Sequence[Fault]) -> set[Path] | None:
 
 
 def take_out(plain: dict[str, Any], path: Path, *, name: bool = False) -> Path | None:
-    """Take the value at `path` out of a document, with the list that it is in. With `name` the name of the entry itself is
-    wrong. Returns the path of what was taken out; None where the document cannot be without it."""
+    """Remove the value at `path` from a document, with its list, if any. With `name`, the name of the entry itself is invalid.
+
+    Return the path of the removed value, or None if it is required.
+    """
     while path and isinstance(path[-1], int):
         path = path[:-1]
     if not path or path[0] in _NEEDED[:2] or (len(path) == 1 and path[0] == "components"):
         return None
     if plain.get("thingc") == "materials/1" and len(path) == 1:
         return None
-    for length in range(1, len(path)):  # a reference's own key may be a list's index
+    for length in range(1, len(path)):  # a key may look like the index of a list
         if isinstance(_at(plain, path[:length]), list):
             return take_out(plain, path[:length], name=name)
     mapping = _at(plain, path[:-1])
@@ -97,7 +102,7 @@ def _copied(value: Any) -> Any:
 
 
 def _at(value: Any, path: Path) -> Any:
-    """The plain value at a path; None where there is none."""
+    """Return the plain value at a path, or None."""
     for step in path:
         if isinstance(value, dict):
             value = value.get(step)

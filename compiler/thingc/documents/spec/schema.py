@@ -23,7 +23,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def json_schema(kind: str) -> dict[str, Any]:
-    """The JSON Schema of a kind of document (`assembly`, `materials`, `variants`, `workspace`)."""
+    """Return the JSON Schema of a kind of document (`assembly`, `materials`, `variants`, `workspace`)."""
     model = model_of(kind)
     assert model is not None, kind
     schema = model.model_json_schema(schema_generator=_Generator)
@@ -48,10 +48,10 @@ def json_schema(kind: str) -> dict[str, Any]:
 
 
 class _Generator(GenerateJsonSchema):
-    """pydantic's generator, with our checked types described by themselves."""
+    """pydantic's generator, with the schemas of our own types."""
 
     def dict_schema(self, schema: Any) -> dict[str, Any]:
-        """A mapping; the pattern of its keys, which pydantic leaves out for checked types."""
+        """Return the schema of a mapping with the pattern of its keys, which pydantic omits for validated types."""
         mapping: dict[str, Any] = super().dict_schema(schema)
         keys = schema.get("keys_schema")
         if keys is not None and keys.get("metadata"):
@@ -62,7 +62,7 @@ class _Generator(GenerateJsonSchema):
 
 
 def _documentation(*modules: types.ModuleType) -> dict[str, dict[str, str]]:
-    """The docstring under every field: class name to field name to text; bases' fields are in their own class."""
+    """Return the docstrings of fields by class and field name; inherited fields are in the class that defines them."""
     texts: dict[str, dict[str, str]] = {}
     for module in modules:
         for node in ast.parse(inspect.getsource(module)).body:
@@ -81,7 +81,7 @@ def _is_text(node: ast.stmt) -> bool:
 
 
 def _describe(definition: dict[str, Any], documented: dict[str, str]) -> None:
-    """Put the fields' docstrings before what their types say of themselves."""
+    """Prepend the docstrings of fields to the descriptions of their types."""
     for name, field in definition.get("properties", {}).items():
         text = documented.get(name)
         if text is not None:
@@ -107,7 +107,7 @@ def _complete(name: str, field: dict[str, Any], definitions: dict[str, Any]) -> 
 
 
 def _without_null(schema: Any) -> Any:
-    """The schema without `null`, which is no value in any document, and without the defaults that were null."""
+    """Return the schema without `null`, which is not a value in documents, and without null defaults."""
     if isinstance(schema, list):
         return [_without_null(item) for item in schema]
     if not isinstance(schema, dict):
@@ -129,7 +129,7 @@ def _both(inner: dict[str, Any], outer: dict[str, Any]) -> dict[str, Any]:
 
 
 def write(folder: str) -> list[str]:
-    """Write every schema as `<kind>-1.json` into a folder; returns the paths."""
+    """Write every schema as `<kind>-1.json` into a folder; return the paths."""
     paths = []
     for kind in KINDS:
         path = os.path.join(folder, f"{kind}-1.json")
@@ -140,7 +140,7 @@ def write(folder: str) -> list[str]:
 
 
 def text_of(kind: str) -> str:
-    """The file that holds the schema of a kind, byte by byte."""
+    """Return the content of the schema file of a kind."""
     return json.dumps(json_schema(kind), indent=2, ensure_ascii=False, sort_keys=False) + "\n"
 
 

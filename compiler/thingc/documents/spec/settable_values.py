@@ -1,5 +1,4 @@
-"""What an assembly says where something may be set or chosen in its place, asked by whoever is about to; and the paths
-of such places (`joints.elbow.limit.upper`)."""
+"""Values of an assembly that can be set or chosen, and their paths (`joints.elbow.limit.upper`)."""
 
 from __future__ import annotations
 
@@ -23,24 +22,24 @@ if TYPE_CHECKING:
     from thingc.documents.spec.assembly import AssemblySpec
 
 KEYS = ("part", "file", "assembly", "material")
-"""Keys of a component that may be chosen."""
+"""Keys of a component that can be chosen."""
 DEFAULT_MATERIAL = "defaults.component.material"
 EXAMPLES = "`components.NAME.part` (or `.assembly`, `.file`, `.material`), or `defaults.component.material`"
 
 VALUES = "the path of a value, such as `joints.NAME.limit.upper` or `components.NAME.mass`"
 SECTIONS = ("components", "defaults", "joints", "links", "materials", "poses", "sensors", "tendons")
-"""Sections of a nested assembly in which something may be set from outside; none is a key of a component."""
+"""Sections of a nested assembly in which values can be set; none of them is a key of a component."""
 
 
 class ChoicePath(FrozenStruct):
-    """A path taken apart: the names of the components on the way, and the key (`DEFAULT_MATERIAL` or one of `KEYS`)."""
+    """A parsed path: the names of nested components, and the key (`DEFAULT_MATERIAL` or one of `KEYS`)."""
 
     components: tuple[str, ...]
     key: str
 
 
 def parse(path: str) -> ChoicePath | None:
-    """The parts of a path; None where it is none."""
+    """Parse the path of a choice; None if it is not one."""
     words = path.split(".")
     names: list[str] = []
     while len(words) > 2 and words[0] == "components":
@@ -55,8 +54,7 @@ def parse(path: str) -> ChoicePath | None:
 
 
 def nested(path: str) -> tuple[str, str] | None:
-    """The component that a path leads through, and the path from there on in its nested assembly; None where the path ends in the
-    document that it begins in."""
+    """Split a path into a component and the path in its nested assembly; None if the path ends in the document itself."""
     words = path.split(".", 2)
     if len(words) < 3 or words[0] != "components" or words[2].partition(".")[0] not in SECTIONS or "." not in words[2]:
         return None
@@ -64,25 +62,26 @@ def nested(path: str) -> tuple[str, str] | None:
 
 
 def is_value(path: str) -> bool:
-    """Whether a path is written as that of a value, and not as that of a choice."""
+    """Return whether a path has the form of that of a value, not of a choice."""
     words = path.split(".")
     return len(words) > 1 and all(words) and " " not in path and parse(path) is None
 
 
 def dimension_at(document: Document, path: Path) -> Dimension | None:
-    """The dimension that the value at `path` has as the `type` of its joint says (in `defaults`, in a pose and under a pattern: of all
-    joints that may be meant); None where it is no value of a joint, or the document does not tell."""
+    """Return the dimension of the value at `path`, by the `type` of its joint (in `defaults`, poses and patterns: of all matching joints);
+    None if it is not a value of a joint, or not unique.
+    """
     names, key = _joints(document, path)
     coordinates = {_coordinate(document, name) for name in names}
     coordinate = coordinates.pop() if len(coordinates) == 1 else None
     return dimensions_of(coordinate).get(key) if coordinate is not None else None
 
 _VECTOR = re.compile(r"(\S+)\s+(\S+)\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)", re.ASCII)
-"""Three numbers that share one unit."""
+"""Pattern of three numbers that share one unit."""
 
 
 def _joints(document: Document, path: Path) -> tuple[Iterator[str], str]:
-    """The joints that a value may be of, and the key that says which value it is."""
+    """Return the joints that a value may belong to, and its key."""
     every = node_at(document.tree, ("joints",))
     names = list(every.entries) if isinstance(every, MappingNode) else []
     key = str(path[-1]) if path else ""
@@ -91,7 +90,7 @@ def _joints(document: Document, path: Path) -> tuple[Iterator[str], str]:
     if path[:2] == ("defaults", "joint"):
         return iter(names), key
     if len(path) == 3 and path[0] == "poses":
-        made_by = re.sub(r"_\d+$", "", key)  # a repeat
+        made_by = re.sub(r"_\d+$", "", key)  # name of an element of a repeat
         return (name for name in names if name in (key, made_by) or fnmatchcase(name, key)), "offset"
     return iter(()), key
 
@@ -103,15 +102,18 @@ def _coordinate(document: Document, name: str) -> Dimension | None:
 
 
 def current_value(documents: Documents, path: str) -> ExpressionValue | Expression | None:
-    """What the root document, or the nested one that the path leads into, says at the path of a value: text where that is no value by
-    itself (the three of a vector). None where it says nothing there, and for an expression of a nested document."""
+    """Return the value at a path in the root document or a nested one; texts that are not values themselves (vectors) are returned as text.
+
+    None if it is not specified, or is an expression of a nested document.
+    """
     document, keys = _leading(documents, path)
     return None if document is None else _value(documents, document, keys)
 
 
 def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
-    """What a nested document says of its own parameter that a path sets (`components.leg.parameters.length`); None for any other path,
-    and for an expression."""
+    """Return the value of a nested document's own parameter at a path (`components.leg.parameters.length`); None for other paths, and for
+    an expression.
+    """
     document, keys = _leading(documents, path)
     if document is None or len(keys) != 4 or (keys[0], keys[2]) != ("components", "parameters"):
         return None
@@ -123,14 +125,13 @@ def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
 
 
 def dimension_stated(documents: Documents, path: str) -> Dimension | None:
-    """The dimension of what may be said at a path of a joint, whether or not the document that it leads into says something there; None
-    of any other path."""
+    """Return the dimension of a value of a joint at a path, whether or not it is specified; None for other paths."""
     document, keys = _leading(documents, path)
     return None if document is None else dimension_at(document, keys)
 
 
 def _leading(documents: Documents, path: str) -> tuple[Document | None, tuple[str, ...]]:
-    """The document that a path leads into, and the keys from there on."""
+    """Return the document that a path leads to, and the keys in it."""
     document: Document | None = documents.root
     while document is not None and (through := nested(path)) is not None:
         component, path = through
@@ -139,7 +140,7 @@ def _leading(documents: Documents, path: str) -> tuple[Document | None, tuple[st
 
 
 def nested_document(documents: Documents, document: Document, component: str) -> Document | None:
-    """The document that a component of another one nests; None of any other component."""
+    """Return the document that a component nests, or None."""
     text = node_at(document.tree, ("components", component, "assembly"))
     return documents.named(document, text.text) if isinstance(text, ScalarNode) else None
 
@@ -156,7 +157,7 @@ def _value(documents: Documents, document: Document, keys: tuple[str, ...]) -> E
 
 
 def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
-    """What a document says at the paths of choices of its own components: choosing it says nothing."""
+    """Return the values of a document at the paths of choices of its own components: choosing these has no effect."""
     default = assembly.defaults.component if assembly.defaults is not None else None
     choices = {DEFAULT_MATERIAL: default.material} if default is not None and default.material is not None else {}
     for name, component in assembly.components.items():
@@ -165,9 +166,11 @@ def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
 
 
 def in_full(tree: Node, keys: tuple[str, ...]) -> tuple[tuple[str, ...], Node] | None:
-    """What a path leads into that is written in short, without a place for the value: where it is, and how it is written in full. That is
-    the drive of a joint that only names a component or has the drive of `defaults` (`joints.elbow.drive.kp`), and a vector that is one text
-    (`modes.moon.gravity.2`). None of any other path."""
+    """Return the path and the long form of a value that is written in short form, if a path leads into it; otherwise None.
+
+    Short forms are the drive of a joint that only names a component or is in `defaults` (`joints.elbow.drive.kp`), and a vector in one text
+    (`modes.moon.gravity.2`).
+    """
     text = node_at(tree, keys[:-1])
     vector = _VECTOR.fullmatch(text.text.strip()) if keys[-1].isdecimal() and isinstance(text, ScalarNode) else None
     if vector is not None and text is not None:
@@ -186,6 +189,6 @@ def in_full(tree: Node, keys: tuple[str, ...]) -> tuple[tuple[str, ...], Node] |
 
 
 def stated_node(tree: Node, keys: tuple[str, ...]) -> Node | None:
-    """What stands at a path, also in what is written in short; None where nothing does."""
+    """Return the node at a path, also inside short forms, or None."""
     place, node = in_full(tree, keys) or ((), tree)
     return node_at(node, keys[len(place):])

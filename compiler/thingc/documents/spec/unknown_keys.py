@@ -1,4 +1,4 @@
-"""A key that its mapping does not have: what may have been meant by it, and where it belongs."""
+"""Unknown keys: find the intended key, and where it belongs."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from thingc.documents.spec.pruning import MISPLACED, Fault
 
 
 class UnknownKey:
-    """An unknown key (`fault`) of a document of the model `root`.
+    """An unknown key (`fault`) of a document whose model is `root`.
 
-    `instead` is the key of the same mapping that it stands for, None where nobody can tell; `help` what to type next.
+    `instead` is the intended key of the same mapping, or None; `help` is the help text.
     """
 
     def __init__(self, document: Document, root: type[Model], fault: Fault) -> None:
@@ -58,13 +58,13 @@ class UnknownKey:
         return Suggestion(f"here it is called `{told}`", (self.key, told))
 
     def _mate(self) -> str | None:
-        """How the mate of an `attach` is written beside a `turn` or a `gap`, where it is written as it is without."""
+        """Suggest the full form of an `attach` for `turn` or `gap` beside a short form."""
         if not {"mount", "to"} <= set(self.known) - self.present:
             return None
         return f"in full it is `mount: {shortened(self.key, 40)}, to: {_node_text(node_at(self.document.tree, self.path))}`"
 
     def _place(self, root: type[Model]) -> str | None:
-        """Where a key belongs that another mapping has: one inside of this, one around it, or a section of the document."""
+        """Describe where a key belongs: in a mapping inside this one, in one of its parents, or in a section of the document."""
         value = node_at(self.document.tree, self.path)
         if "parameters" in self.known and "part" not in self.known and len(self.path) > 1 and isinstance(value, ScalarNode):
             return f"a parameter is set by `parameters: {{{shortened(self.key, 40)}: {shortened(value.text, 40)}}}`"
@@ -89,7 +89,7 @@ class UnknownKey:
         return self._parameter(shown)
 
     def _section(self, root: type[Model], value: Any) -> str | None:
-        """The section of the document whose entries look like the mapping that stands under the key."""
+        """Return the section of the document whose entries resemble the mapping under the key."""
         if not isinstance(value, dict):
             return None
         likes = {name: likeness(entry, value) for name, entry in sections(root) if entry.model is not None}
@@ -99,12 +99,12 @@ class UnknownKey:
         return f"it looks like one of `{best}`: write it below that key, two spaces further in"
 
     def _of_entries(self, root: type[Model]) -> str | None:
-        """The sections whose entries have the key."""
+        """Describe the sections whose entries have the key."""
         having = [name for name, entry in sections(root) if entry.model is not None and self.key in model_keys(entry.model)]
         return f"it is a key of an entry of {one_of(having)}: is it indented far enough?" if having else None
 
     def _parameter(self, shown: str) -> str | None:
-        """Where a part or a nested document stands in a component, what its parameters are set with."""
+        """Describe how to set the parameters of a part or a nested document."""
         for of, key in (("part", "params"), ("assembly", "parameters")):
             if {of, key} <= set(self.known) and of in self.present and shown != "..." and nearest(self.key, self.known) is None:
                 return f"a parameter of the {of} is set by `{key}: {{{shortened(self.key, 40)}: {shown}}}`"
@@ -116,14 +116,14 @@ def _node_text(value: Node | None) -> str:
 
 
 def sections(root: type[Model]) -> Iterator[tuple[str, FieldType]]:
-    """The keys of a document under which entries have names of their own, and what an entry is."""
+    """Yield the sections of a document with named entries, and the types of the entries."""
     for name, (shape, _) in model_keys(root).items():
         if shape.kind == "dict":
             yield name, shape_of(shape.members[0])
 
 
 def along(root: type[Model], document: Document, path: Path) -> Iterator[FieldType]:
-    """The shape of the document, and of every value on the way to `path`; it ends where the document leaves the model."""
+    """Yield the types of the document and of every value on the way to `path`, as far as they are known."""
     shape = shape_of(root)
     yield shape
     for depth, step in enumerate(path):
@@ -143,12 +143,12 @@ def along(root: type[Model], document: Document, path: Path) -> Iterator[FieldTy
 
 
 def _models(model: type[Model] | Any, key: str) -> Iterator[type[Model] | Any]:
-    """The models that the value of a key may be of."""
+    """Yield the models of the values of a key."""
     return (one.model for one in alternatives(model_keys(model)[key][0]) if one.model is not None)
 
 
 def gathered(document: Document, root: type[Model], faults: list[Fault]) -> list[Fault]:
-    """The faults, with those of the keys that stand beside their entry as one, and without those of the entry that misses them."""
+    """Return the errors, where keys that are indented like their entry are combined, without errors about their absence."""
     misplaced: list[Fault] = []
     for section, entry in sections(root):
         around = node_at(document.tree, (section,))
@@ -181,7 +181,7 @@ def gathered(document: Document, root: type[Model], faults: list[Fault]) -> list
 
 
 def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
-    """What is said of keys beside their entry, and what to do; `toml`: the document has tables, and no indentation."""
+    """Return message and help for keys that are indented like their entry; `toml`: the document uses tables instead of indentation."""
     section, owner, names = str(fault.path[0]), fault.context["owner"], [f"`{shortened(name)}`" for name in fault.value]
     several = len(names) > 1
     shown = ", ".join(names[:-1]) + f" and {names[-1]}" if several else names[0]
@@ -195,7 +195,7 @@ def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
 
 
 def _is_rather(value: Any, key: FieldType, entry: FieldType) -> bool:
-    """Whether a value looks like that of a key of an entry rather than like an entry."""
+    """Return whether a value resembles that of a key of an entry more than an entry."""
     if not isinstance(value, dict):
         return True
     known = sum(name in model_keys(entry.model) for name in value) if entry.model is not None else 0

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from thingc.documents.load.documents import Documents
 
 KINDS = ("assembly", "materials", "variants", "workspace")
-"""The kinds of documents that have a model."""
+"""Kinds of documents with a model."""
 
 
 def model_of(kind: str) -> type[Model] | None:
-    """The model of a kind of document, None where there is none."""
+    """Return the model of a kind of document, or None."""
     match kind:
         case "assembly":
             return AssemblySpec
@@ -43,10 +43,10 @@ def model_of(kind: str) -> type[Model] | None:
 
 
 def validate(documents: Documents, report: Report, memo: Memo | None = None) -> Specs:
-    """Check every document by itself: path in the workspace to its model.
+    """Validate every document; return the models by path in the workspace.
 
-    Of a document with faults (all reported) the model is that of its sound rest, and `doubts` says what was left out.
-    Documents of which nothing useful stays are absent. `memo` knows the models of sound documents.
+    For invalid documents (all errors are reported) the model is that of the valid rest, and `doubts` contains what was left out.
+    Documents without a useful rest are absent. `memo` caches the models of valid documents.
     """
     specs, memo = Specs(), memo or Memo()
     for path, document in documents.by_path.items():
@@ -64,13 +64,13 @@ def validate(documents: Documents, report: Report, memo: Memo | None = None) -> 
 
 
 def validate_one(document: Document, report: Report) -> Model | None:
-    """Check one document; None when it is wrong, which has been reported with every place."""
+    """Validate one document; return None if it is invalid (all errors are reported)."""
     spec, doubts = _sound(document, report)
     return None if doubts else spec
 
 
 def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEntries]:
-    """The model of what is sound in a document, None where that is nothing; and what was left out (reported)."""
+    """Return the model of the valid rest of a document (None if there is none), and what was left out (reported)."""
     model = model_of(document.kind)
     if model is None:
         report.add(Code.WRONG_KIND, f"documents of kind `{document.kind}` cannot be used yet", document.span(("thingc",)))
@@ -95,8 +95,9 @@ def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEnt
 
 
 def _build(model: type[Model]) -> None:
-    """Build a model's validator at its first use, without pydantic's search for plugins in all installed packages: what it would load
-    to read their metadata takes longer than a document."""
+    """Build a model's validator at its first use, without pydantic's search for plugins in all installed packages, which
+    takes longer than validating a document.
+    """
     if model.__pydantic_complete__:
         return
     name = "pydantic.plugin._loader"
@@ -112,7 +113,7 @@ def _build(model: type[Model]) -> None:
 
 
 def part_references(specs: Specs, documents: Documents) -> tuple[tuple[str, Span], ...]:
-    """Every `part:` of every assembly, in the order written, with its place."""
+    """Return every `part:` of every assembly, in the order written, with its place."""
     references: list[tuple[str, Span]] = []
     for path, spec in specs.items():
         if isinstance(spec, AssemblySpec):

@@ -1,10 +1,10 @@
-"""Documents that their model does not take: every error at its place, in the words of documents, and what is sound of them.
+"""Explain validation errors in the terms of documents, each at its place, and find the valid rest.
 
-Loaded for a document that is wrong: no other needs it.
+Loaded only for invalid documents.
 
-pydantic checks the plain values and says where in the model something is wrong. That location is followed through the
-annotations (`shapes`): a union's tag is in pydantic's location but not in the document, so at a union the branch that
-was meant is chosen by what is written there, and only its errors count.
+pydantic validates the plain values and reports locations in the model. These are followed through the
+annotations (`shapes`): a union's tag is in pydantic's location but not in the document, so at a union the intended branch
+is chosen by the written value, and only its errors count.
 """
 
 from __future__ import annotations
@@ -33,9 +33,11 @@ def sound_rest(
     document: Document, model: type[Model], plain: dict[str, Any], error: ValidationError | None, empty: Mapping[Path, ScalarNode],
     damaged: frozenset[Path], report: Report,
 ) -> tuple[Model | None, InvalidEntries]:
-    """Say what is wrong with a document: `error` is what its model raised for the `plain` values (which are pruned), `empty` are its
-    nulls, `damaged` those that `load` has reported. The model of the rest, None where nothing useful stays, and what was
-    left out."""
+    """Report the errors of a document, and return the model of the valid rest (None if there is none) and what was left out.
+
+    `error` is the exception of the model for the `plain` values (which are pruned), `empty` are the nulls, `damaged` the paths that `load`
+    has reported.
+    """
     wrong = _report_empty(document, empty, report)
     faults: list[Fault] = []
     if error is not None:
@@ -47,7 +49,7 @@ def sound_rest(
 
 
 def _rest(model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong: frozenset[Path]) -> tuple[Model | None, InvalidEntries]:
-    """The model of a document without its faults and without the values at the paths `wrong`, and what is in doubt then."""
+    """Return the model of a document without its errors and without the values at the paths `wrong`, and the invalid entries."""
     doubts: set[Path] = set()
     pruned = prune(plain, faults)
     for path in wrong:
@@ -67,8 +69,7 @@ def _rest(model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong:
 
 
 def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: Report) -> frozenset[Path]:
-    """Keys without a value are errors: a null means nothing in any document. Returns their paths, and those of the values
-    that a decimal comma has cut."""
+    """Report keys without a value: null is not allowed in documents. Return their paths, and those of values that a decimal comma split."""
     paths: set[Path] = set()
     for path, node in empty.items():
         paths.add(path)
@@ -97,8 +98,9 @@ _COMMA = "a number is written with a point, not with a comma"
 
 
 def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Suggestion] | None:
-    """Where `{gap: 1,5 mm}` was meant to be 1.5 mm and came as `gap: 1` and a key `5 mm`: the path of the value, where the
-    whole stands, and a hint that says what it should be."""
+    """Detect `{gap: 1,5 mm}`, which is parsed as `gap: 1` and a key `5 mm`: return the path of the value, the span of the whole,
+    and a hint with the intended value.
+    """
     mapping = node_at(document.tree, path[:-1])
     if not isinstance(mapping, MappingNode) or not isinstance(path[-1], str) or not path[-1][:1].isdigit():
         return None
@@ -114,7 +116,7 @@ def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Suggesti
 
 
 def _faults(shape: FieldType, value: Any, path: Path, error: ValidationError) -> Iterator[Fault]:
-    """The errors of a value of this shape that stands at `path`, unions decided."""
+    """Yield the errors of a value of this type at `path`, with unions resolved."""
     unions: set[Path] = set()
     for entry in error.errors(include_url=False):
         steps, there, key, union = _follow(shape, entry["loc"], entry["type"])
@@ -131,7 +133,7 @@ def _faults(shape: FieldType, value: Any, path: Path, error: ValidationError) ->
 
 
 def _each(kind: str, context: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """The kind and the context of an error of one of our fields, and of the others that it brings along (see `spec.fields`)."""
+    """Yield kind and context of an error of one of our fields, and of the errors that it contains (see `spec.fields`)."""
     others: list[PydanticCustomError] = context.pop("others", [])
     yield kind, context
     for other in others:
@@ -139,7 +141,7 @@ def _each(kind: str, context: dict[str, Any]) -> Iterator[tuple[str, dict[str, A
 
 
 def _union_faults(shape: FieldType, value: Any, path: Path) -> Iterator[Fault]:
-    """The errors of a value that fits no branch of a union: those of the branch that was meant."""
+    """Yield the errors of a value that matches no branch of a union: those of the intended branch."""
     branch = branch_of(shape, value)
     if branch is None:
         yield Fault(path=path, kind="type", context={}, value=value, shape=shape)
@@ -162,7 +164,7 @@ def _union_faults(shape: FieldType, value: Any, path: Path) -> Iterator[Fault]:
 def _follow(shape: FieldType, location: tuple[int | str, ...], kind: str) -> tuple[Path, FieldType, bool, bool]:
     """Follow pydantic's location through the annotations.
 
-    Returns the path in the document, the shape there, whether the key is meant, and whether a union stopped the way.
+    Return the path in the document, the type there, whether the error is about the key, and whether a union ended the search.
     """
     path: list[int | str] = []
     for index, step in enumerate(location):
