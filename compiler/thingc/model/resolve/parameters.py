@@ -296,14 +296,14 @@ def from_command_line(
     report = context.report
 
     def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: object = ()) -> None:
-        del code  # a bad -p is one code, whatever is wrong with it: the command line's exit status depends on it
+        del code  # all errors of -p have the same code, which determines the exit status
         report.add(Code.PARAMETER_OPTION, message, None, help=help, path=f"-p {name}", notes=notes)  # type: ignore[arg-type]
 
     given, expressions = _as_written(context, document, spec, texts, complain)
     sound: dict[str, ExpressionValue | Expression] = dict(fitting(context, document, spec, given, f"`{spec.name}`", complain))
     if not expressions:
         return sound
-    # What they come to depends on the other options: work everything out quietly, then judge the results.
+    # Values depend on other options: evaluate all without reporting, then check the results.
     quiet = Report()
     known = {name: e for name, e in expressions.items() if name in spec.parameters}
     values, _ = worked_out(document, spec, {**sound, **known}, quiet, context.doubts(document))

@@ -1,4 +1,4 @@
-"""Part definitions: parameters checked against the part's schema, and parts that are files."""
+"""Part definitions: check parameters against the part's schema, and parts from files."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _FAILURES: Mapping[FailureKind, Code] = {
 
 
 def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDefinition | None:
-    """The definition of a component that is a `part:`; None where it is wrong (reported, once per reference)."""
+    """Return the definition of a component with `part:`; None if it is invalid (reported once per reference)."""
     schema = context.schemas.get(reference)
     if schema is None:
         return None
@@ -66,7 +66,7 @@ def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDe
 
 
 def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
-    """The parameters that the document sets, canonical; None where one is unknown, wrong or missing (all reported)."""
+    """Return the canonical parameters that the document sets; None if one is unknown, invalid or missing (all are reported)."""
     scope, path = node.scope, (*node.path, "params")
     by_name = {parameter.name: parameter for parameter in schema.parameters}
     values: dict[str, Value] = {}
@@ -100,7 +100,7 @@ def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
 
 
 def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, path: Path) -> Value | None:
-    """The canonical value of one parameter; None where it does not fit its schema (reported)."""
+    """Return the canonical value of a parameter; None if it does not match its schema (reported)."""
     what = f"parameter `{parameter.name}` of `{schema.reference}`"
     written = scope.written(path)
     literal = written is not None and not written.lstrip().startswith("=")
@@ -171,7 +171,7 @@ def _declared_at(schema: PartSchema) -> list[Note]:
 
 
 USES_SHOWN = 3
-"""Of parts that one fault keeps from being loaded: those whose place in a document is shown."""
+"""Maximum number of places shown for parts that cannot be loaded because of one error."""
 
 
 def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, failure: PartFailure) -> None:
@@ -213,7 +213,7 @@ def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, f
 
 
 def _report_unloaded(context: ResolveRun, where: Span, reference: str, failure: PartFailure, file: str, line: int) -> None:
-    """What went wrong at a line of a part file: one fault, however many parts cannot be loaded for it. `where` is the part that was met."""
+    """Report an error at a line of a part file once, even if several parts cannot be loaded because of it. `where` is a use of the part."""
     from thingc.documents.spec.validation import part_references
 
     uses = {reference: where}
@@ -234,7 +234,7 @@ def _report_unloaded(context: ResolveRun, where: Span, reference: str, failure: 
 
 
 def _reference_hint(context: ResolveRun, text: str) -> str:
-    """What to write for a text that is no `module:Class`."""
+    """Return a hint for a text that is not `module:Class`."""
     called = re.fullmatch(r"([\w.]+:[\w.]+)\((.*)\)", text, re.DOTALL)
     if called is not None:
         return f"write `part: {shortened(called.group(1))}`, and the parameters beside it: `params: {{...}}`"
@@ -250,7 +250,7 @@ def _reference_hint(context: ResolveRun, text: str) -> str:
 
 
 def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> str:
-    """What to write for a part that is not there: the class of this name in another module, else a name in the same module."""
+    """Return a hint for an unknown part: the class of this name in another module, else a name in the same module."""
     classes = [one for one in failure.candidates if ":" in one]
     namesakes = [one for one in classes if one.partition(":")[2] == reference.rpartition(":")[2]]
     if namesakes:
@@ -261,7 +261,7 @@ def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> s
 
 
 def _module_hint(context: ResolveRun, reference: str, known: Collection[str]) -> str:
-    """What to do where there is no module of this name: there may be a near one, or none at all yet."""
+    """Return a hint for an unknown module: a similar name, or where modules are."""
     module, _, name = reference.partition(":")
     close = near_hint(module, known)
     if close is not None:
@@ -277,12 +277,14 @@ def _module_hint(context: ResolveRun, reference: str, known: Collection[str]) ->
 
 
 FEWEST_FACES = 4
-"""Of a closed surface: those of a tetrahedron."""
+"""Smallest number of faces of a closed surface: a tetrahedron."""
 
 
 def of_file(context: ResolveRun, node: ComponentScope, text: str) -> PartDefinition | None:
-    """The definition of a component that is a `file:`, with the unit of its numbers where that is not mm, and its `faces`; None where the
-    file cannot be used (which `load` has reported, unless it was chosen)."""
+    """Return the definition of a component with `file:`, with its `faces` and its unit if it is not mm.
+
+    None if the file cannot be used (reported by `load`, unless it was chosen).
+    """
     beside = context.documents.root.path if "file" in node.chosen else node.scope.document.path
     absolute = named(text, beside)
     workspace = context.workspace

@@ -1,4 +1,4 @@
-"""Who places whom: every component but one, the base, by exactly one of `attach`, `at`, or one joint as its child."""
+"""Check placements: every component except the base is placed by exactly one `attach`, `at`, or joint of which it is the child."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, R
 from thingc.model.resolve.types import At, Attach, Joint
 
 Places = dict[str, list[tuple[str, Span]]]
-"""By component name: how it is placed (`` `attach` ``, `` joint `yaw` ``) and where that is written."""
+"""By component name: how it is placed (`` `attach` ``, `` joint `yaw` ``) and where this is written."""
 
 
 def own_placements(context: ResolveRun, table: DocumentScope, places: Places) -> dict[str, Attach | At | None]:
-    """The placements that components write themselves; those that are wrong are reported and leave the component unplaced."""
+    """Return the placements that components specify; invalid ones are reported, and leave the component unplaced."""
     placements: dict[str, Attach | At | None] = {}
     there = context.there(table)
     for node in table.nodes.values():
@@ -70,7 +70,7 @@ def _attach(table: DocumentScope, node: ComponentScope) -> Attach | None:
 
 
 def _turned_around(table: DocumentScope, node: ComponentScope, name: str) -> bool:
-    """Whether what `attach` names first is a mount of another component of the document."""
+    """Return whether the first reference of `attach` is a mount of another component of the document."""
     first, dot, _ = name.partition(".")
     return bool(dot) and first in table.nodes and first != node.name and (node.table is None or first not in node.table.nodes)
 
@@ -92,10 +92,10 @@ def _at(table: DocumentScope, node: ComponentScope) -> At | None:
 
 
 def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
-    """Report components placed twice, and none or several that are placed by nothing; find the base.
+    """Report components that are placed twice, and a missing base or several; find the base.
 
-    Whatever is placed twice or is a second base becomes unplaced; of those whose placement is in doubt nothing is said.
-    `unsure`: a joint whose child could not be read may place any of them, so that missing placements are no news.
+    Components that are placed twice, or are a second base, become unplaced; those with a doubtful placement are not reported.
+    `unsure`: a joint whose child could not be read may place any component, so that missing placements are not reported.
     """
     vague = {
         node.name for node in table.nodes.values()
@@ -147,13 +147,13 @@ def _report_no_base(table: DocumentScope, places: Places) -> None:
 
 
 def _perhaps_swapped(table: DocumentScope, free: list[str]) -> dict[str, Joint]:
-    """Joints by their child, where nothing places the parent: parent and child may have been swapped."""
+    """Return joints by child whose parent is not placed: parent and child may have been swapped."""
     joints = [joint for joint in table.joints.values() if joint is not None and not joint.loop]
     return {joint.child.path[0]: joint for joint in joints if joint.parent.path and joint.parent.path[0] in free[1:]}
 
 
 def _closes(way: str) -> str:
-    """What else a joint may have been meant to do than to place its child."""
+    """Return a hint for joints that may be meant to close a loop."""
     return f"; or, where {way} closes a loop, write `loop: true` in it" if way.startswith("joint ") else ""
 
 

@@ -1,4 +1,4 @@
-"""What no robot is: densities, sizes and masses that a slip of units makes."""
+"""Plausible ranges of densities, sizes and masses, to detect unit errors."""
 
 from __future__ import annotations
 
@@ -10,28 +10,27 @@ from thingc.geometry.record import FILE_UNIT, PartDefinition
 from thingc.model.resolve.link_definition import LinkDefinition
 
 LIGHTEST, HEAVIEST = 10.0, 25_000.0
-"""Densities [kg/m^3] that solids have: foams begin at 10, osmium has 22 590."""
+"""Range of densities [kg/m^3] of solids: foams from 10, osmium has 22 590."""
 
 SMALLEST, LARGEST = 1e-3, 10.0
-"""Of parts: how long [m] the longest side of the box around one is."""
+"""Range of plausible sizes of parts [m]: the longest side of the bounding box."""
 
 LIKELY_UNITS = ("mm", "m", "in", "cm", "um")
-"""Of files that do not say theirs, the likeliest first."""
+"""Likely units of files that do not specify one, most likely first."""
 
 _STEP = 1000.0
-"""Between kg/m^3 and g/cm^3, g and kg."""
+"""Ratio of kg/m^3 and g/cm^3, and of kg and g."""
 
 
 class Implausible(FrozenStruct):
-    """What is odd about a number, in words that follow what has it, and the number that was probably meant, in SI (None: nobody
-    can tell)."""
+    """An implausible value: a phrase that follows its owner, and the probably intended value in SI (None if unknown)."""
 
     words: str
     meant: float | None
 
 
 def density_doubt(density: float) -> Implausible | None:
-    """About a density [kg/m^3] that no solid has; None for others."""
+    """Check a density [kg/m^3]; return None if it is plausible for a solid."""
     if LIGHTEST <= density <= HEAVIEST:
         return None
     light = density < LIGHTEST
@@ -42,7 +41,7 @@ def density_doubt(density: float) -> Implausible | None:
 
 
 def mass_doubt(mass: float, volume: float) -> Implausible | None:
-    """About a mass [kg] that no solid of this volume [m^3] has; None for others."""
+    """Check a mass [kg] for a solid of this volume [m^3]; return None if it is plausible."""
     doubt = density_doubt(mass / volume)
     if doubt is None:
         return None
@@ -53,17 +52,17 @@ def mass_doubt(mass: float, volume: float) -> Implausible | None:
 
 
 def density_cure(doubt: Implausible) -> str | None:
-    """What to write for a density that no solid has; None where nobody can tell."""
+    """Return a hint for an implausible density; None if the intended value is unknown."""
     return None if doubt.meant is None else f"write `{density_words(doubt.meant)}` if that is meant"
 
 
 def said_by_file(definition: PartDefinition) -> bool:
-    """Whether a part is a file that says itself which unit its numbers are in."""
+    """Return whether a part is a file whose format specifies the unit."""
     return definition.reference.lower().endswith(SUFFIXES_WITH_UNIT)
 
 
 def unit_meant(definition: object, size: float) -> str:
-    """What to do about a part (its definition) whose size [m] is odd: of a file without a unit, the unit in which it is none."""
+    """Return a hint for a part of an implausible size [m]: for a file without a unit, the unit with a plausible size."""
     if isinstance(definition, LinkDefinition):
         return "lengths of shapes have their units; write `unit: m`, or another one, beside a `mesh` whose numbers are in that"
     if not isinstance(definition, PartDefinition) or definition.kind != "file":
@@ -81,31 +80,31 @@ def unit_meant(definition: object, size: float) -> str:
 
 
 def measures(box: tuple[Vector, Vector]) -> str:
-    """The sides of a box (two corners [m]) as people write them: `60 x 20 x 6 mm`."""
+    """Format the sides of a box (two corners [m]): `60 x 20 x 6 mm`."""
     sides = (float(f"{1000.0 * (above - below):.3g}") for below, above in zip(*box))
     return " x ".join(f"{side:g}" for side in sides) + " mm"
 
 
 def mass_words(mass: float) -> str:
-    """A mass [kg] as people write it: `82 g`, `27 kg`."""
+    """Format a mass [kg]: `82 g`, `27 kg`."""
     return f"{_format_number(1000.0 * mass)} g" if mass < 1.0 else f"{_format_number(mass)} kg"
 
 
 def density_words(density: float) -> str:
-    """A density [kg/m^3] as documents write it: `1270 kg/m^3`."""
+    """Format a density [kg/m^3]: `1270 kg/m^3`."""
     return f"{density:.6g} kg/m^3"
 
 
 def length_words(length: float, digits: int = 6) -> str:
-    """A length [m] as people write it: `40 mm`, `12 m`."""
+    """Format a length [m]: `40 mm`, `12 m`."""
     return f"{float(f'{length:.{digits}g}'):g} m" if abs(length) >= 1.0 else str(Quantity(float(f"{length:.{digits}g}"), LENGTH))
 
 
 def times_words(ratio: float) -> str:
-    """How many times something is another, to three digits."""
+    """Format a ratio, with three digits."""
     return f"{ratio:.3g}" if ratio < 1000.0 else f"{ratio:.0f}"
 
 
 def _format_number(value: float) -> str:
-    """A number without an exponent, its thousands apart."""
+    """Format a number without an exponent, with separated thousands."""
     return f"{value:,.0f}".replace(",", " ") if value >= 1000.0 else f"{value:.3g}"

@@ -1,7 +1,7 @@
-"""Poses: names and patterns of joints, values, and poses of nested documents.
+"""Resolve poses: names and patterns of joints, values, and poses of nested documents.
 
-Where several keys mean one joint, an exact joint name wins over a pattern, and a pattern over a nested document's pose;
-of equals the one written last wins.
+If several keys match a joint, an exact joint name takes precedence over a pattern, and a pattern over a nested document's pose;
+among equals the last one takes precedence.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Settings = dict[str, tuple[float, Origin]]
 
 
 def poses(table: DocumentScope, scope: Scope) -> None:
-    """Fill `table.poses`; keys that are wrong are reported and left out."""
+    """Fill `table.poses`; invalid keys are reported and left out."""
     if not table.spec.poses:
         return
     joints: Joints = dict(table.all_joints())
@@ -61,7 +61,7 @@ def poses(table: DocumentScope, scope: Scope) -> None:
 
 
 def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName], raw: Any, path: Path, into: Settings) -> None:
-    """Set the coordinates `names` of a joint by a list, or a mapping by number."""
+    """Set the coordinates `names` of a joint from a list, or from a mapping by index."""
     ball = known[names[0]] if names else None
     if ball is not None and ball.kind.at_once:
         _turn_ball(scope, key, names, ball, raw, path, into)
@@ -85,7 +85,7 @@ def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName],
 
 
 def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint, raw: Any, path: Path, into: Settings) -> None:
-    """Set a ball by what turns its child from q = 0."""
+    """Set a ball from the rotation of its child relative to q = 0."""
     if not isinstance(raw, TurnSpec):
         scope.error(
             Code.POSE, f"joint `{key}` is a ball: a pose turns it by `rpy` or by `quat`", path, key=True,
@@ -107,8 +107,10 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
 
 
 def _stand_ins(known: Joints, origin: Origin) -> Settings:
-    """Values for the joints whose limits exclude 0, where something in a pose was wrong and has been reported: what was
-    meant for them may be missing, and that they are not at 0 would be said in vain. Nothing is built with them."""
+    """Return placeholder values for joints whose limits exclude 0, for poses with errors, which have been reported.
+
+    The intended values may be missing, and reporting that these joints are not at 0 would be misleading. They are never built.
+    """
     settings: Settings = {}
     for name, joint in known.items():
         if joint is None or not _movable(joint):
@@ -158,7 +160,7 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
 
 
 def _joint_notes(name: str, joint: Joint) -> list[Note]:
-    """The note that shows where a joint is written."""
+    """Return the note that shows where a joint is written."""
     return [Note(message=f"`{name}` is written here", span=joint.origin[0])]
 
 
@@ -191,7 +193,7 @@ def _pattern(table: DocumentScope, scope: Scope, known: Joints, key: str, raw: A
 
 
 def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
-    """Set the coordinates of every joint that has several and fits a pattern by a list, or a mapping by number."""
+    """Set the coordinates of every joint with several coordinates that matches a pattern, from a list or a mapping by index."""
     coordinates: dict[str, list[CoordinateName]] = {}
     for name in known:
         if name.number is not None and fnmatchcase(name.joint, key):
@@ -206,7 +208,7 @@ def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: P
 
 
 def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, into: Settings) -> None:
-    """`leg_*: folded`: the pose `folded` of the documents nested as `leg_0`, `leg_1`, ..."""
+    """Apply `leg_*: folded`: the pose `folded` of the documents nested as `leg_0`, `leg_1`, ..."""
     matched = references.matching(table, key)
     assemblies = [(name, node) for name, node in matched if node.spec.assembly is not None]
     if not assemblies:

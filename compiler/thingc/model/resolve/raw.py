@@ -1,5 +1,6 @@
-"""Raw attributes: handed on to one target as they are, with the place where they are written; and the elements that are added to
-MuJoCo's model (`raw: {mjcf: {add: ...}}`)."""
+"""Raw attributes, which are passed to one target unchanged, with their place; and elements that are added to
+MuJoCo's model (`raw: {mjcf: {add: ...}}`).
+"""
 
 from __future__ import annotations
 
@@ -15,15 +16,15 @@ from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import RawAttribute, RawElement
 
 ADD, INSIDE = "add", "in"
-"""The key of what is added, and in an element that of the elements in it."""
+"""The key of added elements, and the key of the children of an element."""
 
 ORDER, ORDERED = "order", ("actuator", "sensor")
-"""The key of the order of elements in MuJoCo's model, and the kinds of elements that it lists."""
+"""The key of the order of elements in MuJoCo's model, and the kinds of elements that can be listed."""
 IN_ORDER = "[order]"
-"""The last key of an attribute that only gives an element its place among the others, which no attribute of a document can have."""
+"""Last key of internal attributes that specify the order of an element; documents cannot contain it."""
 
 SECTIONS = ("contact", "custom", "tendon", "equality", "actuator", "sensor")
-"""Sections of MJCF that may be added to, such that what stands in one may name what stands in those before."""
+"""Sections of MJCF to which elements can be added; elements can refer to those in preceding sections."""
 
 _KINDS = {
     **dict.fromkeys(("joint", "joint1", "joint2", "jointinparent"), "joint"),
@@ -31,19 +32,19 @@ _KINDS = {
     **dict.fromkeys(("body", "body1", "body2", "subtree1", "subtree2"), "body"), **dict.fromkeys(("geom", "geom1", "geom2"), "geom"),
     **dict.fromkeys(("tendon", "tendon1", "tendon2"), "tendon"), "actuator": "actuator", "camera": "camera",
 }
-"""Attributes that name another element, by the kind of that."""
+"""Attributes that refer to another element, with the kind of that element."""
 
 _OBJECTS = {"objname": "objtype", "refname": "reftype"}
-"""Attributes that name one of the kind that another attribute says."""
+"""Attributes that refer to an element whose kind is in another attribute."""
 
 KINDS = frozenset(_KINDS.values())
-"""The kinds of elements that others name."""
+"""The kinds of elements that can be referred to."""
 
 _EXAMPLE = "`- fixed: {name: grip, in: [{joint: {joint: left, coef: 1}}]}`"
 
 
 def added(scope: Scope, written: Mapping[str, Any]) -> tuple[RawElement, ...]:
-    """Every element under `raw: mjcf: add:`, section by section; what has no such form is reported."""
+    """Return every element under `raw: mjcf: add:`, section by section; anything else is reported."""
     under = written.get("mjcf")
     sections = under.get(ADD) if isinstance(under, Mapping) else None
     if sections is None:
@@ -67,13 +68,13 @@ def added(scope: Scope, written: Mapping[str, Any]) -> tuple[RawElement, ...]:
 
 
 def named_kind(attributes: Mapping[str, str], name: str) -> str | None:
-    """The kind of element that an attribute of an added one names; None where it names none."""
+    """Return the kind of element that an attribute of an added element refers to, or None."""
     said = attributes.get(_OBJECTS.get(name, ""))
     return {"xbody": "body"}.get(said, said) if said is not None else _KINDS.get(name)
 
 
 def text(value: object) -> str:
-    """A scalar as XML has it."""
+    """Format a scalar for XML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return value if isinstance(value, str) else repr(value)
@@ -115,14 +116,14 @@ EXAMPLES = {
     "mjcf": "{solreflimit: 0.01 1}", "urdf": "{limit: {effort: 20}}", "sdf": "{axis: {limit: {effort: 20}}}",
     "usd": '{"physics:breakForce": 20.0}',
 }
-"""Targets that take raw attributes, each with one of a joint."""
+"""Targets that accept raw attributes, each with an example attribute of a joint."""
 
 IN_PLACE = {"ros": "write them under `urdf`: the URDF of a package has them, too", "mjz": "write them under `mjcf`: its models are packed"}
-"""What to write of targets whose files are those of others."""
+"""Hints for targets that contain files of other targets."""
 
 
 def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
-    """Every attribute under `raw:`, in document order; those of an unknown target and those that are not to be set are reported."""
+    """Return every attribute under `raw:`, in document order; unknown targets and protected attributes are reported."""
     flattened: list[RawAttribute] = []
     for target, attributes in written.items():
         path: Path = ("raw", target)
@@ -145,7 +146,7 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
 
 
 def _ordered(scope: Scope, written: Any, path: Path) -> Iterator[RawAttribute]:
-    """The place of each element that `raw: {mjcf: {order: ...}}` lists; report anything else."""
+    """Yield the position of each element in `raw: {mjcf: {order: ...}}`; anything else is reported."""
     for kind, names in written.items() if isinstance(written, Mapping) else [("", written)]:
         if kind not in ORDERED or not isinstance(names, list) or any(isinstance(one, (Mapping, list)) for one in names):
             message = f"`{ORDER}` lists the names of {' or '.join(f'`{one}`' for one in ORDERED)} elements"

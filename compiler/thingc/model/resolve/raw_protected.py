@@ -1,6 +1,6 @@
-"""What `raw` cannot set: what identifies an element or refers to one, and what the meaning of everything else rests on.
+"""Attributes that `raw` cannot set: those that identify an element or refer to one, and those on which other values depend.
 
-Documents say these in words of their own, for every mode at once; `modes.json`, keyframes and poses rely on them.
+Documents have their own keys for these, for all modes at once; `modes.json`, keyframes and poses rely on them.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ REFERRING = frozenset({
     "joint1", "joint2", "jointinparent", "material", "mesh", "objname", "objtype", "plugin", "refname", "refsite", "reftype", "site",
     "site1", "site2", "slidersite", "subtree1", "subtree2", "target", "tendon", "tendon1", "tendon2", "texture",
 })
-"""Attributes whose value is the name of another element or of a file, or the kind of what is named."""
+"""Attributes whose value is the name of another element or of a file, or the kind of a referenced element."""
 
 NAMING = REFERRING - {"file", "instance", "material", "mesh", "objtype", "plugin", "reftype", "texture"} | {"name", "sidesite"}
-"""Attributes of elements that a document adds whose value is a name in it."""
+"""Attributes of added elements that contain a name of an element in the document."""
 
 CLASSES = frozenset({"class", "childclass"})
 
 MOTION = frozenset({"type", "axis", "pos", "ref"})
-"""Attributes of a joint that say how it moves, and from where its coordinate is counted."""
+"""Attributes of a joint that define its motion, and the zero of its coordinate."""
 
 PLACE = frozenset({"pos", "quat", "axisangle", "euler", "xyaxes", "zaxis", "fromto", "mocap"})
-"""Attributes of a body or a site that say where it is."""
+"""Attributes of a body or a site that define its pose."""
 
 SECTIONS: Mapping[str, Mapping[str, str]] = {
     "compiler": {
@@ -34,7 +34,7 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
         "strippath": "meshes are found where the build puts them",
     },
 }
-"""Attributes of sections that names, files and units of the whole model rest on, and what to do instead."""
+"""Attributes of sections on which names, files and units of the whole model depend, and what to use instead."""
 
 SAID_BY: Mapping[str, str] = {
     "actuator": "drives are named after their joints: write `drive:` there",
@@ -51,7 +51,7 @@ SAID_BY: Mapping[str, str] = {
     "site": "sites are the mounts: name them under `mounts:`",
     "tendon": "write the tendon under `tendons:`",
 }
-"""Where a document says what an element is called and what it refers to, by kind of element."""
+"""Where a document specifies names and references of elements, by kind of element."""
 
 
 EVERYWHERE: Mapping[str, str] = {
@@ -62,7 +62,7 @@ EVERYWHERE: Mapping[str, str] = {
     "inertial": "write `mass:` and `inertia:` of the component",
     "screw_thread_pitch": "write `lead:` of the joint", "geometry": "write `visual:` or `collision:` of the component",
 }
-"""What every format says of a robot, by element or attribute of URDF and SDF, and what to write instead."""
+"""Properties of a robot that are part of every format, by element or attribute of URDF and SDF, and what to use instead."""
 
 _MASS, _MOUNTS = EVERYWHERE["inertial"], EVERYWHERE["axis"]
 
@@ -72,17 +72,19 @@ EVERYWHERE_IN_USD: Mapping[str, str] = {
     **dict.fromkeys(("jointEnabled", "excludeFromArticulation"), EVERYWHERE["type"]),
     **dict.fromkeys(("rigidBodyEnabled", "kinematicEnabled"), "write `base:` of the mode"),
 }
-"""The same by attributes of USD, without their `physics:`."""
+"""The same for attributes of USD, without their `physics:`."""
 
 BEGINNINGS_IN_USD: Mapping[str, str] = {
     "xformOp": EVERYWHERE["pose"], "newton:mimic": EVERYWHERE["mimic"], "physxMimicJoint:": EVERYWHERE["mimic"],
 }
-"""The same of all attributes that begin so."""
+"""The same for attributes of USD with these prefixes."""
 
 
 def fixed_in_all(target: str, path: tuple[str, ...]) -> tuple[str, str] | None:
-    """The same in URDF, SDF and USD (see `fixed`), where a robot would be another one than in other formats. In SDF an `axis` also holds
-    what is no matter of geometry; in USD a type may stand before the name."""
+    """Return why `raw` cannot set an attribute of URDF, SDF or USD, as in `fixed`: the robot would differ from that in other formats.
+
+    In SDF, an `axis` also contains values that are not geometric; in USD, a type may precede the name.
+    """
     for key in path[-1:] if target == "usd" else path[2:]:
         name = key.rpartition(" ")[2]
         instead = _instead_in_usd(name) if target == "usd" else None if (key, target) == ("axis", "sdf") else EVERYWHERE.get(key)
@@ -92,15 +94,16 @@ def fixed_in_all(target: str, path: tuple[str, ...]) -> tuple[str, str] | None:
 
 
 def _instead_in_usd(name: str) -> str | None:
-    """What to write instead of an attribute of USD."""
+    """Return what to use instead of an attribute of USD, or None."""
     if name.startswith("physics:"):
         return EVERYWHERE_IN_USD.get(name.removeprefix("physics:"))
     return next((instead for beginning, instead in BEGINNINGS_IN_USD.items() if name.startswith(beginning)), None)
 
 
 def fixed(path: tuple[str, ...]) -> tuple[str, str] | None:
-    """Why `raw` cannot set the attribute of MJCF at a path below the target (`("body", "arm", "name")`), and what to write instead;
-    None where it can."""
+    """Return why `raw` cannot set the attribute of MJCF at a path below the target (`("body", "arm", "name")`), and what to use instead;
+    None if it can.
+    """
     kind, attribute = path[0] if path else "", path[-1] if path else ""
     if len(path) == 2 and kind in SECTIONS:
         instead = SECTIONS[kind].get(attribute)

@@ -1,4 +1,4 @@
-"""References: dotted words that name components and mounts, down into nested assemblies."""
+"""Resolve references: dotted names of components and mounts, into nested assemblies."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ ORIGIN = "origin"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _INDEX = re.compile(r"\$(?:\{([A-Za-z][A-Za-z0-9_]*)\}|([A-Za-z][A-Za-z0-9_]*))", re.ASCII)
 GLOB = re.compile(r"[*?\[]")
-"""A character that makes a pattern of a name."""
+"""A character that makes a name a pattern."""
 
 MAX_SUGGESTED = 1000
-"""Names that a misspelled one is compared with."""
+"""Maximum number of names that a misspelled one is compared with."""
 
 
 def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | None:
-    """The text with `$i` (or `${i}`) of the surrounding `repeat` filled in; None where another index is asked for (reported)."""
+    """Replace `$i` (or `${i}`) of the enclosing `repeat`; return None if the text uses another index (reported)."""
     if "$" not in text:
         return text
     unknown: list[str] = []
@@ -59,8 +59,9 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
 
 
 def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
-    """Where the items of the surrounding `repeat` are counted, for a value (a key) that is written with their index; nowhere for
-    the first item, which is there whatever the count."""
+    """Return where the items of the enclosing `repeat` are counted, if the text uses its index; empty for
+    the first item, which always exists.
+    """
     text = str(path[-1]) if key else scope.written(path) or ""
     if scope.index is None or scope.index[1] == "0" or "$" not in text:
         return ()
@@ -68,7 +69,7 @@ def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
 
 
 def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[str, ...] | None:
-    """The words of a reference that must be no pattern; None where it is none (reported)."""
+    """Return the words of a reference that must not be a pattern; None if it is invalid (reported)."""
     filled = indexed(scope, text, path, key=key)
     if filled is None:
         return None
@@ -92,7 +93,7 @@ def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[st
 
 
 def mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """The reference to a mount, `component.mount`; None where it names nothing (reported, or wrong before)."""
+    """Return the reference to a mount, `component.mount`; None if it is invalid (reported now or before)."""
     parts = words(scope, text, path, key=key)
     if parts is None:
         return None
@@ -105,8 +106,7 @@ def mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: boo
 
 
 def shown_mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """The reference to a mount, or to one that this document exports by its name; None where it names nothing (reported, or
-    wrong before)."""
+    """Return the reference to a mount, or to an exported mount of this document; None if it is invalid (reported now or before)."""
     if text not in table.exports:
         if "." not in text and table.doubts.lacks("mounts"):
             return None
@@ -120,7 +120,7 @@ def shown_mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, ke
 
 
 def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """The reference to a mount of the component itself, as `attach` names it: `back`, or `cap.pen` inside an assembly."""
+    """Return the reference to a mount of the component itself, as in `attach`: `back`, or `cap.pen` inside an assembly."""
     parts = words(scope, text, path, key=key)
     if parts is None:
         return None
@@ -138,7 +138,7 @@ def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key:
 
 
 def component(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[Reference, ComponentScope] | None:
-    """The reference to a component; None where it names nothing (reported, or wrong before)."""
+    """Return the reference to a component; None if it is invalid (reported now or before)."""
     parts = words(scope, text, path, key=key)
     if parts is None:
         return None
@@ -149,7 +149,9 @@ def component(table: DocumentScope, scope: Scope, text: str, path: Path, *, key:
 
 
 def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """A component, a mount, or a mount that this document exports; None where it names nothing (reported, or wrong before)."""
+    """Return the reference to a component, a mount, or an exported mount of this document; None if it is invalid (reported now or
+    before).
+    """
     parts = words(scope, text, path, key=key)
     if parts is None:
         return None
@@ -188,7 +190,7 @@ def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool
 
 
 def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentScope]]:
-    """The components whose path fits a pattern level by level, in document order; an exact name stands for itself alone."""
+    """Return the components whose path matches a pattern level by level, in document order; an exact name only matches itself."""
     steps = pattern.split(".")
     level: list[tuple[str, ComponentScope]] = []
     inside: list[tuple[str, DocumentScope]] = [("", table)]
@@ -204,7 +206,7 @@ def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentSco
 
 
 def suggested(name: str, names: Iterable[str], *, what: str) -> str:
-    """`did_you_mean` among the first names only: comparing with each of 100 000 would take seconds per mistake."""
+    """Return `did_you_mean` for the first names only: comparing with 100 000 names would take seconds per error."""
     return did_you_mean(name, islice(names, MAX_SUGGESTED), what=what)
 
 
@@ -214,7 +216,9 @@ _UNKNOWN = {"joint": Code.UNKNOWN_JOINT, "mode": Code.UNKNOWN_MODE, "pose": Code
 def report_unmatched(
     scope: Scope, text: str, known: Iterable[str], path: Path, what: str, *, fits: str = "", pattern: bool = False,
 ) -> None:
-    """An error for a name that no `what` has (`joint`, `mode`, `pose`), or a pattern that fits none; `fits` if patterns fit only some."""
+    """Report a name without a matching `what` (`joint`, `mode`, `pose`), or a pattern without a match; `fits` if patterns match only
+    some.
+    """
     help = suggested(text, known, what=f"{fits or what}s")
     if pattern or GLOB.search(text):
         scope.error(Code.NO_MATCH, f"pattern `{text}` fits no {fits or what}", path, help=help)
@@ -227,7 +231,7 @@ def _unbuilt(prefixes: list[str], name: str) -> bool:
 
 
 def _descend(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> ComponentScope | None:
-    """The component at a path; None where there is none (reported, or wrong before)."""
+    """Return the component at a path; None if there is none (reported now or before)."""
     node: ComponentScope | None = None
     inner: DocumentScope | None = table
     for depth, part in enumerate(parts):
@@ -246,7 +250,7 @@ def _descend(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: P
 
 
 def _mount_below(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> bool:
-    """Whether `component...mount` names something, as far as documents can tell; what is wrong is reported."""
+    """Return whether `component...mount` exists, as far as known from documents; errors are reported."""
     node = table.nodes.get(parts[0])
     if node is None:
         _report_component(table, table, scope, parts, 0, path, key)
@@ -300,17 +304,17 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
 
 
 def declared(node: ComponentScope) -> list[Note]:
-    """The note that shows where a component is written."""
+    """Return the note that shows where a component is written."""
     return [Note(message=f"`{node.name}` is written here", span=node.scope.span(node.path, key=True))]
 
 
 def defined(table: DocumentScope) -> list[Note]:
-    """The note that shows where the assembly of a nested document is written."""
+    """Return the note that shows where the assembly of a nested document is written."""
     return [Note(message=f"`{table.spec.name}` is defined here", span=table.document.span(("name",)))]
 
 
 def _repeated(scope: Scope, path: Path, key: bool) -> list[Note]:
-    """The note that shows how often a reference with an index is repeated: that may be the number to mend."""
+    """Return the note that shows the count of the `repeat` of an indexed reference, which may be the cause."""
     return scope.beside(COUNTED, (*path[:2], "repeat", "count"), path) if counted(scope, path, key=key) else []
 
 
@@ -379,7 +383,7 @@ def _report_component(
 
 
 def _shows(node: ComponentScope, mount: str) -> bool:
-    """Whether a component has a mount of that name, as far as documents tell: those of parts are their own."""
+    """Return whether a component has a mount of this name, as far as known from documents; mounts of parts are not known."""
     return mount in node.mounts or (node.table is not None and mount in node.table.exports)
 
 

@@ -1,4 +1,4 @@
-"""Unrolling `repeat:`, and the rules for names: reserved words, clashes, and names that differ only in case."""
+"""Unroll `repeat:`, and check names: reserved words, duplicates, and names that differ only in case."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from thingc.documents.spec.name_types import RESERVED
 from thingc.model.resolve.scope import Scope
 
 MAX_REPEAT = 10_000
-"""Items of one `repeat`."""
+"""Maximum number of items of one `repeat`."""
 
 MAX_OCCURRENCES = 100_000
-"""Occurrences of a robot, and items that the repeats of one document make."""
+"""Maximum number of occurrences of a robot, and of items of all repeats of one document."""
 
 Spec = TypeVar("Spec", ComponentSpec, JointSpec)
 
@@ -31,10 +31,10 @@ class Unrolled(FrozenStruct, Generic[Spec], kw_only=False):
 
 
 def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Unrolled[Spec]], list[str]]:
-    """The items of `components` or `joints` in document order, and the prefixes (`leg_`) of those that were too many or wrong
-    (of everything: an empty one).
+    """Return the items of `components` or `joints` in document order, and the prefixes (`leg_`) of those that are invalid or too many
+    (an empty prefix for all).
 
-    Names that clash are reported, and the first one stays.
+    Duplicate names are reported, and the first one is used.
     """
     unbuilt: list[str] = []
     in_doubt: list[str] = [name for name in specs if scope.doubts.touch((section, name, "repeat"))]
@@ -69,7 +69,7 @@ def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: 
 
 
 def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> dict[str, int | None] | None:
-    """How often each of the `specs` that are repeated is, None where that is wrong; None for all of them where they are too many."""
+    """Return the count of each repeated spec, None for invalid ones; None instead of the mapping if there are too many."""
     counts: dict[str, int | None] = {}
     total = 0
     for name, spec in specs.items():
@@ -100,7 +100,7 @@ def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: I
 
 
 def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserved: bool = True) -> None:
-    """Report reserved names and names that are equal or differ only in case; each comes with its path and what it is."""
+    """Report reserved names, duplicates, and names that differ only in case; each comes with its path and kind."""
     seen: dict[str, tuple[str, Path, str]] = {}
     said: set[tuple[Path, Path]] = set()
     for name, path, what in names:

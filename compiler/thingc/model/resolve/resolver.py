@@ -1,5 +1,7 @@
-"""The pass from checked documents to the model: parameters, expressions, units, references, defaults, repeats, patterns.
-`Settings` and `Sources` are what it is asked with."""
+"""The pass from validated documents to the model: parameters, expressions, units, references, defaults, repeats, patterns.
+
+`Settings` and `Sources` are its inputs.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +23,9 @@ if TYPE_CHECKING:
 
 
 class Settings(FrozenStruct):
-    """What one compilation has of its own. `parameters` are texts as `-p` takes them (`{"reach": "120 mm"}`), `choices` texts by
-    dotted path in the root document (`{"components.foot.part": "feet:Wide"}`). `quantities` are values for some of these paths: each is
-    set in place of its text."""
+    """Settings of one compilation. `parameters` are texts as for `-p` (`{"reach": "120 mm"}`), `choices` texts by dotted path in the root
+    document (`{"components.foot.part": "feet:Wide"}`). `quantities` replace the texts of some of these paths by values.
+    """
 
     parameters: Mapping[str, str] = {}
     choices: Mapping[str, str] = {}
@@ -31,8 +33,9 @@ class Settings(FrozenStruct):
 
 
 class Sources(FrozenStruct):
-    """Documents, their models (or the sound rest of these) by path in the workspace, what the parts that they name take, and who
-    tells the SHA-256 of a file."""
+    """Documents, their models (or their valid rest) by path in the workspace, the schemas of the parts that they name, and a function that
+    returns the SHA-256 of a file.
+    """
 
     workspace: Workspace
     documents: Documents
@@ -44,11 +47,10 @@ class Sources(FrozenStruct):
 def resolve(
     sources: Sources, settings: Settings, report: Report, memo: Memo | None = None, of_any_text: Memo | None = None,
 ) -> AssemblyDefinition | None:
-    """The model of the root document of the `sources`, with these settings; among the sources is what choices name.
+    """Resolve the root document of `sources` with these settings; `sources` must include what choices name.
 
-    Everything wrong is reported; what depends on it is left out of the model.
-    None where the root document is unsound as a whole. What `memo` has of this text of the documents is taken from there, and from
-    `of_any_text` what it has of nested documents that are as they were.
+    All errors are reported; whatever depends on them is left out of the model. Return None if the root document is invalid as a whole.
+    `memo` caches results for this text of the documents, `of_any_text` those of unchanged nested documents.
     """
     from thingc.documents.spec.assembly import AssemblySpec
     from thingc.model.resolve import choices as choose
@@ -82,7 +84,7 @@ def resolve(
 
 
 def resolve_materials(sources: Sources, report: Report) -> None:
-    """Report what is wrong with a `materials/1` document that is checked by itself, and what is odd."""
+    """Report errors and suspicious values of a `materials/1` document that is checked by itself."""
     from thingc.model.resolve.document_scope import ResolveRun
     from thingc.model.resolve.materials import of_document
     from thingc.model.resolve.plausibility import density_cure, density_doubt

@@ -1,5 +1,4 @@
-"""How one document is read while it is resolved: expressions over its parameters, dimensions, bounds and places;
-and the layers of defaults."""
+"""Evaluate values of one document: expressions over its parameters, dimensions, bounds and places; and layers of defaults."""
 
 from __future__ import annotations
 
@@ -26,22 +25,21 @@ from thingc.documents.spec.poses import PoseSpec
 
 NOTHING: frozenset[str] = frozenset()
 UNIT = 1e-3
-"""How far the length of a quaternion that is written may be from 1."""
+"""Tolerance of the length of a written quaternion, which should be 1."""
 
 _EXPRESSION_CODES = {"dimension": Code.DIMENSION, "unit": Code.DIMENSION, "value": Code.OUT_OF_RANGE}
 
 
 class TooManyErrors(Exception):
-    """More faults than anybody reads have been said: the pass ends here."""
+    """The maximum number of errors has been reported: the pass is aborted."""
 
 
 class Scope(FrozenStruct):
-    """The names that expressions of a document (or of one item of a `repeat`) may use, and where to report.
+    """The names that expressions of a document (or of an item of a `repeat`) can use, and where to report.
 
-    `broken` are names that were wrong and have been reported: what uses them is unsound, silently. `index` is the name
-    of the repeat's index and its value as it stands in references (`$i`). `said`, shared by a whole run, keeps one
-    mistake in one place from being reported for every item of a repeat and every use of a nested document. `doubts` are
-    the places of the document that validation has reported.
+    `broken` are invalid names that have been reported: expressions that use them are invalid without a message. `index` is the name
+    of the repeat's index and its value in references (`$i`). `said`, shared by a whole run, prevents reporting the same
+    error for every item of a repeat and every use of a nested document. `doubts` are places of errors that validation has reported.
     """
 
     document: Document
@@ -53,26 +51,26 @@ class Scope(FrozenStruct):
     doubts: InvalidEntries = NO_DOUBTS
 
     def repeated(self, name: str, value: int) -> Scope:
-        """The same inside one item of a `repeat`."""
+        """Return the scope of one item of a `repeat`."""
         return replace(self, names={**self.names, name: Quantity(float(value))}, broken=self.broken - {name}, index=(name, str(value)))
 
     # --- places ---------------------------------------------------------------------------------------------------
 
     def span(self, path: Path, *, key: bool = False) -> Span:
-        """Where the value (the key) at `path` stands."""
+        """Return the span of the value (or the key) at `path`."""
         return self.document.span(path, key=key)
 
     def origin(self, path: Path, *, key: bool = False) -> Origin:
-        """`span` as the origin of something this document made."""
+        """Return `span` as the origin of an element of this document."""
         return (self.document.span(path, key=key),)
 
     def written(self, path: Path) -> str | None:
-        """The scalar at `path` as written, or None where there is none."""
+        """Return the scalar at `path` as written, or None."""
         node = node_at(self.document.tree, path)
         return node.text if isinstance(node, ScalarNode) else None
 
     def works_out(self, path: Path) -> bool:
-        """Whether an expression is written anywhere in what stands at `path`."""
+        """Return whether there is an expression anywhere in the value at `path`."""
         node = node_at(self.document.tree, path)
         return node is not None and any(isinstance(inner, ScalarNode) and str(inner.value).startswith("=") for _, inner in walk(node))
 
@@ -80,8 +78,7 @@ class Scope(FrozenStruct):
         self, code: Code, message: str, path: Path, *, help: str | None = None, notes: Iterable[Note] = (), key: bool = False,
         span: Span | None = None,
     ) -> None:
-        """Report, once, at the value (with `key` the key) at `path`; `span` where the place is narrower. Of a place in doubt
-        nothing is said."""
+        """Report once at the value (with `key` the key) at `path`; `span` may narrow the place. Places in doubt are not reported."""
         if self.doubts.touch(path):
             return
         known = (self.document.relative, code, path, key)
@@ -93,14 +90,14 @@ class Scope(FrozenStruct):
         self.report.add(code, message, span or self.document.span(path, key=key), help=help, notes=notes, path=dotted(path))
 
     def beside(self, message: str, path: Path, of: Path, *, key: bool = False) -> list[Note]:
-        """A note on the second place `path` of a fault at `of`; none where both are on one line, which is shown anyway."""
+        """Return a note on a second place `path` of an error at `of`; empty if both are on one line, which is shown anyway."""
         second, first = self.document.span(path, key=key), self.document.span(of)
         return [] if second.line == first.line else [Note(message=message, span=second)]
 
     # --- values ---------------------------------------------------------------------------------------------------
 
     def value(self, raw: Any, path: Path) -> ExpressionValue | None:
-        """The value of a field: expressions are worked out. None: it was wrong, here or before, and has been reported."""
+        """Evaluate the value of a field; None if it is invalid (reported now or before)."""
         if isinstance(raw, Quantity):
             return raw
         if isinstance(raw, Expression):
@@ -123,7 +120,7 @@ class Scope(FrozenStruct):
         raise TypeError(f"no value of a document: {raw!r}")
 
     def _narrowed(self, expression: Expression, path: Path, offset: int, end: int) -> Span | None:
-        """The part of a scalar on one line that an offset into its expression means."""
+        """Return the part of a scalar on one line that corresponds to a range in its expression."""
         node = node_at(self.document.tree, path)
         if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line:
             return None
@@ -139,10 +136,10 @@ class Scope(FrozenStruct):
         self, raw: Any, path: Path, dimension: Dimension | tuple[Dimension, ...], what: str, *,
         above: float | None = None, least: float | None = None, most: float | None = None, notes: Iterable[Note] = (),
     ) -> float | None:
-        """The SI value of a field of one of these dimensions and within bounds; None where it was wrong (reported).
+        """Return the SI value of a field with one of these dimensions and within bounds; None if it is invalid (reported).
 
-        `what` names the field for messages with its article or name: "the mass", "`limit.lower` of joint `yaw`"; `notes`
-        show where it is said that the dimension is this one.
+        `what` names the field in messages, with its article or name: "the mass", "`limit.lower` of joint `yaw`"; `notes`
+        show why this dimension is required.
         """
         quantity = self.value(raw, path)
         if quantity is None:
@@ -167,7 +164,7 @@ class Scope(FrozenStruct):
         return value
 
     def count(self, raw: Any, path: Path, what: str, *, least: int = 0) -> int | None:
-        """The value of a field that counts; None where it was wrong (reported)."""
+        """Return the value of a field that is a count; None if it is invalid (reported)."""
         value = self.number(raw, path, NUMBER, what, least=float(least))
         if value is None:
             return None
@@ -177,19 +174,19 @@ class Scope(FrozenStruct):
         return int(value)
 
     def vector(self, raw: Any, path: Path, dimension: Dimension, what: str) -> Vector | None:
-        """Three SI values of one dimension, lengths up to `FARTHEST`; None where one was wrong (reported)."""
+        """Return three SI values of one dimension, lengths up to `FARTHEST`; None if one is invalid (reported)."""
         least, most = (-FARTHEST, FARTHEST) if dimension == LENGTH else (None, None)
         x, y, z = (self.number(part, (*path, index), dimension, what, least=least, most=most) for index, part in enumerate(raw))
         return None if x is None or y is None or z is None else (x, y, z)
 
     def pose(self, spec: PoseSpec, path: Path) -> Pose | None:
-        """The pose that is written at `path`; None where it was wrong (reported)."""
+        """Return the pose at `path`; None if it is invalid (reported)."""
         translation = self.vector(spec.xyz, (*path, "xyz"), LENGTH, "`xyz`")
         rotation = self.rotation(spec, path)
         return None if translation is None or rotation is None else Pose(rotation=rotation, translation=translation)
 
     def rotation(self, spec: PoseSpec | TurnSpec, path: Path) -> Matrix | None:
-        """The rotation of the `quat` that is written at `path`, or of the `rpy`; None where it was wrong (reported)."""
+        """Return the rotation of the `quat` or `rpy` at `path`; None if it is invalid (reported)."""
         if isinstance(spec, TurnSpec) or spec.quat is None:
             angles = self.vector(spec.rpy, (*path, "rpy"), ANGLE, "`rpy`")
             return None if angles is None else placed((0.0, 0.0, 0.0), angles).rotation
@@ -208,14 +205,14 @@ class Scope(FrozenStruct):
         return rotation_of((w, x, y, z))
 
     def shown(self, value: ExpressionValue, path: Path) -> str:
-        """A value as messages quote it: as written, in backticks, with its result where it is an expression."""
+        """Format a value for messages: as written, in backticks, with the result of an expression."""
         text = (self.written(path) or words_of(value)).strip()
         return f"`{shortened(text)}`, which is {words_of(value)}" if text.startswith("=") else f"`{shortened(text)}`"
 
     def wrong_dimension(
         self, value: ExpressionValue, expected: tuple[Dimension, ...], what: str, path: Path, notes: Iterable[Note] = (),
     ) -> None:
-        """Report a value of another dimension, naming both."""
+        """Report a value of the wrong dimension, naming both."""
         message, help = dimension_message(value, expected, what, self.written(path), self.names)
         self.error(Code.DIMENSION, message, path, help=help, notes=notes)
 
@@ -223,7 +220,7 @@ class Scope(FrozenStruct):
 def dimension_message(
     value: ExpressionValue, expected: tuple[Dimension, ...], what: str, written: str | None, names: Collection[str] = (),
 ) -> tuple[str, str | None]:
-    """The words for a value of another dimension, and what to type next; `names` are those that an expression may use there."""
+    """Return the message and the help for a value of the wrong dimension; `names` are those that an expression can use there."""
     wanted = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
     text = shortened((written if written is not None else words_of(value)).strip())
     help: str | None = expression_hint(value, names) if isinstance(value, str) else None
@@ -238,7 +235,9 @@ def dimension_message(
 
 
 def _converted(text: str, found: Dimension, wanted: Dimension) -> str | None:
-    """The help for an expression that is a factor of a unit off what is wanted: `=pinion / 1 rad`, `=count * 1 mm`, `=width / 1 mm`."""
+    """Return the help for an expression that differs from the expected dimension by a unit: `=pinion / 1 rad`, `=count * 1 mm`, `=width / 1
+    mm`.
+    """
     body = text.removeprefix("=")
     term = f"({body})" if re.search(r"[-+<>=]", body) else body
     if found == NUMBER:
@@ -253,24 +252,23 @@ def _bound(value: float, dimension: Dimension) -> str:
 
 
 def numbered(written: list[Any] | dict[str, Any], number: int) -> tuple[Any, int | str] | None:
-    """What a list, or a mapping by number, says for one of several, and its key there; None where it says nothing."""
+    """Return the element of a list, or of a mapping by index, and its key there; None if there is none."""
     if isinstance(written, dict):
         return (written[str(number)], str(number)) if str(number) in written else None
     return (written[number], number) if number < len(written) else None
 
 
 class DefaultLayers(FrozenStruct, kw_only=False):
-    """Models of one kind with the key paths where they stand, the most specific first."""
+    """Models of one kind with the paths of their keys, the most specific first."""
 
     items: tuple[tuple[BaseModel, Path], ...]
 
     def pick(self, key: str, number: int | None = None) -> tuple[Any, Path] | None:
-        """What is written for `key` (of a list, or of a mapping by number, for the one with this `number`), and its path; None where
-        no layer has it."""
+        """Return the value of `key` (for a list or a mapping by index, of the element `number`), and its path; None if no layer has it."""
         return next(self._written(key, number), None)
 
     def sub(self, key: str, number: int | None = None) -> DefaultLayers:
-        """The mappings written under `key` (and for `number`), to be merged key by key."""
+        """Return the mappings under `key` (and `number`), to be merged key by key."""
         return DefaultLayers(tuple((value, path) for value, path in self._written(key, number) if isinstance(value, BaseModel)))
 
     def _written(self, key: str, number: int | None) -> Iterator[tuple[Any, Path]]:

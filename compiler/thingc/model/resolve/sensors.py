@@ -1,4 +1,4 @@
-"""Sensors: the mounts that they sit on, and the joints, tendons, drives and links that they measure."""
+"""Resolve sensors: their mounts, and the joints, tendons, drives and links that they measure."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from thingc.model.resolve.shapes import primitive
 from thingc.model.resolve.types import Joint, Reference, Sensor, Tendon
 
 FOVY = numeric.radians(45.0)
-"""The angle of view [rad] of a camera that does not state one: MuJoCo's."""
+"""Default field of view [rad] of a camera, that of MuJoCo."""
 
 
 def sensors(table: DocumentScope, scope: Scope, tendons: Sequence[Tendon]) -> Iterator[Sensor]:
-    """The sensors of the document, which has these `tendons`, in its order. One that is wrong is left out (reported)."""
+    """Yield the sensors of the document, which has these `tendons`, in order. Invalid ones are reported and left out."""
     by_name = {one.name: one for one in tendons}
     for name, spec in table.spec.sensors.items():
         sensor = _Reader(table, scope, name, spec).sensor(by_name)
@@ -36,7 +36,7 @@ def sensors(table: DocumentScope, scope: Scope, tendons: Sequence[Tendon]) -> It
 
 
 class _Reader:
-    """Reads one sensor; `sound` until something that it needs is wrong, which has been reported."""
+    """Resolves one sensor; `sound` until an error has been reported."""
 
     def __init__(self, table: DocumentScope, scope: Scope, name: str, spec: SensorSpec) -> None:
         self.table, self.scope, self.name, self.spec = table, scope, name, spec
@@ -44,7 +44,7 @@ class _Reader:
         self.sound = True
 
     def sensor(self, tendons: Mapping[str, Tendon]) -> Sensor | None:
-        """The sensor; None where it is wrong."""
+        """Return the sensor; None if it is invalid."""
         spec = self.spec
         joint = self._joint() if spec.joint is not None or spec.type == "joint" else None
         tendon = self._tendon(spec.tendon, tendons) if spec.tendon is not None else None
@@ -78,7 +78,7 @@ class _Reader:
         return mount
 
     def _component(self, key: str, text: str | None) -> tuple[Reference, ...]:
-        """A component that is a link, or on one."""
+        """Return the reference to a component of a contact."""
         if text is None:
             return ()
         place: Path = (*self.path, key)
@@ -93,7 +93,7 @@ class _Reader:
         return () if named is None else (named[0],)
 
     def _numbers(self, key: Literal["noise", "cutoff"], written: Any, of: Dimension | None) -> dict[str, float]:
-        """Noise or cutoff by reading [SI]; of the only one that can have it, where no reading is named."""
+        """Return noise or cutoff by reading [SI]; a single value applies to the only reading that can have it."""
         if written is None:
             return {}
         able: dict[ReadingName, Dimension] = {}
@@ -159,7 +159,9 @@ class _Reader:
         )
 
     def _joint(self) -> Joint | None:
-        """The coordinate that a sensor measures, or whose drive it does: the one it names, else the one that has its own name."""
+        """Return the coordinate that a sensor measures, or whose drive it measures: that in `joint`, else the one with the sensor's
+        name.
+        """
         spec, unnamed = self.spec, self.spec.joint is None
         wanted = CoordinateName(spec.joint if spec.joint is not None else self.name)
         place: Path = (*self.path, "joint") if spec.joint is not None else self.path

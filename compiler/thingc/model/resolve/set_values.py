@@ -1,8 +1,8 @@
-"""Values that are set by their path in place of what a document says: `joints.elbow.limit.upper` and a text.
+"""Put values that are set by path (`joints.elbow.limit.upper` and a text) into a document.
 
-The text is put into the document's tree as if it were written there, a mapping or a list on one line (`{on: floor}`) included, and the tree
-is validated anew: what may stand at a place, and in which unit, is said by whoever says it of documents. Its place is the option
-(`source.option_span`), so that whatever is wrong with it, here or in a later pass, is said of the option and not of the document.
+The text is put into the document's tree as if it were written there, including a mapping or a list on one line (`{on: floor}`), and the
+tree is validated again, so that the rules of documents apply. Its place is the option (`source.option_span`), so that errors, here or in
+a later pass, are reported at the option and not in the document.
 """
 
 from __future__ import annotations
@@ -32,19 +32,20 @@ FIXED = {
     "name": "a robot keeps its name",
     "parameters": "a parameter is set by its name: `-p 'NAME=VALUE'`, and in a document of variants `NAME: ...`",
 }
-"""Keys of an assembly at which nothing is set, and why."""
+"""Keys of an assembly that cannot be set, and why."""
 
 
 class PathNotFound(FrozenStruct, kw_only=False):
-    """Why a text cannot stand at a path, and what helps."""
+    """Why a text cannot be set at a path, and a help."""
 
     message: str
     help: str | None
 
 
 def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, values: Mapping[str, str]) -> tuple[Document, AssemblySpec]:
-    """The document and its model with the texts `values` at their paths in it; both as they were where one of them cannot stand there,
-    which is reported. A document with faults of its own (reported) stays as it is."""
+    """Return the document and its model with the texts `values` at their paths; unchanged if one of them is invalid (reported), or if the
+    document itself has errors (reported).
+    """
     if not values or context.doubts(document):
         return document, spec
     tree: Node = document.tree
@@ -71,15 +72,15 @@ def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, val
     for fault in report.ordered():
         if fault.code is Code.CHOICE_OPTION:
             context.report.say(fault)
-        else:  # the document has no faults: a value makes something else wrong
+        else:  # the document is valid: a value causes an error elsewhere
             context.say_of_option(closest(values, fault.path or ""), fault.message, fault.help)
     if not isinstance(sound, AssemblySpec):
         return document, spec
-    return changed, sound.model_copy(update={"parameters": spec.parameters})  # which no path sets
+    return changed, sound.model_copy(update={"parameters": spec.parameters})  # which cannot be set by path
 
 
 def _parse_setting(path: str, text: str, place: Span) -> Node | PathNotFound:
-    """What a text says at a path, all of it at one place."""
+    """Parse a text for a path, with one place for all its nodes."""
     if (bad := forbidden(text)) is not None:
         return PathNotFound(f"`{path}`: {bad[1]}", "take it out")
     if is_flow(text):
@@ -92,7 +93,7 @@ def _parse_setting(path: str, text: str, place: Span) -> Node | PathNotFound:
 
 
 def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
-    """A tree like `node` with `leaf` at `keys`; mappings on the way that are not there are made."""
+    """Return a tree like `node` with `leaf` at `keys`; missing mappings are created."""
     if not keys:
         return leaf
     if isinstance(node, SequenceNode):
@@ -106,8 +107,10 @@ def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
 
 
 def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, whole: Callable[[str], str]) -> PathNotFound | None:
-    """Where a path leaves what an assembly may have or, of things with names, what the `tree` has: a message, and the nearest path that
-    does not. None where it leads to a value, or `text` is what holds values. `whole` gives paths as the top document has them."""
+    """Return an error with the nearest valid path if a path does not exist in an assembly or, for named elements, in `tree`.
+
+    None if it leads to a value, or if `text` is a mapping or list. `whole` converts paths to those from the top document.
+    """
     if keys[0] in FIXED:
         return PathNotFound(f"`{keys[0]}` is not set by a path", FIXED[keys[0]])
     node: Node | None = tree
@@ -146,7 +149,7 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
 
 
 def _no_such(document: Document, keys: tuple[str, ...], depth: int, known: Iterable[str], whole: Callable[[str], str]) -> PathNotFound:
-    """What to say of the key at `depth`, which is none of those that are known there."""
+    """Return the error for the key at `depth`, which is not one of the `known` keys there."""
     known, key = list(known), keys[depth]
     sections = [name for name, node in document.tree.entries.items() if isinstance(node, MappingNode) and keys[0] in node.entries]
     near = nearest(key, known)
@@ -161,7 +164,7 @@ def _no_such(document: Document, keys: tuple[str, ...], depth: int, known: Itera
 
 
 def _unfinished(path: str, shape: FieldType, node: Node | None) -> PathNotFound | None:
-    """What to say where a path ends before a value: at something that is a mapping, or a list of them, and nothing else."""
+    """Return the error for a path that ends at a mapping or a list of them, before a value."""
     branches = alternatives(shape)
     kinds = {branch.kind for branch in branches}
     if not kinds & {"model", "dict"} or kinds - {"model", "dict", "list"}:

@@ -1,4 +1,4 @@
-"""Links: components whose geometry is listed, shape by shape."""
+"""Resolve links, whose geometry is listed shape by shape."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from thingc.model.resolve.scope import DefaultLayers, Scope
 
 
 def of_link(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> LinkDefinition | None:
-    """The definition of a component that is a `link`; None where one of its shapes is wrong (reported)."""
+    """Return the definition of a component that is a `link`; None if one of its shapes is invalid (reported)."""
     shapes = [_shape(context, table, node.scope, spec, (*node.path, "shapes", index)) for index, spec in enumerate(node.spec.shapes)]
     sound = tuple(shape for shape in shapes if shape is not None)
     return link_of(sound) if len(sound) == len(shapes) else None
@@ -45,7 +45,7 @@ def _shape(context: ResolveRun, table: DocumentScope, scope: Scope, spec: ShapeS
 
 
 def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> MeshFile | None:
-    """A mesh file, and its scale; None where that is wrong (reported), or the file cannot be used (which `load` has reported)."""
+    """Return a mesh file with its scale; None if it is invalid (reported), or cannot be used (reported by `load`)."""
     scale = _scale(scope, spec, path)
     absolute, workspace = named(spec.mesh or "", scope.document.path), context.workspace
     if scale is None or absolute is None or os.path.isabs(spec.mesh or "") or not workspace.contains(absolute):
@@ -69,12 +69,12 @@ def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> Mes
 
 
 def _file(scale: Vector, digest: Callable[[str], str], absolute: str, path: str, _state: tuple[int, ...]) -> MeshFile:
-    """The file, of which the memo compares the state."""
+    """Return the mesh file; the memo compares its state."""
     return mesh_file(absolute, path, scale, digest)
 
 
 def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
-    """The factors to metres; None where one is wrong (reported)."""
+    """Return the factors to metres; None if one is invalid (reported)."""
     at: Path = (*path, "scale")
     if isinstance(spec.scale, list):
         factors = [scope.number(factor, (*at, k), NUMBER, "a factor of `scale`") for k, factor in enumerate(spec.scale)]
@@ -95,7 +95,7 @@ def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
 
 
 def primitive(scope: Scope, spec: ShapeSpec | VolumeSpec, path: Path, pose: Pose) -> Primitive | None:
-    """The primitive, of which documents say whole lengths; None where one of them is wrong (reported)."""
+    """Return the primitive, converted from whole lengths; None if one of them is invalid (reported)."""
     at: Path = (*path, spec.kind)
     written = getattr(spec, spec.kind)
     sides: list[float | None]

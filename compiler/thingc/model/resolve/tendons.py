@@ -1,4 +1,4 @@
-"""Tendons: sums of coordinates, or paths through mounts, that springs, limits and drives act along."""
+"""Resolve tendons: sums of coordinates, or paths through mounts, with springs, limits and drives."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from thingc.model.resolve.types import Drive, PathStep, Tendon
 
 
 def tendons(table: DocumentScope, scope: Scope) -> Iterator[Tendon]:
-    """The tendons of the document, in its order. One that is wrong is left out (reported)."""
+    """Yield the tendons of the document, in order. Invalid ones are reported and left out."""
     for name, spec in table.spec.tendons.items():
         path: Path = ("tendons", name)
         if spec.path is not None:
@@ -42,7 +42,7 @@ def tendons(table: DocumentScope, scope: Scope) -> Iterator[Tendon]:
 def _steps(
     table: DocumentScope, scope: Scope, name: str, written: Sequence[str | AroundSpec | PulleySpec], path: Path,
 ) -> Iterator[PathStep]:
-    """The sound steps of a path; what is wrong with others is reported."""
+    """Yield the valid steps of a path; invalid ones are reported."""
     for number, one in enumerate(written):
         place: Path = (*path, number)
         if isinstance(one, str):
@@ -63,7 +63,7 @@ def _steps(
 
 
 def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bool:
-    """Whether each piece of a path, between pulleys, goes from a mount to a mount, with at most one shape between two of them."""
+    """Return whether each section of a path between pulleys leads from mount to mount, with at most one shape between two mounts."""
     kinds = ["pulley" if step.mount is None else "shape" if step.shape is not None else "mount" for step in steps]
     for number, (kind, before, after) in enumerate(zip(kinds, ["pulley", *kinds], [*kinds[1:], "pulley"], strict=False)):
         if kind == "shape" and not before == after == "mount":
@@ -84,7 +84,7 @@ def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bo
 def _terms(
     table: DocumentScope, scope: Scope, name: str, spec: TendonSpec, path: Path,
 ) -> tuple[Dimension, tuple[tuple[CoordinateName, float], ...]] | None:
-    """The dimension of the length, that of its first term, and the factors by coordinate."""
+    """Return the dimension of the length, from the first term, and the factors by coordinate."""
     moves: list[tuple[CoordinateName, float]] = []
     length: Dimension | None = None
     for text, raw in (spec.joints or {}).items():
@@ -130,7 +130,7 @@ def _tendon(
         what = f"`{section}.{key}` of tendon `{name}`"
         return None if raw is None else scope.number(raw, (*path, section, key), of[key], what, least=least)
 
-    least = 0.0 if spec.path is not None else None  # a path has no length below 0
+    least = 0.0 if spec.path is not None else None  # the length of a path is not negative
     limit = Limit(lower=number("limit", "lower", least=least), upper=number("limit", "upper", least=least))
     if limit.lower is not None and limit.upper is not None and not limit.lower < limit.upper:
         scope.error(

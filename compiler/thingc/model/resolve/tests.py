@@ -1,4 +1,4 @@
-"""Tests of documents: names, units and ranges worked out. `model/assembly/modes.py` finds the mounts of parts."""
+"""Resolve tests of documents: names, units and ranges. `model/assembly/modes.py` finds the mounts of parts."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from thingc.model.resolve.types import Joint, JointRange, Mode, Reference, Test
 ALL = "all"
 
 Key = str | Path
-"""Where in a test: a key of it, or a path from it on."""
+"""Place in a test: a key, or a path."""
 
 
 def tests(context: ResolveRun, table: DocumentScope, scope: Scope, modes: Sequence[Mode]) -> Iterator[Test]:
-    """The tests of the document, in its order. One that is wrong is left out (reported)."""
+    """Yield the tests of the document, in order. Invalid ones are reported and left out."""
     around = context.around(table)
     by_name = {mode.name: mode for mode in modes}
     for name, written in table.spec.tests.items():
@@ -41,7 +41,7 @@ def tests(context: ResolveRun, table: DocumentScope, scope: Scope, modes: Sequen
 
 
 def _test(table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], name: str, written: TestSpec) -> Test | None:
-    """One test; None where something of it was wrong (reported)."""
+    """Return a test; None if it is invalid (reported)."""
     path: Path = ("tests", name, written.kind)
     reader = Reader(table, scope, modes, path)
     reader.choose(written.stated)
@@ -59,10 +59,10 @@ def _test(table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], name: s
 
 
 class Reader:
-    """Works out what one test says: the `read` of its kind asks for values by their key in it.
+    """Reads the specification of one test; the `read` of its kind requests values by key.
 
     `modes` are those of the document by name, `chosen_modes` and `chosen_poses` those of the test (`every_pose`: all keyframes of the
-    mode). `sound` is False as soon as something was wrong, which has been reported.
+    mode). `sound` becomes False when an error is reported.
     """
 
     def __init__(self, table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], path: Path) -> None:
@@ -76,15 +76,15 @@ class Reader:
         self.every_pose = False
 
     def at(self, key: Key) -> Path:
-        """The place of a value in the document."""
+        """Return the path of a value in the document."""
         return (*self.path, key) if isinstance(key, str) else (*self.path, *key)
 
     def origin(self, key: Key) -> Origin:
-        """Where a value is written."""
+        """Return where a value is written."""
         return self.scope.origin(self.at(key))
 
     def error(self, code: Code, message: str, key: Key, *, help: str | None = None, on_key: bool = False) -> None:
-        """Report at a value, or at its key (`on_key`), and leave this test out."""
+        """Report an error at a value, or at its key (`on_key`); the test is left out."""
         self.sound = False
         self.scope.error(code, message, self.at(key), help=help, key=on_key)
 
@@ -94,8 +94,9 @@ class Reader:
         self, raw: Any, key: Key, dimension: Dimension, what: str | None = None, *, above: float | None = None,
         least: float | None = None, most: float | None = None,
     ) -> float:
-        """The SI value; not a number, which no comparison finds fault with, where it was wrong (reported). `what` is how messages call
-        it, if not by its key."""
+        """Return the SI value; NaN, with which all comparisons are false, if it is invalid (reported). `what` is its name in messages, by
+        default its key.
+        """
         what = f"`{key}`" if what is None else what
         value = self.scope.number(raw, self.at(key), dimension, what, above=above, least=least)
         if value is not None and most is not None and value > most:
@@ -107,13 +108,13 @@ class Reader:
         return value
 
     def vector(self, raw: Any, key: str, dimension: Dimension) -> Vector | None:
-        """Three SI values; None where one was wrong (reported)."""
+        """Return three SI values; None if one is invalid (reported)."""
         vector = self.scope.vector(raw, self.at(key), dimension, f"`{key}`")
         self.sound = self.sound and vector is not None
         return vector
 
     def interval(self, said: Sequence[Any], key: Path, dimension: Dimension, what: str) -> tuple[float, float]:
-        """Two values in order."""
+        """Return two values in ascending order."""
         low, high = (self.number(value, (*key, index), dimension, what) for index, value in enumerate(said))
         if low > high:
             self.error(
@@ -123,7 +124,7 @@ class Reader:
         return low, high
 
     def bounds(self, low: Any, high: Any, dimension: Dimension, what: str) -> tuple[float | None, float | None]:
-        """`min` and `max`, as far as they are written."""
+        """Return `min` and `max`, as far as specified."""
         least = None if low is None else self.number(low, "min", dimension, f"`min` of {what}", least=0.0)
         most = None if high is None else self.number(high, "max", dimension, f"`max` of {what}", least=0.0)
         if least is not None and most is not None and least > most:
@@ -136,7 +137,7 @@ class Reader:
     # --- references -------------------------------------------------------------------------------------------------
 
     def mount(self, text: str | None, key: Key) -> Reference | None:
-        """A mount of a component, or one that the document exports."""
+        """Return the reference to a mount of a component, or to an exported mount."""
         if text is None:
             return None
         mount = references.shown_mount(self.table, self.scope, text, self.at(key))
@@ -144,7 +145,7 @@ class Reader:
         return mount
 
     def components(self, text: str | None, key: Key) -> tuple[Reference, ...]:
-        """The components that a name or pattern fits."""
+        """Return the components that match a name or pattern."""
         if text is None:
             return ()
         names = components_fitting(self.table, self.scope, text, self.at(key))
@@ -153,20 +154,20 @@ class Reader:
         return tuple(Reference(path=tuple(name.split(".")), mount=None, origin=origin) for name in names)
 
     def drives(self, said: str | list[str], key: Key) -> tuple[str, ...]:
-        """The paths of the driven joints that names and patterns fit."""
+        """Return the paths of the driven joints that match names and patterns."""
         paths = driven(self.table, self.scope, _each(said, self.at(key)))
         self.sound = self.sound and bool(paths)
         return paths
 
     def choose(self, written: Any) -> None:
-        """The modes and poses that a test is run in, if it is run in any."""
+        """Set the modes and poses in which a test runs, if any."""
         if hasattr(written, "mode"):
             self.chosen_modes = self._modes(written.mode)
         if hasattr(written, "pose"):
             self.chosen_poses, self.every_pose = self._poses(written.pose)
 
     def _modes(self, said: str | list[str] | None) -> tuple[str, ...]:
-        """The modes written, else the first."""
+        """Return the specified modes, else the first."""
         if not self.modes:
             self.sound = False
             return ()
@@ -175,7 +176,7 @@ class Reader:
         return self._named(said, self.at("mode"), list(self.modes), "mode")
 
     def _poses(self, said: str | list[str] | None) -> tuple[tuple[str | None, ...], bool]:
-        """The poses written, and whether all keyframes of the mode are meant."""
+        """Return the specified poses, and whether all keyframes of the mode are meant."""
         if said is None:
             return (None,), False
         if said == ALL and ALL not in self.table.poses:
@@ -183,7 +184,7 @@ class Reader:
         return self._named(said, self.at("pose"), list(self.table.poses), "pose"), False
 
     def _named(self, said: str | list[str], path: Path, known: Sequence[str], what: str) -> tuple[str, ...]:
-        """The names of modes or poses (`what`: one of them) that names and patterns fit, in the order known."""
+        """Return the names of modes or poses (`what`: one of them) that match names and patterns, in the order of `known`."""
         section = f"{what}s"
         names: set[str] = set()
         for text, at in _each(said, path):
@@ -197,7 +198,7 @@ class Reader:
         return tuple(name for name in known if name in names)
 
     def ranges(self, said: dict[str, Any], key: str) -> Iterator[JointRange]:
-        """The joints of a sweep and how far each goes; an exact name goes before a pattern."""
+        """Yield the joints of a sweep with their ranges; an exact name takes precedence over a pattern."""
         joints = dict(self.table.all_joints())
         movable = {name: joint for name, joint in joints.items() if joint is not None and _movable(joint)}
         chosen: dict[CoordinateName, tuple[Any, Path]] = {}
@@ -227,7 +228,7 @@ class Reader:
                 yield self._range(name, joint, *chosen[name])
 
     def _range(self, name: CoordinateName, joint: Joint, said: Any, key: Path) -> JointRange:
-        """From where to where a joint goes: all that its limits allow, without them one turn."""
+        """Return the range of a joint: as specified, within its limits, or one turn without limits."""
         twist = joint.twist
         endless = numeric.pi if twist is not None and twist.turns else numeric.inf
         low = joint.limit.lower if joint.limit.lower is not None else -endless
@@ -247,7 +248,7 @@ class Reader:
 
 
 def _each(said: str | list[str], path: Path) -> list[tuple[str, Path]]:
-    """One text, or those of a list, each with its place."""
+    """Return one text, or those of a list, each with its place."""
     return [(said, path)] if isinstance(said, str) else [(text, (*path, index)) for index, text in enumerate(said)]
 
 

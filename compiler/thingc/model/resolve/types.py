@@ -1,6 +1,6 @@
-"""The resolved model: documents with every name, unit and expression worked out, in SI.
+"""The resolved model: documents with all names, units and expressions resolved, in SI.
 
-Mounts of parts depend on geometry: references carry their names, which `model/assembly` checks.
+Mounts of parts depend on geometry: references contain their names, which `model/assembly` checks.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from thingc.model.resolve.coordinates import Coordinate, CoordinateName, Dynamic
 from thingc.model.resolve.link_definition import LinkDefinition
 
 COUNTED = "the reference is repeated this often"
-"""The note on the count of a `repeat` whose index leads nowhere."""
+"""The note on the count of a `repeat` whose indexed reference is invalid."""
 
 
 class Reference(OneLineRepr, FrozenStruct):
-    """`hand.cap.pen`: `path` the component names from this document down, `mount` the last word.
+    """A reference such as `hand.cap.pen`: `path` are the component names from this document down, `mount` is the last word.
 
     `mount` None means the component itself (`links`, `drive`, a mode's root). A mount may be one that a nested
-    assembly exports (then `path` ends at that assembly) or a part's own. `repeat_origin` is where the items of the surrounding
-    `repeat` are counted, if it is written with the index of one that is not the first.
+    assembly exports (then `path` ends at that assembly) or a part's own. `repeat_origin` is where the items of the enclosing
+    `repeat` are counted, if the reference uses the index of an item after the first.
     """
 
     path: tuple[str, ...]
@@ -38,14 +38,16 @@ class Reference(OneLineRepr, FrozenStruct):
 
     @property
     def text(self) -> str:
-        """As written, with dots."""
+        """The reference as written, with dots."""
         return ".".join((*self.path, self.mount) if self.mount is not None else self.path)
 
 
 class Process(OneLineRepr, FrozenStruct):
-    """How a part is made. `kind` such as `fdm`; widths and layer [m]; infill and overlap 0..1, bridge flow a ratio; `estimate` is how
-    the mass of a part with an infill is worked out, `layers | skin` (None: by the kind). `origins` are where the keys are written; those in
-    `wrong` are written, and what is wrong with them has been said."""
+    """How a part is made. `kind` is for example `fdm`; widths and layer are in [m]; infill and overlap 0..1, bridge flow a ratio.
+
+    `estimate` is the method for the mass of a part with an infill, `layers | skin` (None: by kind). `origins` are where the keys are
+    written; those in `wrong` are invalid (reported).
+    """
 
     kind: str | None = None
     walls: int | None = None
@@ -62,9 +64,9 @@ class Process(OneLineRepr, FrozenStruct):
 
 
 class Material(OneLineRepr, FrozenStruct):
-    """A material in scope. `density` [kg/m^3]; `color` `#rrggbb` or `#rrggbbaa`; `slide` the sliding friction (torsional and
-    rolling likewise); `process_origin` is where its `process` is written, empty where it has none, `density_origin` the same of its
-    density."""
+    """A material in scope. `density` [kg/m^3]; `color` `#rrggbb` or `#rrggbbaa`; `slide` is the sliding friction (likewise torsional and
+    rolling); `process_origin` is where its `process` is written (empty if it is not), `density_origin` where its density is.
+    """
 
     name: str
     density: float | None
@@ -79,8 +81,9 @@ class Material(OneLineRepr, FrozenStruct):
 
 
 class StatedValue(OneLineRepr, FrozenStruct):
-    """A number a document states (mass [kg], com [m], inertia [kg m^2] as ixx iyy izz ixy ixz iyz), its source and place. One that
-    was wrong, which has been reported, is a `stand_in`."""
+    """A value in a document (mass [kg], com [m], inertia [kg m^2] as ixx iyy izz ixy ixz iyz), its source and place. A `stand_in` replaces
+    an invalid one (reported).
+    """
 
     value: tuple[float, ...]
     source: str
@@ -97,8 +100,9 @@ class ExtraMount(OneLineRepr, FrozenStruct):
 
 
 class Overrides(OneLineRepr, FrozenStruct):
-    """What a document says about one component on top of what its part says. None: not said. `up` is the direction away from the
-    bed of a printer, a unit vector in the component's axes."""
+    """Overrides of a component in a document; None: not overridden. `up` is the direction away from the
+    bed of a printer, a unit vector in the component's axes.
+    """
 
     mass: StatedValue | None = None
     com: StatedValue | None = None
@@ -110,7 +114,7 @@ class Overrides(OneLineRepr, FrozenStruct):
 
 
 class BomEntry(OneLineRepr, FrozenStruct):
-    """Of the bill of materials. `make` is `buy | print | machine`; `cost` as written (`12.50 EUR`)."""
+    """An entry of the bill of materials. `make` is `buy | print | machine`; `cost` is as written (`12.50 EUR`)."""
 
     number: str | None = None
     supplier: str | None = None
@@ -119,7 +123,7 @@ class BomEntry(OneLineRepr, FrozenStruct):
 
 
 class Attach(OneLineRepr, FrozenStruct):
-    """The rigid mate: this component's `mount` onto `to`; `turn` [rad] and `gap` [m] along the other mount's z.
+    """A rigid mate: this component's `mount` onto `to`; `turn` [rad] and `gap` [m] are along the other mount's z.
 
     `mount` is a reference whose path starts with this component's own name.
     """
@@ -132,7 +136,7 @@ class Attach(OneLineRepr, FrozenStruct):
 
 
 class At(OneLineRepr, FrozenStruct):
-    """Plain placement: this component's frame at `pose` in the frame `to`."""
+    """Direct placement: this component's frame at `pose` in the frame `to`."""
 
     to: Reference
     pose: Pose
@@ -140,13 +144,13 @@ class At(OneLineRepr, FrozenStruct):
 
 
 class Component(OneLineRepr, FrozenStruct):
-    """A node placed in an assembly.
+    """A component of an assembly.
 
-    Exactly one of: `definition` a part, a link or a nested assembly, or `frame` True. `definition` None without
-    `frame` means that it was wrong and has been reported; later passes leave it out silently. `placement` is None for
-    the base and for what a joint places. `material` is what the document says (None: the Thing's default, looked up
-    in the assembly's `materials`). In the mirror image of a document `image_of` is the component that it is the image of,
-    and where that part is its own image `mounts_mirrored` the axis along which its mounts are mirrored all the same. `key` is the
+    Either `definition` is a part, a link or a nested assembly, or `frame` is True. If neither, the component is invalid
+    (reported); later passes skip it. `placement` is None for
+    the base and for components that a joint places. `material` is that in the document (None: the Thing's default, looked up
+    in the assembly's `materials`). In the mirror image of a document, `image_of` is the original component;
+    if the part equals its mirror image, `mounts_mirrored` is the axis along which its mounts are mirrored. `key` is the
     name in the document, which the items of a `repeat` share.
     """
 
@@ -165,13 +169,14 @@ class Component(OneLineRepr, FrozenStruct):
 
     @property
     def label(self) -> str:
-        """What it is, for people: the label of its definition."""
+        """Display name: the label of its definition."""
         return self.definition.label if self.definition is not None else "frame"
 
 
 class Drive(OneLineRepr, FrozenStruct):
-    """What moves a joint: `component` whose Thing declares an actuator, or an inline one (`component` None); of a ball about an `axis`
-    (a unit vector fixed in the child, in the parent mount's axes at q = 0)."""
+    """A drive of a joint: a `component` whose Thing declares an actuator, or an inline drive (`component` None). For a ball, `axis` is
+    a unit vector fixed in the child, in the parent mount's axes at q = 0.
+    """
 
     component: Reference | None
     kind: DriveType | None = None
@@ -185,13 +190,13 @@ class Drive(OneLineRepr, FrozenStruct):
 
 
 class Joint(Coordinate):
-    """An edge that moves (or a `fixed` one): it places the component that `child` belongs to, unless it closes a `loop`.
+    """A joint: it places the component that `child` belongs to, unless it closes a `loop`.
 
-    One that has several coordinates is as many of these, next to each other: `name` is the coordinate's (`wrist[0]`), `twist` what that
-    does in the parent mount's frame as those before it have moved it (None: it has none).
-    `spans` gives places within the joint by dotted key (`limit.lower`), `written` the values that stand there, for diagnostics. Where it
-    has an `axis` (a unit vector in the parent mount's frame), the mounts coincide at q = 0 and do not face each other; else one that is
-    `mirrored` turns and slides in the parent mount's frame upside down, turned by pi about x.
+    A joint with several coordinates is a sequence of these: `name` is that of the coordinate (`wrist[0]`), `twist` its motion
+    in the parent mount's frame as moved by the preceding coordinates (None for a `fixed` joint).
+    `spans` contains places within the joint by dotted key (`limit.lower`), `written` the values there, for diagnostics. With
+    an `axis` (a unit vector in the parent mount's frame), the mounts coincide at q = 0 instead of facing each other. Otherwise, if it is
+    `mirrored`, it moves in the parent mount's frame turned by pi about x.
     """
 
     twist: Twist | None
@@ -208,8 +213,9 @@ class Joint(Coordinate):
 
 
 class Wrap(OneLineRepr, FrozenStruct):
-    """Of the path of a tendon: a `mount` that it goes through, or, with a `shape` of a `radius` [m], that it goes around, on the side of
-    the mount `side` if there is one; or (without a mount) a pulley, behind which lengths are divided by `divisor`."""
+    """A step of the path of a tendon: a `mount` to go through; or, with a `shape` of a `radius` [m], to go around, on the side of
+    the mount `side`, if any; or (without a mount) a pulley, after which lengths are divided by `divisor`.
+    """
 
     shape: Literal["sphere", "cylinder"] | None = None
     radius: float | None = None
@@ -218,15 +224,16 @@ class Wrap(OneLineRepr, FrozenStruct):
 
 
 class PathStep(Wrap):
-    """A step of a path, with its mounts as the document names them."""
+    """A step of a path, with mounts as in the document."""
 
     mount: Reference | None = None
     side: Reference | None = None
 
 
 class Tendon(OneLineRepr, FrozenStruct):
-    """A sum of coordinates, its length: `moves` has the factor of each [by the units of q], `turns` says whether the length is an angle
-    [rad], else it is [m]. Or the length of a `path`, drawn with a `width` [m]. Limit, dynamics and drive are along it."""
+    """A tendon whose length is a sum of coordinates: `moves` has the factor of each [by the units of q]; `turns`: the length is an angle
+    [rad], otherwise it is in [m]. Or a tendon along a `path`, drawn with a `width` [m]. Limit, dynamics and drive act along it.
+    """
 
     name: str
     moves: tuple[tuple[CoordinateName, float], ...]
@@ -240,7 +247,7 @@ class Tendon(OneLineRepr, FrozenStruct):
 
 
 class LinkName(OneLineRepr, FrozenStruct):
-    """`links: {base_link: plate}`: names a link and picks its frame."""
+    """`links: {base_link: plate}`: the name of a link, and the component whose frame it uses."""
 
     name: str
     component: Reference
@@ -251,8 +258,9 @@ NamedKind = Literal["components", "mounts", "joints", "tendons", "actuators", "e
 
 
 class NameInFiles(OneLineRepr, FrozenStruct):
-    """`names: {joints: {joint_1: "1"}}`: what files call a thing of the document. `own` is what the document calls it, of coordinates as
-    artifacts have it (`wrist_0`)."""
+    """`names: {joints: {joint_1: "1"}}`: the name of an element in files. `own` is its name in the document, for coordinates
+    that in files (`wrist_0`).
+    """
 
     kind: NamedKind
     own: str
@@ -261,8 +269,9 @@ class NameInFiles(OneLineRepr, FrozenStruct):
 
 
 class NamedPose(OneLineRepr, FrozenStruct):
-    """A pose with its globs and nested poses worked out: joint path (`hand/finger`) to q [rad or m], and where each
-    value was written. Joints not named are at 0."""
+    """A pose with patterns and nested poses resolved: joint path (`hand/finger`) to q [rad or m], and where each
+    value is written. Other joints are at 0.
+    """
 
     name: PoseName
     values: dict[JointPath, float]
@@ -271,9 +280,10 @@ class NamedPose(OneLineRepr, FrozenStruct):
 
 
 class Sensor(Measurement):
-    """By its kind it sits `at` a mount, and is seen from another; `joint` is the path of the joint (`leg/knee`) that is measured or driven,
-    `tendon` the name of such a tendon; `touching` are the component whose link is touched, and the one that touches it, if it is not
-    anything."""
+    """A sensor of some kind, `at` a mount, and relative to another one (`seen_from`). `joint` is the path of the measured or driven joint
+    (`leg/knee`), `tendon` the name of such a tendon; `touching` are the component whose contacts are measured, and the other component
+    of the contact, if specified.
+    """
 
     name: str
     at: Reference | None = None
@@ -284,10 +294,11 @@ class Sensor(Measurement):
 
 
 class Hold(OneLineRepr, FrozenStruct):
-    """A further mount that a mode holds to the world: mated to the world frame moved to `pose`, as a root is mated to `at`.
+    """A mount that a mode holds to the world, in addition to its root: mated to the world frame moved to `pose`, as a root is mated to
+    `at`.
 
-    `pose` None: `here`, where the mode's own pose puts it. `mount.mount` None: a component, whose origin lies on `pose`. One that
-    `turns` carries force alone: its origin stays, and it may turn about it.
+    `pose` None means `here`, its place in the mode's own pose. `mount.mount` None means a component, whose origin is at `pose`. With
+    `turns`, the hold carries only force: the origin is held, and the link may rotate about it.
     """
 
     mount: Reference
@@ -297,8 +308,9 @@ class Hold(OneLineRepr, FrozenStruct):
 
 
 class Standing(OneLineRepr, FrozenStruct):
-    """The mounts that a floating mode stands on, points that the floor pushes and does not pull. `friction` None: that of their
-    materials."""
+    """The mounts that a mode with a free base stands on: points that the floor pushes and does not pull. `friction` None: that of
+    their materials.
+    """
 
     mounts: tuple[Reference, ...]
     friction: float | None
@@ -306,18 +318,18 @@ class Standing(OneLineRepr, FrozenStruct):
 
 
 class Cut(OneLineRepr, FrozenStruct):
-    """A joint (its path) at which a mode wants a loop to be cut."""
+    """A joint (its path) at which a mode should cut a loop."""
 
     joint: JointPath
     origin: Origin
 
 
 class ModeSettings(OneLineRepr, FrozenStruct):
-    """What a mode is before and after its references are worked out.
+    """Settings of a mode that need no references.
 
-    `at` is the world side's pose (without its height if `on_floor`), `at_in` that in some poses; `gravity` [m/s^2] in the world frame;
-    `poses` in keyframe order, the mode's own `pose` first; `actuators` joint paths, None for all. A document without modes has one that is
-    not `stated`.
+    `at` is the pose of the world side of the root (without its height if `on_floor`), `at_in` that in some poses; `gravity` [m/s^2] is in
+    the world frame; `poses` are in keyframe order, the mode's own `pose` first; `actuators` are joint paths, None for all. The mode of a
+    document without modes is not `stated`.
     """
 
     name: str
@@ -336,10 +348,10 @@ class ModeSettings(OneLineRepr, FrozenStruct):
 
 
 class Mode(ModeSettings):
-    """One simulation model. `extends` has been merged. `root.mount` None: a component root.
+    """A mode, with `extends` merged. `root.mount` None means a component.
 
-    `exclude` are pairs of component references; `adhesion` [N] per mount. `step_origin` and `gravity_origin` are where its own
-    `timestep` and a gravity in numbers are written, else empty. `worked_out` modes have expressions, and depend on parameters.
+    `exclude` are pairs of component references; `adhesion` [N] is per mount. `step_origin` and `gravity_origin` are where its own
+    `timestep` and numeric gravity are written, else empty. `worked_out` modes contain expressions, and depend on parameters.
     """
 
     root: Reference
@@ -353,11 +365,11 @@ class Mode(ModeSettings):
 
 
 class RawAttribute(OneLineRepr, FrozenStruct):
-    """`raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`: the target, the keys on the way, and the value as text (of `usd`, whose
-    attributes have types, as JSON).
+    """`raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`: the target, the keys, and the value as text (for `usd`, which has typed
+    attributes, as JSON).
 
-    For that example `target` is `mjcf`, `path` `("joint", "yaw", "solreflimit")`; origin is the value's place, `keys` are
-    those of the keys.
+    For this example `target` is `mjcf`, `path` is `("joint", "yaw", "solreflimit")`; `origin` is the value's place, `keys` are
+    the places of the keys.
     """
 
     target: str
@@ -372,12 +384,12 @@ class RawAttribute(OneLineRepr, FrozenStruct):
         return ".".join(("raw", self.target, *self.path))
 
     def at_key(self, index: int) -> Origin:
-        """The origin of one of its keys, or of its value where there are no more."""
+        """Return the origin of a key, or of the value for an index after the last key."""
         return self.keys[index : index + 1] + self.origin[1:] if index < len(self.keys) else self.origin
 
 
 class RawElement(OneLineRepr, FrozenStruct):
-    """An element that `raw: {mjcf: {add: ...}}` adds to a `section` of the model, with what it has in it."""
+    """An element that `raw: {mjcf: {add: ...}}` adds to a `section` of the model, with its children."""
 
     section: str
     tag: str
@@ -387,12 +399,12 @@ class RawElement(OneLineRepr, FrozenStruct):
 
     @property
     def dotted(self) -> str:
-        """`raw.mjcf.add.tendon.grip`, by its tag where it has no name."""
+        """`raw.mjcf.add.tendon.grip`; with its tag if it has no name."""
         return ".".join(("raw.mjcf.add", self.section, self.attributes.get("name", self.tag)))
 
     @property
     def text(self) -> str:
-        """All of it in one line, for people."""
+        """The whole element on one line, for display."""
         words = " ".join((self.tag, *(f"{name}={value}" for name, value in self.attributes.items())))
         return words + "".join(f" ({child.text})" for child in self.children)
 
@@ -406,11 +418,11 @@ class JointRange(OneLineRepr, FrozenStruct):
 
 
 class Test(OneLineRepr, FrozenStruct):
-    """A test of a document, to be run in each of its `modes` (none: it does not depend on the mode) and `poses`.
+    """A test of a document, to run in each of its `modes` (none: it does not depend on the mode) and `poses`.
 
-    `kind` is the key in the document. In `poses` None is where the mode starts; `every_pose` asks for all keyframes of the mode,
-    and `poses` is empty then, as where the test does not depend on the pose. `check` is what its kind has read of it, a frozen
-    dataclass in SI; references in it are found by their type. `spans` are the places of values in the test by
+    `kind` is the key in the document. In `poses`, None is the initial pose of the mode; `every_pose` requests all keyframes of the mode
+    (`poses` is then empty, as for tests that do not depend on the pose). `check` is the specification, a frozen
+    struct in SI; references in it are found by type. `spans` are the places of values in the test by
     dotted key (`within.x`), for diagnostics.
     """
 
@@ -425,16 +437,16 @@ class Test(OneLineRepr, FrozenStruct):
 
 
 class AssemblyDefinition(OneLineRepr, FrozenStruct):
-    """A document with its parameters worked out: equal definitions are one node of the HAG.
+    """A document with its parameters resolved; equal definitions are one node of the HAG.
 
-    `document` is its path in the workspace, `parameters` the complete canonical ones; `text` prints those that differ
-    from the document's own values (`end_effector(pen_diameter=0.02)`), `label` does for people
-    (`end_effector(pen_diameter=20 mm)`). `materials` is its scope by name. Poses are of
-    this document, over paths relative to it. `modes`, `simulation` and `tests` count only at the top. `materials_known`
-    is False where a document of materials could not be read: then a name that is not in `materials` is no news. `whole` is
-    False where validation has left something out of the document; `loose` are sound references of what was left out because another
-    one in it was wrong. `step_origin` is where its `timestep` is written. A mirror image is a definition of its own (`leg(mirror=y)`):
-    `mirror` is the axis of its frame that it is mirrored along, `plain` the definition that it mirrors.
+    `document` is its path in the workspace, `parameters` are the complete canonical ones; `text` contains those that differ
+    from the document's own values (`end_effector(pen_diameter=0.02)`), and `label` is its display form
+    (`end_effector(pen_diameter=20 mm)`). `materials` is its scope by name. Poses are those of
+    this document, with relative paths. `modes`, `simulation` and `tests` are only used for the top document. `materials_known`
+    is False if a document of materials could not be read: unknown materials are then not reported. `whole` is
+    False if validation left something out of the document; `loose` are valid references of elements that were left out because of another,
+    invalid one. `step_origin` is where its `timestep` is written. A mirror image is a separate definition (`leg(mirror=y)`):
+    `mirror` is the axis of its frame along which it is mirrored, `plain` the original definition.
     """
 
     document: str

@@ -1,7 +1,7 @@
-"""Standing on the floor: how high a mode that is `on: floor` has to be for its lowest point to touch z = 0 of the world.
+"""Compute the height of modes with `on: floor`, so that their lowest point touches z = 0 of the world.
 
-The lowest point is that of the shapes that simulators collide, so that a simulation begins with the robot touching the floor and
-nothing in it. A mode has its height from its start pose; a `free` base from each of its poses, for its keyframes.
+The lowest point is that of the collision shapes, so that a simulation starts with the robot touching the floor without
+penetration. The height of a mode is that of its start pose; with a `free` base, each pose has its own, for its keyframes.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from thingc.model.robot.loop_cuts import spanning
 from thingc.model.robot.tree import bodies_from, in_link, root_pose
 
 MeshVertices = Callable[[Mesh], Sequence[Vector]]
-"""The vertices [m] of a mesh in the store."""
+"""Returns the vertices [m] of a mesh in the store."""
 
 DECIMALS = 7
-"""Heights [m] are rounded to these: vertices of meshes have single precision, and 0.05825 would be 0.05825000014901161."""
+"""Decimals of heights [m]: vertices of meshes have single precision, and 0.05825 would be 0.05825000014901161."""
 
 ROUNDING = 1e-6
-"""How far [m] a mesh may stick out of its part's box: rounding."""
+"""Tolerance [m] by which a mesh may exceed its part's box because of rounding."""
 
 
 def stand(assembly: Assembly, mesh_vertices: MeshVertices | None, report: Report, memo: Memo | None = None) -> Assembly:
-    """The assembly with the heights of its modes that are `on: floor` found: in their `at` and `at_in`.
+    """Return the assembly with the heights of its modes with `on: floor`, in their `at` and `at_in`.
 
-    Without `mesh_vertices` parts count as large as their boxes, which is near enough for what does without meshes. A robot that touches
-    nothing is said in `report`. What `memo` has of it is taken from there.
+    Without `mesh_vertices`, bounding boxes of parts are used, which is accurate enough where meshes are not needed. A robot without
+    collision shapes is reported. `memo` caches results.
     """
     if not any(mode.on_floor for mode in assembly.modes):
         return assembly
@@ -70,7 +70,7 @@ def _raised(at: Pose, height: float) -> Pose:
 
 
 def _height(assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_vertices: MeshVertices | None, memo: Memo) -> float | None:
-    """Where z [m] of the mode's `at` has to be in a pose (None: every joint at 0); None where nothing can touch."""
+    """Return the z [m] of the mode's `at` in a pose (None: every joint at 0); None if there are no collision shapes."""
     start = assembly.link_of[mode.root.occurrence]
     on_plane = root_pose(assembly, replace(mode, at=_raised(mode.at, 0.0)))
     bodies = bodies_from(assembly, start, spanning(assembly, mode), on_plane, memo)
@@ -86,8 +86,10 @@ def _height(assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_v
 def _lowest(
     parts: Sequence[tuple[Occurrence, Pose]], place: tuple[str, str | None], mesh_vertices: MeshVertices | None, memo: Memo,
 ) -> float:
-    """The lowest z [m] of what collides, infinite where nothing does. Meshes are looked into from the one whose box reaches lowest,
-    and no further than one can be lower than what has been found."""
+    """Return the lowest z [m] of collision shapes, infinite if there are none.
+
+    Meshes are examined in the order of the lowest point of their boxes, until no other can be lower.
+    """
     lowest = inf
     meshes: list[tuple[float, int, int, Mesh, Pose]] = []
     for number, (part, pose) in enumerate(parts):
@@ -100,9 +102,9 @@ def _lowest(
             if isinstance(shape, Primitive):
                 if minimum(shape.size) > 0.0 and shape.shape != "plane":
                     lowest = minimum(lowest, pose.translation[2] + shape.lowest(pose.rotation[2]))
-            elif shape.flat:  # MuJoCo does not touch what has no inside
+            elif shape.flat:  # MuJoCo ignores collisions of meshes without volume
                 continue
-            else:  # what a Thing collides as may lie anywhere
+            else:  # the collision shapes of a Thing may extend beyond its box
                 under = -inf if part.overrides.collision == "part" else low - ROUNDING
                 meshes.append((under, number, index, shape, pose @ surface.pose))
     for under, number, index, mesh, pose in sorted(meshes, key=lambda entry: entry[:3]):
@@ -116,16 +118,16 @@ def _lowest(
 
 
 def vertices_of(mesh_vertices: MeshVertices, mesh: Mesh, sha256: str) -> Sequence[Vector]:
-    """The vertices of a mesh, by its digest: for a `Memo`."""
+    """Return the vertices of a mesh, with its digest as a key for a `Memo`."""
     return mesh_vertices(mesh)
 
 
 def of_points(points: Sequence[Vector], down: Vector) -> float:
-    """The least of `down` times x [m] over points x."""
+    """Return the minimum of `down` times x [m] over points x."""
     x, y, z = down
     return minimum(x * a + y * b + z * c for a, b, c in points)
 
 
 def of_box(box: tuple[Vector, Vector], down: Vector) -> float:
-    """The same over the points of a box."""
+    """Return the minimum of `down` times x [m] over the points of a box."""
     return sum_of(minimum(component * low, component * high) for component, low, high in zip(down, *box, strict=True))

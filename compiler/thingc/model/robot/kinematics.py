@@ -1,5 +1,6 @@
-"""What a robot with a root says of itself: poses of its bodies and parts at given coordinates, its mass, and
-the paths of its tendons."""
+"""Kinematics of a robot with a root: poses of its bodies and parts at given coordinates, its mass, and
+the paths of its tendons.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ from thingc.model.robot.types import Body, Robot, TreeJoint
 
 
 def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
-    """Where a body is when its tree parent is at `parent`; `q` [rad or m] of every joint by path."""
+    """Return the pose of a body whose tree parent is at `parent`; `q` [rad or m] of every joint by path."""
     pose = parent @ body.X_PL
     if body.at_once:
         return pose @ moved(body.twists, tuple(q[joint.path] for joint in body.joints), at_once=True)
@@ -27,24 +28,25 @@ def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
 
 
 def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[TreeJoint, Twist]]:
-    """The coordinates by which a body moves in its tree parent, the last first, each with what it does as seen in the world (or whatever
-    frame the body is at `pose` in); `q` [rad or m] of every joint by path."""
+    """Yield the coordinates of a body in its tree parent, the last first, each with its twist in the world (or the frame of `pose`);
+    `q` [rad or m] of every joint by path.
+    """
     values = tuple(q[joint.path] for joint in body.joints)
     for number, twist in velocities(body.twists, values, pose, at_once=body.at_once):
         yield body.joints[number], twist
 
 
 def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:
-    """The pose of every body in the world, in body order; the root is where the mode puts it unless `root` says.
+    """Return the pose of every body in the world, in body order; the root is at its pose in the mode by default.
 
-    `q` [rad or m] by joint path; a joint that is not named follows the one it mimics, else it is at 0.
+    `q` [rad or m] is by joint path; joints that it does not contain follow the joint that they mimic, or are at 0.
     """
     full = coordinates(joints_of(robot.assembly), q)
     return placed_bodies(robot.bodies, full, robot.bodies[0].X_PL if root is None else root)
 
 
 def placed_bodies(bodies: Sequence[Body], q: Mapping[str, float], root: Pose) -> tuple[Pose, ...]:
-    """The pose of every body of a tree in the world, its root at `root`; `q` [rad or m] of every joint by path."""
+    """Return the pose of every body of a tree in the world, with the root at `root`; `q` [rad or m] of every joint by path."""
     poses: list[Pose] = []
     for body in bodies:
         poses.append(root if body.parent is None else carried(body, poses[body.parent], q))
@@ -52,7 +54,7 @@ def placed_bodies(bodies: Sequence[Body], q: Mapping[str, float], root: Pose) ->
 
 
 def occurrence_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:
-    """The pose of every occurrence in the world, in document order; arguments as of `body_poses`."""
+    """Return the pose of every occurrence in the world, in document order; arguments as for `body_poses`."""
     at = {body.link: pose for body, pose in zip(robot.bodies, body_poses(robot, q, root))}
     assembly = robot.assembly
     return tuple(at[link] @ pose for link, pose in zip(assembly.link_of, in_link(assembly)))
