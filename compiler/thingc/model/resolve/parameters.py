@@ -292,7 +292,7 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionVa
 def from_command_line(
     context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str],
 ) -> dict[str, ExpressionValue | Expression]:
-    """The values of `-p NAME=VALUE`, read as the document would read them. What is wrong has no place, but a clear name."""
+    """Return the values of `-p NAME=VALUE`, parsed as in the document. Errors have no place in a document, but name the parameter."""
     report = context.report
 
     def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: object = ()) -> None:
@@ -324,7 +324,7 @@ def from_command_line(
 def _as_written(
     context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str], complain: Complain,
 ) -> tuple[dict[str, ExpressionValue], dict[str, Expression]]:
-    """Texts of the command line as values and as expressions; those that are neither are complained of."""
+    """Parse texts of the command line as values and as expressions; invalid ones are reported."""
     table = declared(context, document, spec)
     given: dict[str, ExpressionValue] = {}
     expressions: dict[str, Expression] = {}
@@ -354,7 +354,7 @@ def _as_written(
 
 
 def _parse_parameter(text: str, own: ExpressionValue | None) -> ExpressionValue | Expression:
-    """A text of the command line as a document would read it, where the parameter's own value is `own`."""
+    """Parse a text of the command line as a document would; `own` is the parameter's own value."""
     stripped = text.strip()
     if stripped.startswith("="):
         return parse_expression(stripped)

@@ -1,4 +1,4 @@
-"""The loops of a mode: which they are, and the poses in which they close."""
+"""Find the loops of a mode, and close them in its poses."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ from thingc.model.robot.tree import bodies_from, cut_closures, in_link, placing,
 from thingc.model.robot.types import Body, Closure, Keyframe, Unclosed, residual_words
 
 MET = 1e-12
-"""A pose whose loops are closed to within this [m, rad] as it is written is taken as it is written."""
+"""Poses whose loops are closed within this tolerance [m, rad] are used as written."""
 
 STILL = 1e-9
-"""A joint that closing moves by less [rad or m] has not been moved."""
+"""Joints that move by less [rad or m] while closing count as unmoved."""
 
 FAR = radians(30.0)
-"""What closing may move a joint [rad, a slide in proportion] if the result is still to be called by the name of the pose (the
-pose that a mode starts with is its own, however far)."""
+"""Largest movement of a joint while closing [rad; proportional for slides] for which the pose keeps its name (the mode's
+start pose always does).
+"""
 
 STARTS = 8
-"""How many states besides its poses a mode is tried from before its loops are said not to close."""
+"""Number of additional start states to try before reporting that a mode's loops do not close."""
 
 Taken = Collection[int]
 
@@ -40,8 +41,10 @@ Taken = Collection[int]
 def closures_of(
     assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], taken: Taken, report: Report, memo: Memo,
 ) -> tuple[Closure, ...] | None:
-    """The mode's holds, then the joints that its tree does not cross. None where one is wrong (said in `report`). What `memo` has of it
-    is taken from there."""
+    """Return the closures of a mode: its holds, then the joints that its tree does not contain. None if one is invalid (reported).
+
+    `memo` caches results.
+    """
     sound = _check_cuts(assembly, mode, taken, report)
     cut = cut_closures(assembly, bodies, taken)
     held: list[Closure] = []
@@ -70,7 +73,7 @@ def closures_of(
 
 
 def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Report) -> bool:
-    """Whether each joint that the mode names is cut. One that is not is on no loop, or on one that is cut elsewhere (said in `report`)."""
+    """Return whether each joint in `cut` is cut; one that is on no loop, or on a loop that is cut elsewhere, is reported."""
     joints = {mate.name: number for number, mate in enumerate(assembly.mates) if mate.name is not None}
     wrong = [one for one in mode.cut if joints.get(one.joint) in taken]
     for one in wrong:
@@ -94,21 +97,22 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Repo
 
 
 def _target(hold: LinkedHold, where: Mapping[int, Pose] | None, body: int, X_LM: Pose) -> Pose:
-    """The frame of the mount in the world: mated to the hold's pose, as a root's to `at`; or where it is (`here`)."""
+    """Return the target of a hold's mount in the world: mated to the hold's pose, as a root to `at`; or its current pose (`here`)."""
     if hold.pose is not None:
         return hold.pose if hold.mount.of_component else hold.pose @ MATE
     return (where or {})[body] @ X_LM
 
 
 def _at_own_pose(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], memo: Memo) -> dict[int, Pose]:
-    """Where the mode's own pose (all joints at 0 where it has none) puts the bodies, its loops of joints closed."""
+    """Return the poses of bodies in the mode's own pose (by default all joints at 0), with loops of joints closed."""
     pose = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
     return dict(enumerate(placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)))
 
 
 def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -> dict[str, float]:
-    """q [rad or m] of every joint in a pose (None: all at 0), with the loops of joints closed as well as they close. What `memo` has of
-    it is taken from there."""
+    """Return q [rad or m] of every joint in a pose (None: all at 0), with the loops of joints closed as far as possible. `memo` caches
+    results.
+    """
     q = coordinates(joints_of(assembly), pose.values if pose is not None else {})
     loops = _doc_loops(assembly, memo)
     if loops is None:
@@ -118,7 +122,7 @@ def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -
 
 
 def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
-    """The loops of joints over the tree by which the documents place things: what closes them is the same in every mode."""
+    """Return the loops of joints relative to the tree of placements, which is the same in every mode."""
     taken = placing(assembly)
     if not any(mate.loop is not None for mate in assembly.mates):
         return None
@@ -129,10 +133,10 @@ def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
 def keyframes_of(
     assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], closures: tuple[Closure, ...], report: Report, memo: Memo,
 ) -> tuple[tuple[Keyframe, ...], tuple[Unclosed, ...]] | None:
-    """The mode's poses in its order, q of every joint with the loops closed, and the poses that do not close.
+    """Return the mode's poses in order, with q of every joint and closed loops, and the poses that do not close.
 
-    The joints that a pose does not name move first; the others only where that is not enough; a free base before either. None
-    where the mode's own pose does not close, or nothing that was tried does (said in `report`). What `memo` has of it is taken from there.
+    Joints that a pose does not name move first; others only if that is not enough; a free base moves before them. Return None
+    if the mode's own pose does not close, or no tried state does (reported). `memo` caches results.
     """
     joints = joints_of(assembly)
     by_name = {pose.name: pose for pose in assembly.poses}
@@ -174,7 +178,7 @@ def keyframes_of(
 
 
 def _least(loops: Loops, failed: list[Solution], base_moves: bool) -> Solution | None:
-    """The best that can be done, poses or not; None where the loops do close somewhere."""
+    """Return the solution with the smallest error; None if the loops can be closed from some state."""
     best = failed[0] if failed else None
     for solution in (*failed[1:], *_tried(loops, base_moves)):
         if solution.closed:
@@ -185,7 +189,7 @@ def _least(loops: Loops, failed: list[Solution], base_moves: bool) -> Solution |
 
 
 def _report(mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution | None, keyframes: list[Keyframe], report: Report) -> None:
-    """Say that the loops close nowhere (`best` is the nearest to it), or not from the mode's own pose (`own`)."""
+    """Report that the loops do not close (`best` is the best solution), or not from the mode's own pose (`own`)."""
     where = ""
     if best is None:
         if own is None:
@@ -212,8 +216,9 @@ def _joint_names(pose: NamedPose | None) -> frozenset[str]:
 
 
 def _moved(loops: Loops, start: SolverState, solution: Solution, following: Collection[str]) -> dict[str, float]:
-    """How far [rad or m] each joint that moves by itself has left where the pose has it. Those on loops that the pose does not
-    name (`following`) have no place there: they go where the loop takes them."""
+    """Return how far [rad or m] each independent joint has moved from its value in the pose, without joints on loops that the pose does not
+    name (`following`).
+    """
     moved = {c.path: solution.state.q[c.path] - start.q[c.path] for c in loops.coordinates if c.path not in following}
     return {path: by for path, by in moved.items() if abs(by) > STILL}
 
@@ -246,8 +251,9 @@ def _closed(loops: Loops, start: SolverState, named: Collection[str], base_moves
 
 
 def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
-    """Other states to start from: all joints at 0, in the middle, and spread between their limits (multiples of the golden
-    ratio, modulo 1: the same in every run)."""
+    """Yield other start states: all joints at 0, at the middle, and spread between their limits (multiples of the golden
+    ratio, modulo 1: the same in every run).
+    """
     for number in range(STARTS):
         q = coordinates(loops.joints.values(), {})
         for place, c in enumerate(loops.coordinates):
@@ -261,7 +267,7 @@ def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
 
 
 def _measure(loops: Loops, solution: Solution) -> float:
-    """How far from closed, in one number: what the method makes small."""
+    """Return the loop error as one number, which the solver minimizes."""
     return sum_of(p * p + (loops.length * w) ** 2 for p, w in solution.residuals)
 
 

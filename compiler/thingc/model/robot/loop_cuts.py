@@ -1,4 +1,4 @@
-"""Where a mode cuts its loops: which joints its tree crosses, and why the others are left out."""
+"""Choose the joints at which a mode cuts its loops, and explain the choice."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from thingc.model.assembly.types import Assembly, LinkedMode, Mate
 
 
 class CutPriority(NamedTuple):
-    """What of a mate only a tree can have, the weightiest first; of two on a loop, that with the lesser (as tuples compare) is cut."""
+    """Sort key of the mates of a loop, most important criterion first; the mate with the smallest key is cut."""
 
     uncut: int
     driven: bool
@@ -22,7 +22,7 @@ class CutPriority(NamedTuple):
     earlier: int
 
     def over(self, other: CutPriority) -> str:
-        """Why this one stays, and the `other` does not: what it has, for people."""
+        """Describe why this mate is kept, and `other` is cut."""
         first = next((name for name, mine, theirs in zip(CutPriority._fields, self, other, strict=True) if mine != theirs), "earlier")
         return _WORDS[first]
 
@@ -40,8 +40,9 @@ _WORDS: Mapping[str, str] = {
 
 
 def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
-    """The numbers of the mates that a mode's tree crosses: all joints of a robot without loops, else Kruskal's maximal tree by their
-    `CutPriority`: of each loop the joint is left out that is worth least."""
+    """Return the indices of the mates in a mode's tree: all joints if there are no loops, else Kruskal's maximum spanning tree by
+    `CutPriority`: of each loop the joint with the lowest priority is left out.
+    """
     worth = dict(worths(assembly, mode))
     groups = DisjointSets(len(assembly.links))
     ordered = sorted(worth, key=worth.__getitem__, reverse=True)
@@ -49,7 +50,7 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
 
 
 def closing(assembly: Assembly, taken: Collection[int], number: int) -> list[Mate]:
-    """The mates that close the loops through one mate (its number) of a tree that takes these: none where it is on no loop."""
+    """Return the mates that close loops through a mate (by index) of the tree `taken`; empty if it is on no loop."""
     groups = DisjointSets(len(assembly.links))
     for other in taken:
         if other != number:
@@ -63,7 +64,7 @@ def _ends(assembly: Assembly, mate: Mate) -> tuple[int, int]:
 
 
 def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPriority]]:
-    """Of each mate that moves, by its number."""
+    """Yield the cut priority of each mate that moves, with its index."""
     cut = {one.joint: rank for rank, one in enumerate(mode.cut)}
     mates = [(number, mate) for number, mate in enumerate(assembly.mates) if mate.joints]
     followed = {joint.mimic.joint.path for _, mate in mates for joint in mate.joints if joint.mimic is not None}
@@ -81,8 +82,9 @@ def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPrior
 
 
 def _unclosable(mate: Mate) -> int:
-    """How badly targets close a loop that is cut here: a turn or a ball (0) all that close any, a universal (1) MuJoCo by a tendon, others
-    (2) not all."""
+    """Return how well targets can close a loop that is cut here: revolute and ball joints (0) by all that support loops, a universal joint
+    (1) by a tendon in MuJoCo, others (2) not by all.
+    """
     first = mate.joints[0]
     if first.kind.at_once or len(mate.joints) == 1 and first.twist.turns and not first.twist.pitch:
         return 0

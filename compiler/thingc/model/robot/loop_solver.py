@@ -1,4 +1,4 @@
-"""Loops closed by Newton's method: joint coordinates that make every closure of a tree of bodies meet.
+"""Close loops by Newton's method: find joint coordinates for which all closures of a tree of bodies are satisfied.
 
 The residual of a closure is a position p [m] and a rotation vector w [rad] in world axes: with A the frame on the parent, moved
 by the joint that was cut, and B the frame on the child,
@@ -6,9 +6,9 @@ by the joint that was cut, and B the frame on the child,
     p = p_B - p_A,    w = R_A log(inv(R_A) R_B)
 
 Steps are those of Levenberg and Marquardt (Marquardt, "An algorithm for least-squares estimation of nonlinear parameters",
-1963): where there are more coordinates than equations the shortest step, where there are fewer, or none that close the loop, the
-least squares. Limits are kept by taking a coordinate that would pass one to the limit and stepping with the others.
-Plain Python, because `check` must not pay for numpy; a handful of equations each.
+1963): for underdetermined closures the shortest step, for overdetermined or unsolvable ones the
+least-squares step. A coordinate that would exceed a limit is set to it, and the step is repeated with the others.
+Pure Python, because importing numpy would slow `check` down; there are only a few equations.
 """
 
 from __future__ import annotations
@@ -28,31 +28,34 @@ from thingc.model.robot.least_squares import solve
 from thingc.model.robot.types import Body, Closure
 
 CLOSED, ALIGNED = 1e-7, 1e-6
-"""A closure is closed to within this [m], and this [rad], which is less than anybody is told. Newton's method usually ends at 1e-15; but
-where a linkage moves in a plane nothing mends what the numbers of a document leave out across it, which are often of 6 or 9 digits."""
+"""Tolerances [m] and [rad] of a closed loop. Newton's method usually reaches 1e-15; but for planar linkages nothing can correct
+rounding of the document's numbers (often 6 or 9 digits) perpendicular to the plane.
+"""
 
 FREE = 100.0
-"""How much farther a coordinate without a given value moves at the same cost as one with a given value, in `nearest`."""
+"""In `nearest`, how much farther coordinates without given values move at the same cost as those with given values."""
 
 SAMPLES = 50
-"""At how many values of its leader, either way, it is looked whether what follows it by a polynomial is within its limits."""
+"""Number of sampled values of a leader, in either direction, to check the limits of a joint that follows it by a polynomial."""
 
 PROJECTION, NEAR, GAIN = 1e-10, 1e-9, 1e-4
-"""Of `nearest`: the damping, the step [rad] below which it has converged, and the share of the squared distance that it must gain."""
+"""For `nearest`: damping, convergence threshold of steps [rad], and smallest relative gain of the squared distance."""
 
 STEPS = 120
-"""Steps before giving up."""
+"""Maximum number of steps."""
 
 REACH = 0.5
-"""The longest step of one turn [rad]; slides and bases in proportion. Beyond it the linear model says little."""
+"""Longest step of a rotation [rad]; proportional for slides and bases. Beyond it the linear model is inaccurate."""
 
 TRUST = 0.25
-"""A step that gains less than this share of what the linear model promises is too long: without the rule a method like this one
-may go to and fro across a valley, a little lower each time."""
+"""Steps with a smaller share of the gain that the linear model predicts are too long: otherwise the method may
+oscillate across a valley.
+"""
 
 ROUNDING = 1e-13
-"""A gain below this share of what is left is none. A step that gains no more is tried again with more damping, which turns it towards
-the steepest descent: of two joints that a step takes to their limits, only one may belong there."""
+"""Relative gains below this value count as none. Such steps are retried with more damping, which turns them towards the
+steepest descent: if a step takes two joints to their limits, possibly only one belongs there.
+"""
 
 
 class SolverState(FrozenStruct):
@@ -63,25 +66,26 @@ class SolverState(FrozenStruct):
 
 
 class Solution(FrozenStruct):
-    """Where the method ended: the state, and the residual (|p| [m], |w| [rad]) of every closure."""
+    """Result of the solver: the state, and the residual (|p| [m], |w| [rad]) of every closure."""
 
     state: SolverState
     residuals: tuple[tuple[float, float], ...]
 
     @property
     def closed(self) -> bool:
-        """Whether every closure is."""
+        """Whether all closures are closed."""
         return all(p <= CLOSED and w <= ALIGNED for p, w in self.residuals)
 
     @property
     def residual(self) -> tuple[float, float]:
-        """The largest |p| [m] and the largest |w| [rad] of any closure."""
+        """The largest |p| [m] and the largest |w| [rad] of all closures."""
         return maximum((p for p, _ in self.residuals), default=0.0), maximum((w for _, w in self.residuals), default=0.0)
 
 
 class LoopCoordinate(FrozenStruct):
-    """What a step changes: one joint and those that follow it (their paths, with dq / dcoordinate, of polynomials where leaders are at 0),
-    within limits [rad or m] that keep all of them within theirs. `unit` is the length that counts as much as a radian [m], 1 of a turn."""
+    """An independent coordinate: one joint and those that follow it (their paths, with dq / dcoordinate; of polynomials at leaders = 0),
+    within limits [rad or m] that respect those of all of them. `unit` is the length equivalent to a radian [m], 1 for rotations.
+    """
 
     path: str
     moves: tuple[tuple[str, float], ...]
@@ -91,7 +95,7 @@ class LoopCoordinate(FrozenStruct):
 
 
 class Loops:
-    """The closures of one tree, ready to be closed. `joints` are all of the robot's, in joint order."""
+    """The closures of one tree. `joints` are all joints of the robot, in joint order."""
 
     def __init__(self, bodies: Sequence[Body], closures: Sequence[Closure], joints: Sequence[JointEdge], base: Pose) -> None:
         self.bodies = bodies
@@ -107,13 +111,15 @@ class Loops:
         self._bent = bent(joints)
 
     def follows(self, q: Mapping[str, float]) -> Mapping[str, tuple[str, float]]:
-        """At `q` (every joint by path, rad or m) of every joint the coordinate that it is or follows, and its speed by that of it."""
+        """Return at `q` (every joint by path, rad or m) for every joint the coordinate that it is or follows, and the ratio of their
+        speeds.
+        """
         if not self._bent:
             return self._moves
         return {path: (leader, share) for path, (leader, share, _) in leaders(self.joints.values(), q).items()}
 
     def _above(self, body: int | None) -> tuple[int, ...]:
-        """A body and those it hangs on, the root last; nothing for the world."""
+        """Return a body and its ancestors, the root last; empty for the world."""
         chain: list[int] = []
         while body is not None:
             chain.append(body)
@@ -121,8 +127,9 @@ class Loops:
         return tuple(chain)
 
     def _extent(self) -> float:
-        """A length [m] that fits the robot: the farthest of the bodies on its loops from their middle, at q = 0. It does not
-        depend on the root, and only sets what counts as much as a radian."""
+        """Return the size of the robot [m]: the largest distance at q = 0 of bodies on its loops from their mean position. It is
+        independent of the root, and defines the length equivalent to a radian.
+        """
         at = self._placed(SolverState(q=dict.fromkeys(self.joints, 0.0), base=NO_POSE))
         places = [at[body].translation for body in self._needed]
         places += [at[c.child].apply(c.X_CB.translation) for c in self.closures]
@@ -140,7 +147,7 @@ class Loops:
         return at
 
     def _frames(self, closure: Closure, at: Mapping[int, Pose], q: Mapping[str, float]) -> tuple[Pose, Pose]:
-        """A (moved by its joints) and B in the world."""
+        """Return A (moved by its joints) and B in the world."""
         A = closure.X_PA if closure.parent is None else at[closure.parent] @ closure.X_PA
         if closure.at_once:
             A = A @ moved(closure.twists, tuple(q[joint.path] for joint in closure.joints), at_once=True)
@@ -150,25 +157,24 @@ class Loops:
         return A, at[closure.child] @ closure.X_CB
 
     def residuals(self, state: SolverState) -> tuple[tuple[float, float], ...]:
-        """|p| [m] and |w| [rad] of every closure."""
+        """Return |p| [m] and |w| [rad] of every closure."""
         return tuple((hypot(*p), hypot(*w)) for p, w in self._errors(state))
 
     def closed(self, state: SolverState) -> bool:
-        """Whether all are closed."""
+        """Return whether all closures are closed."""
         return Solution(state=state, residuals=self.residuals(state)).closed
 
     def _errors(self, state: SolverState) -> list[tuple[Vector, Vector]]:
-        """p [m] and w [rad] of every closure, in world axes; a ball has no w."""
+        """Return p [m] and w [rad] of every closure, in world axes; a ball has no w."""
         at = self._placed(state)
         errors = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
         return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, errors, strict=True)]
 
     def linearized(self, state: SolverState, *, base_moves: bool = False) -> tuple[list[float], list[list[float]]]:
-        """The residuals of all closures in one list, p [m] then w [rad] of each, and their derivative by each of `coordinates`
-        [rad or m], with `base_moves` also by three shifts of the base (in lengths of the robot) and three turns: a list for each, as
-        long as that of the residuals.
+        """Return the residuals of all closures in one list, p [m] then w [rad] of each, and their derivatives by each of `coordinates`
+        [rad or m]; with `base_moves` also by three translations (in lengths of the robot) and three rotations of the base.
 
-        The derivative is exact where the loops are closed. Where they are open it leaves out what turns p and w as a whole, which
+        The derivatives are exact if the loops are closed. Otherwise they omit the common rotation of p and w, which
         changes neither |p| nor |w|.
         """
         sizes = [1.0, 1.0, 1.0, self.length, self.length, self.length] * len(self.closures)
@@ -181,9 +187,9 @@ class Loops:
         ]
 
     def close(self, start: SolverState, movable: Collection[str] | None, *, base_moves: bool) -> Solution:
-        """The state nearest to `start`, in the sense of the steps taken, in which the loops are closed; or the best there is.
+        """Return the nearest state to `start` (as reached by the steps) in which the loops are closed; or the best state found.
 
-        `movable` are the joints that may move (None: all), by path; with `base_moves` so may the root link.
+        `movable` are the joints that can move (None: all), by path; with `base_moves` the root link can move, too.
         """
         chosen = [c for c in self.coordinates if movable is None or c.path in movable]
         state = self._within(start, chosen)
@@ -213,8 +219,8 @@ class Loops:
     def nearest(self, start: SolverState, closed: Solution, given: Collection[str], *, base_moves: bool) -> Solution:
         """Move a closed solution along the closures to the state nearest to `start`.
 
-        The distance is the sum of squares over the coordinates in `given` (paths; rad, slides in lengths of the robot). Steps are those
-        of Gauss and Newton for a least-squares problem with constraints; shorter ones are tried if they do not converge.
+        The distance is the sum of squares over the coordinates in `given` (paths; rad, slides in lengths of the robot). Uses Gauss-Newton
+        steps for a least-squares problem with constraints; shorter ones are tried if they do not converge.
         """
         weighted = [c if c.path in given else replace(c, unit=FREE * c.unit) for c in self.coordinates]
         for share in (1.0, 0.3, 0.1):
@@ -235,11 +241,11 @@ class Loops:
         return closed
 
     def distance(self, start: SolverState, state: SolverState, given: Collection[str]) -> float:
-        """The sum of squares that `nearest` minimizes."""
+        """Return the sum of squares that `nearest` minimizes."""
         return sum_of(((start.q[c.path] - state.q[c.path]) / c.unit) ** 2 for c in self.coordinates if c.path in given)
 
     def _stacked(self, state: SolverState) -> list[float]:
-        """All residuals in one list, rotations as the lengths that they make at the robot's size."""
+        """Return all residuals in one list, rotations scaled to lengths by the robot's size."""
         stacked: list[float] = []
         for p, w in self._errors(state):
             stacked.extend(p)
@@ -247,8 +253,9 @@ class Loops:
         return stacked
 
     def _columns(self, state: SolverState, chosen: Sequence[LoopCoordinate], base_moves: bool) -> list[list[float]]:
-        """The derivative of the stacked residuals by each coordinate (in its unit), then by the base's three shifts (in lengths
-        of the robot) and three turns about the root link's origin."""
+        """Return the derivatives of the stacked residuals by each coordinate (in its unit), then by the base's three translations (in
+        lengths of the robot) and three rotations about the root link's origin.
+        """
         at = self._placed(state)
         by_path: dict[str, list[float]] = {}
         zero = [0.0] * (6 * len(self.closures))
@@ -257,7 +264,7 @@ class Loops:
             for chain, end, sign in ((children, B, 1.0), (parents, A, -1.0)):
                 others = parents if sign > 0.0 else children
                 for index in chain:
-                    if index in others:  # what carries both ends moves neither against the other
+                    if index in others:  # coordinates that move both ends do not change the residual
                         continue
                     for joint, twist in in_world(self.bodies[index], at[index], state.q):
                         into = by_path.setdefault(joint.path, list(zero))
@@ -296,8 +303,9 @@ class Loops:
         self, state: SolverState, chosen: Sequence[LoopCoordinate], columns: Sequence[Sequence[float]], error: Sequence[float],
         damping: float, back: Sequence[float] | None = None,
     ) -> list[float] | None:
-        """The damped step in the units of the coordinates, of all least-squares steps the nearest to `back` (None: the shortest);
-        None where the equations cannot be solved to any digit."""
+        """Return the damped step in the units of the coordinates, the least-squares step nearest to `back` (None: the shortest);
+        None if the equations are numerically singular.
+        """
         back = [0.0] * len(columns) if back is None else back
         step = [0.0] * len(columns)
         free = [k for k, column in enumerate(columns) if any(column) or back[k]]
@@ -347,13 +355,15 @@ class Loops:
         return SolverState(q=q, base=base)
 
     def _within(self, state: SolverState, chosen: Sequence[LoopCoordinate]) -> SolverState:
-        """The state with the coordinates that may move taken to their limits."""
+        """Return the state with movable coordinates clamped to their limits."""
         at_limits = [(minimum(maximum(state.q[c.path], c.lower), c.upper) - state.q[c.path]) / c.unit for c in chosen]
         return self._moved(state, chosen, at_limits, False)
 
 
 def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCoordinate, ...]:
-    """One for every joint that mimics none, in joint order, with the limits of those that follow it brought back to it."""
+    """Return an independent coordinate for every joint that mimics none, in joint order, with limits that respect those of its
+    followers.
+    """
     followers: dict[str, list[tuple[str, float, float]]] = {}
     for path, (leader, multiplier, offset) in leaders(joints.values()).items():
         followers.setdefault(leader, []).append((path, multiplier, offset))
@@ -380,7 +390,7 @@ def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCo
 
 
 def _chain(joints: Mapping[str, JointEdge], path: str) -> Iterator[JointEdge]:
-    """A joint, the one that it follows, the one that that follows, and so on."""
+    """Yield a joint, its leader, the leader's leader, and so on."""
     joint: JointEdge | None = joints[path]
     while joint is not None:
         yield joint
@@ -388,8 +398,9 @@ def _chain(joints: Mapping[str, JointEdge], path: str) -> Iterator[JointEdge]:
 
 
 def _reach(joints: Mapping[str, JointEdge], leader: str, follower: str, low: float, high: float) -> tuple[float, float]:
-    """Around 0 between which values of its leader [rad or m] a follower stays between `low` and `high`, within the leader's own limits;
-    without end where it has none, and where it starts outside."""
+    """Return the range of a leader [rad or m] around 0 in which a follower is between `low` and `high`, within the leader's own limits;
+    infinite if the leader has none, or if the follower is outside at the start.
+    """
     limit = joints[leader].limit
     if limit.lower is None or limit.upper is None:
         return -inf, inf
@@ -414,19 +425,19 @@ def _reach(joints: Mapping[str, JointEdge], leader: str, follower: str, low: flo
 
 
 def _error(A: Pose, B: Pose) -> tuple[Vector, Vector]:
-    """p = p_B - p_A and w = R_A log(inv(R_A) R_B), in the world."""
+    """Return p = p_B - p_A and w = R_A log(inv(R_A) R_B), in the world."""
     p, o = B.translation, A.translation
     w = rotation_vector(multiply(transpose(A.rotation), B.rotation))
     return (p[0] - o[0], p[1] - o[1], p[2] - o[2]), rotate(A.rotation, w)
 
 
 def rotation_vector(r: Matrix) -> Vector:
-    """log(R): the axis times the angle [rad] from 0 to pi, through the quaternion, which is exact near 0 and near pi alike."""
+    """Return log(R), the axis times the angle [rad] from 0 to pi, by way of the quaternion, which is accurate near 0 and near pi."""
     return turn_of(Pose(rotation=r).quaternion())
 
 
 def _turn(v: Vector) -> Matrix:
-    """exp of a rotation vector [rad]."""
+    """Return exp of a rotation vector [rad]."""
     angle = hypot(*v)
     if angle == 0.0:
         return IDENTITY
@@ -435,7 +446,7 @@ def _turn(v: Vector) -> Matrix:
 
 
 def orthonormal(r: Matrix) -> Matrix:
-    """The rotation nearest to what many products have made of one (by way of its unit quaternion)."""
+    """Return the rotation nearest to a product of many rotations (by way of its unit quaternion)."""
     w, x, y, z = Pose(rotation=r).quaternion()
     return (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
@@ -445,7 +456,7 @@ def orthonormal(r: Matrix) -> Matrix:
 
 
 def _linear(error: Sequence[float], columns: Sequence[Sequence[float]], step: Sequence[float]) -> list[float]:
-    """What the linear model says is left after a step."""
+    """Return the residuals after a step according to the linear model."""
     left = list(error)
     for value, column in zip(step, columns, strict=True):
         if value != 0.0:

@@ -1,4 +1,4 @@
-"""The pass `root`: an assembly and a mode to the tree that a simulation model is written from."""
+"""The pass `root`: build the tree of a simulation model from an assembly and a mode."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ from thingc.model.robot.types import Robot, Site
 
 
 def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None = None) -> Robot | None:
-    """The robot of `mode`; None where a link cannot be reached from its root, or a loop does not close (said in `report`).
+    """Return the robot of `mode`; None if a link cannot be reached from its root, or a loop does not close (reported).
 
-    The frames of bodies are the frames of their links, whatever the root; what depends on it is which end of a joint
-    is the parent. Coordinates keep their meaning: q is the document's child relative to its parent. What `memo` has of it is taken
-    from there.
+    Frames of bodies are those of their links, independent of the root; only which end of a joint
+    is the parent depends on it. Coordinates keep their meaning: q is the document's child relative to its parent. `memo` caches results.
     """
     memo = memo or Memo()
     taken = spanning(assembly, mode)
@@ -52,12 +51,13 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
 
 
 def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[Site]:
-    """Exported mounts at every level, frames, links that are part of another, the roots, holds and feet of every mode, where sensors
-    sit and tendons go, each name once."""
+    """Yield the sites: exported mounts at every level, frames, links that are part of another, roots, holds and feet of every mode, mounts
+    of sensors and tendons; each name once.
+    """
     placed = in_link(assembly)
     named: set[str] = set()
     wanted: list[tuple[LinkedMount, Origin]] = [(mount, mount.origin) for mount in assembly.exported]
-    named_by = {link.frame for link in assembly.links}  # links of shapes that are bodies have their name already
+    named_by = {link.frame for link in assembly.links}  # links of shapes that are bodies already have this name
     wanted += [
         (LinkedMount(path=o.path, occurrence=o.index, mount="origin"), o.origin) for o in assembly.occurrences
         if o.component.frame or o.listed is not None and o.index not in named_by
@@ -76,8 +76,9 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
 
 
 def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> tuple[tuple[int, int], ...]:
-    """Neighbours through a joint, or several of one body, also through one that closes a loop, in the order of the joints, then the
-    mode's own. Within a pair, and among pairs, the order is that of the links, so it is the same in every mode."""
+    """Return the pairs of bodies without collisions: neighbours through a joint (including loop closures), in joint order, then the
+    mode's own. The order within pairs and among pairs is that of the links, the same in every mode.
+    """
     pairs: dict[tuple[int, int], None] = {}
     for one, other in (*neighbouring_links(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):
         pairs[(min(one, other), max(one, other))] = None
@@ -85,7 +86,7 @@ def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> 
 
 
 def _present(assembly: Assembly, mode: LinkedMode) -> tuple[str, ...]:
-    """The joints whose actuators this mode has, in joint order."""
+    """Return the joints whose actuators this mode has, in joint order."""
     chosen = None if mode.actuators is None else set(mode.actuators)
     driven = (joint.path for joint in joints_of(assembly) if joint.actuator is not None)
     return tuple(path for path in driven if chosen is None or path in chosen)

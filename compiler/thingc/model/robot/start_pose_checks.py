@@ -1,5 +1,4 @@
-"""Where a mode starts: whether parts that are seen lie under the plane of its scene, which is z = 0 of the world, whether it stands on
-its feet there, and whether its joints are within their limits."""
+"""Check the start of a mode: parts below the plane z = 0 of its scene, contact of its feet, and joint limits."""
 
 from __future__ import annotations
 
@@ -24,22 +23,22 @@ Box = tuple[Vector, Vector]
 """Two corners [m], the lower one first."""
 
 DEEP = 0.5e-3
-"""[m] How far under the plane a part may start: soles are pressed on by less."""
+"""[m] Tolerance of the depth below the plane at the start; soles may be slightly lower."""
 
 MOVED = {True: radians(0.5), False: 0.5e-3}
-"""How far closing the loops may move a given value of a pose without a warning: of a turn [rad], of a slide [m]."""
+"""Largest movement of a given value of a pose by loop closure without a warning: for rotations [rad], for slides [m]."""
 
 ROUNDING = 1e-9
-"""[rad, m] How far 0 may be beyond a limit."""
+"""[rad, m] Tolerance of 0 exceeding a limit."""
 
 
 def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, report: Report, memo: Memo) -> None:
-    """Warn about each mode that is meant to stand on the plane and starts with a part under it; modes that start alike (they differ in
-    gravity, say) share one warning. The root of a `fixed` base may reach into the ground that it is bolted to, unless all of it lies there.
+    """Check where modes start; modes that start in the same way share a warning.
 
-    Without `mesh_vertices` (the vertices of a mesh) only the boxes of parts are known, and the warning gives a lower bound: something
-    touches every side of a box. And a warning for each mode that has feet, and something else lower than them; and for each that starts
-    without a pose, and so with a joint at 0, where that joint cannot be. And a warning for each pose that a loop changes.
+    Warn of modes that should stand on the plane and start with a part below it (the root of a `fixed` base may reach into the ground,
+    unless all of it is below). Without `mesh_vertices` (the vertices of a mesh) only bounding boxes are known, and the depth is a lower
+    bound: the part touches every side of its box. Warn also of modes with a part lower than the feet, of modes that start without a pose
+    although 0 is outside the limits of a joint, and of poses that loop closure changes.
     """
     _check_feet(robots, report)
     _check_limits(robots, report)
@@ -57,8 +56,11 @@ def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, re
 
 
 def _is_meant_to_stand(robot: Robot) -> bool:
-    """Whether the document puts the robot on the plane: it says where (`at`), or what its feet are. A robot that is held, or whose root is
-    in the origin because nothing says otherwise (as in most imported files), may be anywhere. With `on: floor` it cannot be too low."""
+    """Return whether the document places the robot on the plane: by `at`, or by feet.
+
+    A robot that is held, or whose root is at the origin by default (as in most imported files), may be anywhere. With `on: floor` it cannot
+    be too low.
+    """
     mode = robot.mode
     placed = mode.at.translation != (0.0, 0.0, 0.0) and (robot.base != "held" or mode.at.translation[2] < 0.0)
     return mode.stated and not mode.on_floor and (placed or bool(mode.feet))
@@ -88,7 +90,7 @@ def _warn(robot: Robot, others: Sequence[str], part: Occurrence, depth: float, b
 
 
 def _check_feet(robots: Sequence[Robot], report: Report) -> None:
-    """A warning for each mode in which something is lower than all that its feet belong to, as certain as boxes tell it."""
+    """Warn of each mode in which a part is certainly lower than all parts of the links with feet."""
     alike: dict[tuple[int, float], list[Robot]] = {}
     for robot in robots:
         lowest = _under_feet(robot) if robot.mode.feet and not report.allows(Code.OFF_FEET, robot.mode.origin) else None
@@ -109,8 +111,9 @@ def _check_feet(robots: Sequence[Robot], report: Report) -> None:
 
 
 def _under_feet(robot: Robot) -> tuple[int, float] | None:
-    """The part that is lowest of the links without feet, and how much lower [m] it certainly is than all parts of those with; None
-    where that is less than `DEEP`, or not known."""
+    """Return the lowest part of the links without feet, and how much lower [m] it certainly is than all parts of those with feet; None
+    if this is less than `DEEP`, or unknown.
+    """
     assembly = robot.assembly
     standing = {assembly.link_of[foot.mount.occurrence] for foot in robot.mode.feet}
     frame = robot.start
@@ -126,8 +129,7 @@ def _under_feet(robot: Robot) -> tuple[int, float] | None:
 
 
 def _check_limits(robots: Sequence[Robot], report: Report) -> None:
-    """A warning for each mode that starts without a pose while 0 is outside of what a joint of it can do. Where loops or holds are
-    closed, the joints go where these take them."""
+    """Warn of each mode that starts without a pose while 0 is outside the limits of a joint, except joints that loops or holds move."""
     alike: dict[tuple[str, ...], list[Robot]] = {}
     for robot in robots:
         mode = robot.mode
@@ -155,7 +157,7 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
 
 
 def _check_poses(robots: Sequence[Robot], report: Report) -> None:
-    """Warn once for each pose with given values that move far when the loops of joints are closed. Holds are meant to move joints."""
+    """Warn once of each pose with given values that loop closure changes considerably. (Holds may move joints.)"""
     looped = [robot for robot in robots if robot.closures and not any(closure.hold for closure in robot.closures)]
     frames: dict[str, Keyframe | Unclosed] = {}
     for robot in looped:
@@ -177,12 +179,12 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
 
 
 def _at_rest(limit: Limit) -> bool:
-    """Whether 0 is within these limits, up to rounding."""
+    """Return whether 0 is within these limits, up to rounding."""
     return (limit.lower is None or limit.lower <= ROUNDING) and (limit.upper is None or limit.upper >= -ROUNDING)
 
 
 def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices | None, memo: Memo) -> Iterator[tuple[float, int]]:
-    """The lowest z [m] of every part that may lie under the plane where the mode starts, with the part's number."""
+    """Yield the lowest z [m] of every part that may be below the plane at the start of the mode, with the part's index."""
     assembly, name = robot.assembly, robot.mode.pose
     frame = next((frame for frame in robot.keyframes if frame.name == name), None)
     placed = body_poses(robot, frame.q if frame is not None else {}, frame.base if frame is not None else None)
@@ -191,7 +193,7 @@ def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices 
             continue
         seen = list(_seen(assembly, assembly.links[body.link], at))
         if body.parent is None and robot.base != "free" and any(_top(box, pose) > -DEEP for _, box, pose in seen):
-            continue  # what is bolted to the ground may reach into it
+            continue  # a fixed base may reach into the ground
         for part, box, pose in seen:
             if pose.translation[2] + of_box(box, pose.rotation[2]) > -DEEP:
                 continue
@@ -204,7 +206,7 @@ def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices 
 
 
 def _seen(assembly: Assembly, link: Link, at: Pose) -> Iterator[tuple[Occurrence, Box, Pose]]:
-    """The parts of a link that are drawn, with their boxes and their poses in the world."""
+    """Yield the visible parts of a link, with their boxes and their poses in the world."""
     for member, inner in zip(link.members, link.poses, strict=True):
         part = assembly.occurrences[member]
         if part.box is not None and part.drawn and (part.record is None or part.record.exact):
@@ -212,20 +214,21 @@ def _seen(assembly: Assembly, link: Link, at: Pose) -> Iterator[tuple[Occurrence
 
 
 def _top(box: Box, pose: Pose) -> float:
-    """The highest z [m] that something in a box can have."""
+    """Return the highest z [m] of a box."""
     x, y, z = pose.rotation[2]
     return pose.translation[2] - of_box(box, (-x, -y, -z))
 
 
 def _certain(box: Box, down: Vector) -> float:
-    """The lowest that is certain of a part in a box, which it touches on every side: on each side the point that it touches is no
-    higher than the highest of that side."""
+    """Return a bound of the minimum along `down` for a part that touches every side of its box: on each side, the point of contact is
+    not higher than the highest point of that side.
+    """
     highest = [maximum(component * low, component * high) for component, low, high in zip(down, *box, strict=True)]
     return minimum(sum_of(highest) - highest[axis] + down[axis] * side[axis] for axis in range(3) for side in box)
 
 
 def _sphere(link: Link, assembly: Assembly) -> float:
-    """A radius [m] around the origin of a link within which all of its parts lie."""
+    """Return a radius [m] around the origin of a link that contains all of its parts."""
     reach = 0.0
     for member, pose in zip(link.members, link.poses, strict=True):
         box = assembly.occurrences[member].box
