@@ -61,27 +61,29 @@ def occurrence_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = N
 
 
 def mass_properties(robot: Robot, q: Mapping[str, float]) -> MassProperties:
-    """Of the whole robot at `q`, in the frame of its root link: mass [kg], centre [m], inertia [kg m^2] about it."""
+    """Return mass [kg], centre [m] and inertia [kg m^2] about it of the whole robot at `q`, in the frame of its root link."""
     links = robot.assembly.links
     placed = body_poses(robot, q, NO_POSE)
     return total(links[body.link].properties.seen_from(pose) for body, pose in zip(robot.bodies, placed))
 
 
 def link_names(robot: Robot) -> tuple[str, ...]:
-    """The names of the bodies, in body order."""
+    """Return the names of the bodies, in body order."""
     return tuple(robot.assembly.links[body.link].name for body in robot.bodies)
 
 
 def course_of(robot: Robot, tendon: LinkedTendon, bodies: Sequence[Pose]) -> TendonCourse:
-    """Its course in the world, the bodies of the robot at these poses there."""
+    """Return the course of a tendon in the world, given the poses of the bodies."""
     wanted = {mount.path for mount in tendon.mounts}
     return course(tendon.steps, {site.path: bodies[site.body] @ site.pose for site in robot.sites if site.path in wanted})
 
 
 def rates(robot: Robot, tendon: LinkedTendon, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[str, float]:
-    """By how much it gets longer per unit of each coordinate of the tree [m/rad or 1], at `q` (every joint by path), the bodies at these
-    poses in the world: of one over joints its factors, of one on a path the sum over its straight pieces of how fast their ends part.
-    Where it lies on a shape it slides, and its pull there is that of the pieces that come and go."""
+    """Return the change of a tendon's length per unit of each coordinate of the tree [m/rad or 1], at `q` (every joint by path).
+
+    `bodies` are the poses of bodies in the world. For a tendon over joints these are its factors, for one along a path the sum over its
+    straight segments. On shapes the tendon slides, so that it pulls there as its adjacent segments do.
+    """
     if not tendon.steps:
         return dict(tendon.moves)
     body_of = {site.path: site.body for site in robot.sites}

@@ -15,22 +15,24 @@ from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
 from thingc.model.robot.types import Body, Closure, TreeJoint
 
 BASE = "root"
-"""What a joint is called by which a base moves; no joint of a document can be."""
+"""Name of the joint by which a base moves; joints of documents cannot have it."""
 
 
 def in_link(assembly: Assembly) -> tuple[Pose, ...]:
-    """The pose of every occurrence in the frame of its link, in document order."""
+    """Return the pose of every occurrence in the frame of its link, in document order."""
     pose_of = {member: pose for link in assembly.links for member, pose in zip(link.members, link.poses)}
     return tuple(pose_of[index] for index in range(len(assembly.occurrences)))
 
 
 def placing(assembly: Assembly) -> frozenset[int]:
-    """The numbers of the joints by which the documents place things: a tree that no mode has a say in."""
+    """Return the indices of the mates by which documents place components: a tree that is the same in every mode."""
     return frozenset(n for n, mate in enumerate(assembly.mates) if mate.joints and mate.loop is None)
 
 
 def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose, memo: Memo | None = None) -> tuple[Body, ...]:
-    """The tree over the mates `taken`, depth first from link `start`, which is at `at`; children in the order of their links."""
+    """Return the tree over the mates `taken`, depth first from link `start`, whose pose is `at`; children are in the order of their
+    links.
+    """
     placed, memo = in_link(assembly), memo or Memo()
     edges: list[list[tuple[int, int]]] = [[] for _ in assembly.links]
     for number, mate in enumerate(assembly.mates):
@@ -57,7 +59,7 @@ def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose
 
 
 def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
-    """The root link in the world: a component root laid with its origin on `at`, a mount root mated to it."""
+    """Return the pose of the root link in the world: a component root has its origin at `at`, a mount root is mated to it."""
     choice = mode.root
     X_WO = mode.at
     if not choice.of_component:
@@ -66,8 +68,10 @@ def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
 
 
 def base_moves(mode: LinkedMode, root: Pose) -> tuple[TreeJoint, ...]:
-    """The coordinates of a base that moves as a joint in the frame of `at` would: `planar` in its plane, `ball` about its origin, where the
-    root's origin is; the root link is at `root`. None of any other."""
+    """Return the coordinates of a base that moves like a joint in the frame of `at`: `planar` in its plane, `ball` about its origin.
+
+    `root` is the pose of the root link. Empty for other bases.
+    """
     kind = moving_as(mode.base)
     if kind is None:
         return ()
@@ -82,7 +86,7 @@ def base_moves(mode: LinkedMode, root: Pose) -> tuple[TreeJoint, ...]:
 
 
 def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection[int]) -> tuple[Closure, ...]:
-    """The loops that a tree leaves open: every joint that it does not cross, and `fixed` ones that close a loop."""
+    """Return the loops that a tree leaves open: every joint that it does not contain, and `fixed` ones that close a loop."""
     placed = in_link(assembly)
     body_of = {body.link: index for index, body in enumerate(bodies)}
     closures: list[Closure] = []
@@ -101,7 +105,7 @@ def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection
 
 
 def _across(mate: Mate, number: int, parent: int, link: int, reversed_: bool, placed: tuple[Pose, ...], memo: Memo) -> Body:
-    """The body beyond a joint."""
+    """Return the body on the other side of a joint."""
     twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
     at_zero, seen = memo(
         ("across", mate.name, reversed_), _lowered, placed[mate.parent], mate.X_PJ, mate.X_JC, placed[mate.child], twists, offsets,
@@ -114,9 +118,11 @@ def _across(mate: Mate, number: int, parent: int, link: int, reversed_: bool, pl
 
 
 def seen_at_zero(twists: tuple[Twist, ...], offsets: tuple[float, ...], frame: Pose) -> tuple[Twist, ...]:
-    """The twists of a sequence as they are seen in a frame that goes with all of them and is at `frame` in their last one, when every
-    coordinate is at 0 (each then has moved by its offset): `exp(t_0 (q_0 + o_0)) exp(t_1 (q_1 + o_1)) ... @ inv(frame)` is its value at
-    q = 0 times `exp(s_0 q_0) exp(s_1 q_1) ...`."""
+    """Return the twists of a sequence in a frame that moves with all of them, and is at `frame` in the last one, with all coordinates at 0.
+
+    At 0 each has moved by its offset: `exp(t_0 (q_0 + o_0)) exp(t_1 (q_1 + o_1)) ... @ inv(frame)` is its value at
+    q = 0 times `exp(s_0 q_0) exp(s_1 q_1) ...`.
+    """
     seen: list[Twist] = []
     for twist, offset in zip(reversed(twists), reversed(offsets), strict=True):
         seen.append(twist.seen_from(frame))
@@ -127,12 +133,13 @@ def seen_at_zero(twists: tuple[Twist, ...], offsets: tuple[float, ...], frame: P
 def _lowered(
     parent: Pose, X_PJ: Pose, X_JC: Pose, child: Pose, twists: tuple[Twist, ...], offsets: tuple[float, ...], reversed_: bool,
 ) -> tuple[Pose, tuple[Twist, ...]]:
-    """A joint's child link in its parent link at q = 0, and its twists in the child's frame, in the order in which the tree goes
-    through them; `parent` and `child` are the mated occurrences in their links. With F the joint's frame in the document's parent link
-    and G the child link in the joint's moving frame, `X_parent_child(q) = F @ exp(t_0 (q_0 + o_0)) ... @ G`; reversed, the inverse of
-    that: the inverse sequence, each twist negated and seen from the document's parent, which is the tree's child.
+    """Return the pose of a joint's child link in its parent link at q = 0, and its twists in the child's frame, in the order of the tree.
+
+    `parent` and `child` are the poses of the mated occurrences in their links. With F the joint's frame in the document's parent link
+    and G the child link in the joint's moving frame, `X_parent_child(q) = F @ exp(t_0 (q_0 + o_0)) ... @ G`; reversed, it is the inverse of
+    that: the inverse sequence, each twist negated and in the frame of the document's parent, which is the tree's child.
     """
-    F, G = parent @ X_PJ, X_JC @ child.inverse()  # a ball has no offsets, so that its twists are all seen from one frame
+    F, G = parent @ X_PJ, X_JC @ child.inverse()  # a ball has no offsets: all its twists are in one frame
     at_zero = F @ moved(twists, offsets) @ G
     if not reversed_:
         return at_zero, seen_at_zero(twists, offsets, G.inverse())

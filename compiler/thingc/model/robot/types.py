@@ -1,4 +1,4 @@
-"""A robot with a root: the tree that one mode's simulation model is written from. Targets see only this."""
+"""A robot with a root: the tree of one mode's simulation model. Targets only use this."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from thingc.model.assembly.types import Assembly, JointEdge, LinkedMode
 
 
 class TreeJoint(JointEdge):
-    """A coordinate of a joint as the tree crosses it: child link relative to its tree parent.
+    """A coordinate of a joint as the tree traverses it: child link relative to its tree parent.
 
-    `twist` is in the child link's frame with the coordinates after it in the body at 0, the same at every q of its own and of those
-    before it; positive q is what the document means by it, whichever way the tree crosses (`reversed`: the document's child is the
-    tree's parent, and the twist has been negated for it). Motion is measured from q = 0.
+    `twist` is in the child link's frame with the following coordinates of the body at 0, the same at every q of its own and the
+    preceding coordinates. Positive q has the meaning of the document in either direction (`reversed`: the document's child is the
+    tree's parent, and the twist has been negated). Motion is measured from q = 0.
     """
 
     reversed: bool
@@ -28,9 +28,10 @@ class TreeJoint(JointEdge):
 
 
 class Body(OneLineRepr, FrozenStruct):
-    """A link in the tree. `parent` is an index into `Robot.bodies` (None: the world); `X_PL` the pose of its frame in the
-    parent link's frame at q = 0 (of the root: in the world, as the mode's `at` puts it). It moves in it by its `joints`, one after
-    the other, `X_PL @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...`, or those of a ball at once; the root has none."""
+    """A link in the tree. `parent` is an index into `Robot.bodies` (None: the world); `X_PL` is the pose of its frame in the
+    parent link's frame at q = 0 (for the root: in the world, as placed by the mode's `at`). It moves by its `joints` in sequence,
+    `X_PL @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...`, or, for a ball, by exponential coordinates; the root has none.
+    """
 
     link: int
     parent: int | None
@@ -39,12 +40,12 @@ class Body(OneLineRepr, FrozenStruct):
 
     @property
     def twists(self) -> tuple[Twist, ...]:
-        """Those of its coordinates."""
+        """The twists of its coordinates."""
         return tuple(joint.twist for joint in self.joints)
 
     @property
     def at_once(self) -> bool:
-        """Whether it turns on a ball."""
+        """Whether it moves by a ball joint (exponential coordinates)."""
         return bool(self.joints) and self.joints[0].kind.at_once
 
 
@@ -58,19 +59,19 @@ class Site(OneLineRepr, FrozenStruct):
 
 
 ClosureKind = Literal["weld", "ball", "hinge", "slide", "screw", "universal", "several"]
-"""What a loop leaves open where it is cut: nothing, turns about a point, one turn, one slide, a screw, turns about two axes that meet at
-right angles, or several coordinates."""
+"""Motion that a cut loop allows: none, rotation about a point, one rotation, one translation, a screw, rotation about two
+perpendicular axes that meet, or several coordinates.
+"""
 
 
 class Closure(OneLineRepr, FrozenStruct):
-    """A loop that the tree leaves open: body `parent` (None: the world) and body `child` meet. With A a frame on the parent and
-    B one on the child, it is closed where
+    """A loop that the tree leaves open: body `parent` (None: the world) and body `child` meet.
 
+    With A a frame on the parent and B one on the child, it is closed if
         X_W,parent @ X_PA @ exp(twist_0 q_0) @ exp(twist_1 q_1) ... == X_W,child @ X_CB
-
-    over the `joints` that were cut, their `twists` in A with the coordinates after them at 0 and their offsets in `X_PA`. Without any
-    it is a weld, or where it `turns` only the origins of A and B meet. One on the world holds a mount: `hold` is true, `path` the mount's,
-    B its frame; else `path` is the joint's. `name` is that of its equality in files, if any is given.
+    over the `joints` that were cut, their `twists` in A with the following coordinates at 0 and their offsets in `X_PA`. Without
+    joints it is a weld; if it `turns`, only the origins of A and B meet. With `hold`, the world holds a mount: `path` is that of the mount,
+    and B its frame; otherwise `path` is that of the joint. `name` is that of its equality in files, if specified.
     """
 
     path: JointPath | SitePath
@@ -87,12 +88,12 @@ class Closure(OneLineRepr, FrozenStruct):
 
     @property
     def at_once(self) -> bool:
-        """Whether it is a ball that was cut."""
+        """Whether a ball joint was cut (exponential coordinates)."""
         return bool(self.joints) and self.joints[0].kind.at_once
 
     @property
     def kind(self) -> ClosureKind:
-        """What it leaves open."""
+        """The motion that it allows."""
         if self.turns or self.at_once:
             return "ball"
         if not self.twists:
@@ -103,18 +104,18 @@ class Closure(OneLineRepr, FrozenStruct):
 
 
 def residual_words(residual: tuple[float, float]) -> str:
-    """How far from closed [m, rad], for people: `12.3 mm and 4.56 deg`. Digits below 1e-4 are the solver's, and differ by machine."""
+    """Format a loop error [m, rad]: `12.3 mm and 4.56 deg`. Digits below 1e-4 are omitted, because they differ between machines."""
     apart, turned = round(1000.0 * residual[0], 4), round(numeric.degrees(residual[1]), 4)
     return f"{apart:.3g} mm and {turned:.3g} deg" if apart or turned else "less than 0.0001 mm and 0.0001 deg"
 
 
 class Keyframe(OneLineRepr, FrozenStruct):
-    """A pose of this mode: q of every joint by path [rad or m], those that mimic included, and those that were cut.
+    """A pose of this mode: q of every joint by path [rad or m], including those that mimic and those that were cut.
 
-    In a mode with closures it is the named pose with the loops closed: `moved` says by how much [rad or m] each joint had to
-    leave the pose (joints on loops of joints that the pose does not name have no place to leave), `residual` how far the worst
-    closure is from closed [m, rad]. `base` is the pose of the root link in the world (None: where the mode puts it; else a free
-    base that has been moved to where closures want it, or onto the floor).
+    In a mode with closures it is the named pose with closed loops: `moved` is how far [rad or m] each joint had to
+    leave the pose (without joints on loops that the pose does not name), `residual` the largest
+    loop error [m, rad]. `base` is the pose of the root link in the world (None: that of the mode; otherwise that of a free
+    base that closures or the floor have moved).
     """
 
     name: PoseName
@@ -126,9 +127,10 @@ class Keyframe(OneLineRepr, FrozenStruct):
 
 
 class Unclosed(OneLineRepr, FrozenStruct):
-    """A pose that the mode has no keyframe for, because its loops do not close from there within the limits of the joints:
-    `path` names the closure that stays open most, `residual` how far [m, rad] at best. Or they do close, but so far from the
-    pose that it would be another: then `moved` is that of the keyframe it would have been."""
+    """A pose without a keyframe, because its loops do not close within the limits of the joints: `path` names the closure with the largest
+    error, `residual` is the smallest error found [m, rad]. Or they do close, but so far from the
+    pose that it would be another one: then `moved` is that of this keyframe.
+    """
 
     name: PoseName
     path: JointPath | SitePath
@@ -138,13 +140,13 @@ class Unclosed(OneLineRepr, FrozenStruct):
 
 
 class Robot(OneLineRepr, FrozenStruct):
-    """One mode. `bodies` in depth-first order, root first, parents before children, children in document order.
+    """The robot of one mode. `bodies` are in depth-first order, root first, parents before children, children in document order.
 
-    `base` is `fixed | held | free | planar | ball`, `moves` the coordinates of the last two (the root body stands at 0 of them in every
-    pose); `excluded` pairs of body indices (neighbours through a joint, the same links in
-    every mode, plus the mode's own); a link that a hold keeps at the world is a neighbour of the world, in this mode alone.
-    `closures` are holds, then joints that were cut; `keyframes` the poses that close, `unclosed` the others. `adhesion` is the
-    control in this mode per adhesion path [N] (0 where it says nothing). `present` are the joints whose actuators exist here,
+    `base` is `fixed | held | free | planar | ball`, `moves` are the coordinates of the last two (0 in every
+    pose). `excluded` are pairs of body indices without collisions (neighbours through a joint, the same links in
+    every mode, plus the mode's own); a link that a hold fixes to the world is a neighbour of the world, in this mode alone.
+    `closures` are holds, then joints that were cut; `keyframes` are the poses that close, `unclosed` the others. `adhesion` is the
+    control in this mode per adhesion path [N] (0 by default). `present` are the joints whose actuators exist in this mode,
     in joint order.
     """
 
@@ -165,15 +167,15 @@ class Robot(OneLineRepr, FrozenStruct):
 
     @property
     def pulled(self) -> tuple[str, ...]:
-        """The tendons whose drives exist here: all of them, unless the mode chooses its actuators."""
+        """The tendons whose drives exist in this mode: all, unless the mode selects its actuators."""
         return () if self.mode.actuators is not None else tuple(one.path for one in self.assembly.tendons if one.actuator is not None)
 
     @property
     def start(self) -> Keyframe | None:
-        """The pose in which the mode starts; None where all joints are at 0 then."""
+        """The pose in which the mode starts; None if it starts with all joints at 0."""
         return next((frame for frame in self.keyframes if frame.name == self.mode.pose), None)
 
     @property
     def carried(self) -> bool:
-        """Whether the base floats and is carried by what the mode stands on or holds."""
+        """Whether the base is free and supported by what the mode stands on or holds."""
         return self.base == "free" and (bool(self.mode.feet) or any(closure.hold for closure in self.closures))

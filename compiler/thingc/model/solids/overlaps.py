@@ -1,4 +1,4 @@
-"""Parts that overlap: one that is given twice, sits on the wrong mount, or has no room in its bracket."""
+"""Find parts that overlap: duplicates, parts on a wrong mount, or without room in a bracket."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Occurrence, Surface
 
 SHARE = 0.2
-"""How much of the smaller of two equal links of shapes the other may take."""
+"""Largest overlap of two equal links of shapes, relative to the smaller one."""
 
 DIGITS = 12
-"""To how many digits [m] the poses of parts to each other are taken: what is behind them is rounding."""
+"""Decimals [m] of the relative poses of parts; further digits are rounding errors."""
 
 KIND = "overlaps"
-"""Documents in the store: what two parts share in a pose to each other."""
+"""Kind of documents in the store: intersections of two parts in a relative pose."""
 
 
 class PartPair(FrozenStruct, kw_only=False):
@@ -43,7 +43,7 @@ class Overlaps:
         self._store, self._memo = store, memo
 
     def pairs(self, parts: Sequence[Occurrence], poses: Sequence[Pose]) -> list[PartPair]:
-        """The pairs of parts at poses whose bounding boxes overlap deep enough, in document order."""
+        """Return the pairs of parts at poses whose bounding boxes overlap deep enough, in document order."""
         placed = sorted(
             ((pose.around(part.box), part, pose) for part, pose in zip(parts, poses, strict=True) if part.box is not None),
             key=lambda one: one[0][0][0],
@@ -60,7 +60,9 @@ class Overlaps:
         return sorted(found, key=lambda pair: (pair.one.index, pair.other.index))
 
     def shared(self, pair: PartPair, *, keep: bool = True) -> tuple[float, float] | None:
-        """The volume [m^3] and the mean thickness [m] of an intersection; None if it does not count. `keep` also caches it in the store."""
+        """Return the volume [m^3] and the mean thickness [m] of an intersection; None if it does not count. `keep` also caches it in the
+        store.
+        """
         content = [self.deep, _made_of(pair.one), _made_of(pair.other), repr(pair.at)]
         key = hashlib.sha256(json.dumps(content).encode()).hexdigest()
         known = self._store.get_json(KIND, key) if keep else None
@@ -71,7 +73,7 @@ class Overlaps:
         return (volume, depth) if counts else None
 
     def _is_deep(self, pair: PartPair) -> bool:
-        """Whether the boxes of both parts, in the frame of either, leave room for an intersection that counts."""
+        """Return whether the boxes of both parts, in the frame of either, allow an intersection that counts."""
         one, other = pair.one.box, pair.other.box
         assert one is not None and other is not None
         return minimum(_thickness(one, pair.at.around(other)), _thickness(pair.at.inverse().around(one), other)) > self.deep
@@ -88,9 +90,9 @@ class Overlaps:
 
 
 def check_overlaps(assembly: Assembly, poses: Sequence[Pose], overlaps: Overlaps, report: Report) -> None:
-    """Warn of each two parts that overlap where they are at `poses`; each place of the documents once, however often it is used.
+    """Warn of every two parts that overlap at `poses`; once per place in documents, even if it is used several times.
 
-    Shapes of links are approximate: of these only equal ones of the same body are compared.
+    Shapes of links are approximate: only equal ones of the same body are compared.
     """
     link_of = assembly.link_of
     reported: set[tuple[object, object]] = set()
@@ -105,7 +107,7 @@ def check_overlaps(assembly: Assembly, poses: Sequence[Pose], overlaps: Overlaps
 
 
 def reason_to_skip(one: Occurrence, other: Occurrence) -> str:
-    """Why two parts that touch by design cannot be compared; empty if they can."""
+    """Return why two parts that touch by design cannot be compared; empty if they can."""
     if one.definition != other.definition and (one.listed or other.listed):
         return "shapes of links are approximate"
     for part in (one, other):
@@ -115,7 +117,7 @@ def reason_to_skip(one: Occurrence, other: Occurrence) -> str:
 
 
 def contact_places(assembly: Assembly, one: Occurrence, other: Occurrence) -> list[Note]:
-    """The places at which a document may allow the overlap of two parts, besides that of `other`."""
+    """Return the places at which a document can allow the overlap of two parts, besides that of `other`."""
     links = {assembly.link_of[one.index], assembly.link_of[other.index]}
     return [*(Note(message=f"`{one.path}` is here", span=span) for span in one.origin[:1]), *(
         Note(message=f"joint `{mate.name or mate.loop}` connects them", span=mate.origin[0]) for mate in assembly.mates
@@ -138,20 +140,21 @@ def _warn(assembly: Assembly, pair: PartPair, shared: float, report: Report) -> 
 
 
 def _cubic(volume: float) -> str:
-    """A volume [m^3] for people."""
+    """Format a volume [m^3]."""
     scale, unit = (1e6, "cm^3") if volume >= 1e-6 else (1e9, "mm^3")
     return f"{float(f'{scale * volume:.3g}'):g} {unit}"  # 1000 mm^3, not 1e+03
 
 
 def _thickness(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> float:
-    """The least extent [m] of what two boxes share; an intersection within it has no greater mean thickness. Not positive if they
-    share nothing."""
+    """Return the smallest extent [m] of the intersection of two boxes, a bound of the mean thickness of an intersection inside. Not
+    positive if the boxes do not intersect.
+    """
     lows, highs = map(maximum, one[0], other[0]), map(minimum, one[1], other[1])
     return minimum(high - low for low, high in zip(lows, highs, strict=True))
 
 
 def _rounded(pose: Pose) -> Pose:
-    """A pose to `DIGITS`: two parts that a third one carries lie to each other as before when that has become thicker."""
+    """Round a pose to `DIGITS`, so that the relative pose of two parts on a third one does not change when that becomes thicker."""
     a, b, c = pose.rotation
     return Pose(rotation=(_digits(a), _digits(b), _digits(c)), translation=_digits(pose.translation))
 
@@ -162,7 +165,7 @@ def _digits(vector: Vector) -> Vector:
 
 
 def _volume(part: Occurrence) -> float:
-    """What it holds [m^3]; of a link all its shapes, also where they overlap."""
+    """Return the volume [m^3]; for a link the sum over its shapes, even if they overlap."""
     if part.record is not None:
         return part.record.volume if part.record.exact else 0.0
     return sum_of(one.solid.volume if isinstance(one.solid, Primitive) else one.volume for one in part.solids)
@@ -173,7 +176,7 @@ def _is_closed(surface: Surface) -> bool:
 
 
 def _made_of(part: Occurrence) -> list[tuple[object, ...]]:
-    """What its solid depends on."""
+    """Return the inputs of its solid."""
     return [
         (one.solid.shape, one.solid.size, one.solid.pose.rotation, one.solid.pose.translation) if isinstance(one.solid, Primitive)
         else (one.solid.sha256, one.pose.rotation, one.pose.translation)

@@ -1,4 +1,4 @@
-"""The true shapes of parts and links as solids of manifold3d, and how they lie to each other."""
+"""Exact shapes of parts and links as solids of manifold3d, and their distances and intersections."""
 
 from __future__ import annotations
 
@@ -18,27 +18,28 @@ from thingc.geometry.store.meshes import arrays
 from thingc.model.assembly.types import Occurrence, Surface
 
 FACETS = 128
-"""Around whatever is round: less than 0.1 % of the radius off its surface."""
+"""Number of facets around curved surfaces: the error is less than 0.1 % of the radius."""
 THIN = 1e-8
-"""How thick [m] what stands for a point or a line is: manifold3d knows neither."""
+"""Thickness [m] of solids that represent a point or a line, which manifold3d does not support."""
 ENDLESS = 100.0
-"""How far [m] a plane reaches, and the matter below it."""
+"""Size [m] of planes, and of the solid below them."""
 
 
 class Solid(FrozenStruct, kw_only=False):
-    """What something is made of. `whole` is all of it, with facets where it is round. `cores` are solids each with a radius [m]: what is
-    nearer to the core than that is of it. So gaps to balls and capsules are exact, and are found in no time: their cores are points and
-    lines."""
+    """A solid. `whole` is all of it, with facets on curved surfaces. `cores` are solids each with a radius [m]: points nearer
+    to the core belong to it. So gaps to spheres and capsules are exact and quick to compute: their cores are points and
+    lines.
+    """
 
     whole: Any
     cores: tuple[tuple[Any, float], ...]
 
     def at(self, pose: Pose) -> Solid:
-        """The same somewhere else."""
+        """Return the solid at a pose."""
         return Solid(_at(self.whole, pose), tuple((_at(core, pose), radius) for core, radius in self.cores))
 
     def box(self, pose: Pose) -> NDArray[np.float64]:
-        """A box (2 x 3: low, high) [m] along the axes of the world around it at a pose."""
+        """Return its bounding box (2 x 3: low, high) [m] along the axes of the world at a pose."""
         bounds = np.array(self.whole.bounding_box(), dtype=np.float64).reshape(2, 3)
         middle, half = (bounds[0] + bounds[1]) / 2.0, (bounds[1] - bounds[0]) / 2.0
         turn = np.array(pose.rotation)
@@ -46,31 +47,32 @@ class Solid(FrozenStruct, kw_only=False):
         return np.stack([centre - reach, centre + reach])
 
     def gap(self, other: Solid, within: float) -> float:
-        """How far [m] it is apart from another one, 0 where they meet; no less than `within` where that is not near."""
+        """Return the distance [m] to another solid, 0 if they meet; `within` if it is larger."""
         return min(
             max(float(one.min_gap(two, within + more + also)) - more - also, 0.0)
             for one, more in self.cores for two, also in other.cores
         )
 
     def overlap(self, other: Solid) -> tuple[float, float]:
-        """Of what it shares with another one: the volume [m^3], and its mean thickness [m], twice the volume by the surface (of a thin
-        layer that is its thickness). 0 where they only touch."""
+        """Return the volume [m^3] of the intersection with another solid, and its mean thickness [m], twice the volume by the surface (for
+        a thin layer this is its thickness). 0 if they only touch.
+        """
         shared = self.whole ^ other.whole
         volume = float(shared.volume())
         return (volume, 2.0 * volume / float(shared.surface_area())) if volume > 0.0 else (0.0, 0.0)
 
 
 class Solids:
-    """The solids of parts and links by the texts of their definitions, made when first asked for. Metres, their own frames."""
+    """The solids of parts and links by the texts of their definitions, created on demand. In metres, in their own frames."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._solids: dict[str, Solid | None] = {}
         self.hulls: set[str] = set()
-        """The texts of the definitions of which a surface is not closed: its convex hull stands for it."""
+        """Texts of definitions with a surface that is not closed, which is replaced by its convex hull."""
 
     def solid(self, occurrence: Occurrence) -> Solid | None:
-        """What a part or link is made of, meshes as in the artifacts; None without anything that has an inside."""
+        """Return the solid of a part or link, with meshes as in the output; None without anything solid."""
         text = occurrence.definition.text
         if text not in self._solids:
             self._solids[text] = solid_of(self._store, occurrence.solids)
@@ -80,8 +82,9 @@ class Solids:
 
 
 def solid_of(store: Store, surfaces: Sequence[Surface], *, simplify: float = 0.0) -> Solid | None:
-    """The solid within some surfaces, in their frame, or None if none of them has an inside. `simplify` [m] is how far its facets may
-    move so that there are fewer of them: intersections then take half of the time."""
+    """Return the solid inside surfaces, in their frame, or None if none of them is solid. `simplify` [m] is the tolerance for reducing the
+    number of facets: intersections then take half the time.
+    """
     made = [(_whole(store, surface), surface.solid) for surface in surfaces]
     inside = [(whole, solid) for whole, solid in made if not whole.is_empty()]
     if not inside:
@@ -96,14 +99,14 @@ def _whole(store: Store, surface: Surface) -> Any:
 
 
 def _mesh(store: Store, mesh: Mesh) -> Any:
-    """The solid within a mesh of the store, or within its convex hull where it is not closed."""
+    """Return the solid inside a mesh of the store, or its convex hull if it is not closed."""
     vertices, faces = arrays(store.read(mesh.sha256))
     solid = Manifold(Mesh64(vert_properties=vertices, tri_verts=faces.astype(np.uint64)))
     return Manifold.hull_points(vertices) if not mesh.closed or solid.num_tri() == 0 else solid
 
 
 def _primitive(primitive: Primitive) -> Any:
-    """A primitive with facets, in its own frame. Planes do not end, whatever their lengths: so simulators have them."""
+    """Return a primitive with facets, in its own frame. Planes are infinite, whatever their size, as in simulators."""
     size = primitive.size
     match primitive.shape:
         case "box":
@@ -124,7 +127,7 @@ def _primitive(primitive: Primitive) -> Any:
 
 
 def _core(whole: Any, solid: Mesh | Primitive) -> tuple[Any, float]:
-    """The core of a solid, and its radius: itself, but for those that are round all over."""
+    """Return the core of a solid, and its radius: the solid itself, except for spheres and capsules."""
     if not isinstance(solid, Primitive) or solid.shape not in ("sphere", "capsule"):
         return whole, 0.0
     radius, half = (*solid.size, 0.0)[:2]

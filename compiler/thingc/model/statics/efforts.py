@@ -25,8 +25,9 @@ from thingc.model.statics.types import DriveTransmission, Efforts, answer
 
 
 def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Efforts:
-    """What the drives of a mode have to give for it to stay at `q` (every joint by path, rad or m; loops closed), its bodies at
-    these poses in the world. A base that floats is carried by the mode's feet and holds; one that has neither, as any other, is held."""
+    """Return the efforts that hold a mode at `q` (every joint by path, rad or m; loops closed); `bodies` are the poses of its bodies in
+    the world. A free base is supported by the mode's feet and holds; without these, and for other bases, it is held.
+    """
     load, drives = problem(robot, q, bodies)
     if not robot.closures and not robot.carried and all(len(drive.moves) == 1 for drive in drives):
         return balance_tree(load, drives)
@@ -36,7 +37,7 @@ def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose])
 
 
 def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tuple[dict[str, float], list[DriveTransmission]]:
-    """The load to balance [N m or N], by coordinate, and the mode's drives, in joint order; arguments as of `static_efforts`."""
+    """Return the load to balance [N m or N], by coordinate, and the mode's drives, in joint order; arguments as for `static_efforts`."""
     joints = joints_of(robot.assembly)
     on_joints = loads(robot, q, bodies)
     load: dict[str, float] = {}
@@ -61,7 +62,7 @@ def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tup
 
 
 def _about(joint: JointEdge, joints: Iterable[JointEdge], q: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
-    """How fast a ball turns about the axis of a drive on it, fixed in the child, by the change of each of its coordinates."""
+    """Return the angular velocity of a ball about the axis of one of its drives, fixed in the child, per change of each coordinate."""
     ball = tuple(one for one in joints if one.name.joint == joint.name.joint)
     values = tuple(q[one.path] for one in ball)
     axis = (joint.actuator.axis if joint.actuator is not None else None) or (0.0, 0.0, 0.0)
@@ -70,12 +71,12 @@ def _about(joint: JointEdge, joints: Iterable[JointEdge], q: Mapping[str, float]
 
 
 def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission]) -> Efforts:
-    """The efforts on a robot without loops; `load` [N m or N] by coordinate.
+    """Return the efforts of a robot without loops; `load` [N m or N] is by coordinate.
 
-    Of drives on one coordinate, with factors f and weights l, the least sum of (t / l)^2 with sum f t = -Q is at
+    For drives on one coordinate, with factors f and weights l, the least sum of (t / l)^2 with sum f t = -Q is at
     t = -Q f l^2 / sum (f l)^2.
     """
-    largest: dict[str, float] = {}  # what is written as a limit may have a square that no double holds
+    largest: dict[str, float] = {}  # scaling: the square of a limit may overflow
     for _, ((leader, factor),), _, weight in drives:
         largest[leader] = numeric.maximum(largest.get(leader, 0.0), abs(factor * weight))
 

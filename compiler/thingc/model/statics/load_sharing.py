@@ -32,23 +32,26 @@ from thingc.model.statics.types import DriveTransmission, Efforts, Topple, answe
 Array = NDArray[np.float64]
 
 RANK = 1e-9
-"""Singular values below this part of the greatest are none."""
+"""Singular values below this fraction of the largest count as 0."""
 
 EDGES = 16
-"""Edges of the pyramid within a friction cone: it has at most 1 - cos(pi / 16), 2 %, less friction than the cone."""
+"""Edges of the pyramid inside a friction cone; it has at most 1 - cos(pi / 16), 2 %, less friction than the cone."""
 
 HEAVY = 1e5
-"""How much more than efforts the balance weighs."""
+"""Weight of the balance equations relative to efforts."""
 
 MET = 1e-7
-"""A balance that is off by less than this part of the load is met."""
+"""Tolerance of the balance, relative to the load."""
 
 
 def balance_shared(
     robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], load: Mapping[str, float], drives: Sequence[DriveTransmission],
 ) -> Efforts:
-    """The efforts at `q`, where the loops are closed; `load` [N m or N] by coordinate. Of a robot without closures and feet it is the
-    answer of `balance_tree`, by another way. The base is held, but for one that floats and that feet or holds carry."""
+    """Return the efforts at `q`, with closed loops; `load` [N m or N] is by coordinate.
+
+    For a robot without closures and feet, the result is that of `balance_tree`. The base is held, unless it is free and supported by
+    feet or holds.
+    """
     loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), bodies[0])
     paths = [coordinate.path for coordinate in loops.coordinates]
     column = {path: k for k, path in enumerate(paths)}
@@ -79,8 +82,9 @@ def balance_shared(
 
 
 def _feet(robot: Robot, q: Mapping[str, float], stands: Support, column: Mapping[str, int], size: float) -> list[Array]:
-    """At `q` how each foot moves [m] with the coordinates (3 x n): the joints', then the base's, three shifts (in lengths of `size` [m])
-    and three turns about its origin."""
+    """Return the motion [m] of each foot at `q` per change of the coordinates (3 x n): those of joints, then three translations of the base
+    (in lengths of `size` [m]) and three rotations about its origin.
+    """
     following = leaders(joints_of(robot.assembly), q)
     jacobians: list[Array] = []
     for foot in stands.feet:
@@ -96,7 +100,7 @@ def _feet(robot: Robot, q: Mapping[str, float], stands: Support, column: Mapping
 
 
 def _fall(robot: Robot, stands: Support) -> Topple | None:
-    """Why the floor cannot carry the robot, however its drives hold it; None where it can, and where holds carry it, too."""
+    """Return why the floor cannot support the robot, whatever its drives do; None if it can, or if holds support it as well."""
     if robot.closures and any(closure.hold for closure in robot.closures):
         return None
     known = np.concatenate([stands.weight, np.cross(np.subtract(stands.centre, stands.feet[0].point), stands.weight)])
@@ -117,7 +121,7 @@ def _fall(robot: Robot, stands: Support) -> Topple | None:
 
 
 def edges(friction: float) -> Array:
-    """The edges (n x 3) of the pyramid within the cone of a foot on the floor, one of 1 along its axis z."""
+    """Return the edges (n x 3) of the pyramid inside the cone of a foot on the floor, with 1 along its axis z."""
     if friction == 0.0:
         return np.array([[0.0, 0.0, 1.0]])
     angles = 2.0 * pi * np.arange(EDGES) / EDGES
@@ -125,7 +129,7 @@ def edges(friction: float) -> Array:
 
 
 class _Shares(NamedTuple):
-    """`efforts` by their weights, `forces` along the edges, and in how many directions the efforts could be otherwise."""
+    """The `efforts` divided by their weights, `forces` along the edges, and the dimension of the space of other solutions."""
 
     efforts: Array
     forces: Array
@@ -133,11 +137,11 @@ class _Shares(NamedTuple):
 
 
 def _share(held: Array, known: Array, pushed: Array) -> _Shares:
-    """The x (drives) and y >= 0 (edges) with `held x + known + pushed y = 0`, as well as that can be, and the least |x|."""
+    """Return x (drives) and y >= 0 (edges) with `held x + known + pushed y = 0`, as far as possible, and the least |x|."""
     left, sizes, right = np.linalg.svd(held) if held.size else (np.eye(len(known)), np.zeros(0), np.eye(held.shape[1]))
     rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
     inverse = right[:rank].T / sizes[:rank] @ left[:, :rank].T
-    rigid = left[:, rank:].T  # what no drive balances
+    rigid = left[:, rank:].T  # directions that no drive balances
     y = _forces(rigid @ pushed, rigid @ known, inverse @ pushed, inverse @ known) if pushed.shape[1] else np.zeros(0)
     inner = inverse @ pushed @ _null_space(rigid @ pushed) if pushed.shape[1] else np.zeros((len(inverse), 0))
     open_ = held.shape[1] - rank + (int(np.linalg.matrix_rank(inner, tol=1e-9 * np.abs(inverse @ pushed).max())) if inner.size else 0)
@@ -145,7 +149,7 @@ def _share(held: Array, known: Array, pushed: Array) -> _Shares:
 
 
 def _forces(must: Array, due: Array, costs: Array, before: Array) -> Array:
-    """The y >= 0 with `must y + due = 0` and the least |costs y + before|."""
+    """Return y >= 0 with `must y + due = 0` and the least |costs y + before|."""
     scale = np.abs(due).max(initial=0.0) or 1.0
     y, _ = nnls(np.vstack([HEAVY / scale * must, costs]), -np.concatenate([HEAVY / scale * due, before]), maxiter=50 * must.shape[1])
     used = np.flatnonzero(y > 0.0)
@@ -160,7 +164,7 @@ def _forces(must: Array, due: Array, costs: Array, before: Array) -> Array:
 
 
 def _null_space(rows: Array) -> Array:
-    """An orthonormal basis (n x k) of what the rows (m x n) map to 0."""
+    """Return an orthonormal basis (n x k) of the null space of the rows (m x n)."""
     if not rows.size:
         return np.eye(rows.shape[1])
     _, sizes, right = np.linalg.svd(rows)

@@ -1,4 +1,4 @@
-"""What gravity and springs do on the joints of a robot."""
+"""Loads of gravity and springs on the joints of a robot."""
 
 from __future__ import annotations
 

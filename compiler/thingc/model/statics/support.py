@@ -1,4 +1,6 @@
-"""Where a floating robot stands: its feet, how they move with its joints, and how far its centre of mass is outside of them."""
+"""Support of a robot with a free base: its feet, their motion by its joints, and the distance of its centre of mass from the support
+polygon.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +14,13 @@ from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
 
 LEVEL = 0.02
-"""A foot that is higher above the lowest one than this part of the greatest distance of two feet does not stand on the floor."""
+"""Largest height of a standing foot above the lowest one, relative to the largest distance of two feet."""
 
 
 class FootContact(NamedTuple):
     """A foot at `point` [m] in the world, where the floor pushes upwards. `moves` is its velocity by the speed of each joint that
-    carries it [m/rad or 1], by path; `pull` [N] what its adhesion presses it onto the floor with."""
+    carries it [m/rad or 1], by path; `pull` [N] is the force of its adhesion to the floor.
+    """
 
     path: str
     point: Vector
@@ -27,8 +30,9 @@ class FootContact(NamedTuple):
 
 
 class Support(NamedTuple):
-    """What a floating robot stands on: its feet, the `origin` of its root link and the `centre` of its mass in the world [m], and its
-    `weight` [N]."""
+    """Support of a robot with a free base: its feet, the `origin` of its root link and the `centre` of its mass in the world [m], and its
+    `weight` [N].
+    """
 
     feet: tuple[FootContact, ...]
     origin: Vector
@@ -37,12 +41,12 @@ class Support(NamedTuple):
 
     @property
     def turning(self) -> Vector:
-        """The torque [N m] of the weight about the origin."""
+        """Return the torque [N m] of the weight about the origin."""
         return cross(_less(self.centre, self.origin), self.weight)
 
 
 def stance(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Support:
-    """The feet of a mode at `q` (all joints by path, rad or m), its bodies at these poses in the world."""
+    """Return the support of a mode at `q` (all joints by path, rad or m); `bodies` are the poses of its bodies in the world."""
     masses = [robot.assembly.links[body.link].properties for body in robot.bodies]
     mass = sum_of(own.mass for own in masses)
     centres = [pose.apply(own.centre) for own, pose in zip(masses, bodies, strict=True)]
@@ -74,15 +78,16 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> l
 
 
 def lifted(feet: Sequence[FootContact]) -> dict[str, float]:
-    """How high [m] those feet are above the lowest one that are too high to stand on the same floor, by path."""
+    """Return the heights [m] of feet above the lowest one if they are too high to stand on the same floor, by path."""
     lowest = minimum((foot.point[2] for foot in feet), default=0.0)
     widest = maximum((dist(a.point, b.point) for a in feet for b in feet), default=0.0)
     return {foot.path: foot.point[2] - lowest for foot in feet if foot.point[2] - lowest > LEVEL * widest}
 
 
 def outside(stance: Support) -> float:
-    """How far [m] along the floor the centre of mass, projected on it along gravity, is outside of the polygon of the feet: 0 within.
-    Infinite where gravity does not pull towards the floor."""
+    """Return the distance [m] along the floor of the projected centre of mass (along gravity) from the support polygon: 0 inside, infinite
+    if gravity does not pull towards the floor.
+    """
     if stance.weight[2] >= -1e-9 * hypot(*stance.weight):
         return inf
     floor = sum_of(foot.point[2] for foot in stance.feet) / len(stance.feet)
@@ -99,7 +104,7 @@ Point = tuple[float, float]
 
 
 def polygon(points: Sequence[Point]) -> list[Point]:
-    """The corners of the convex hull, counter-clockwise (Andrew's monotone chain, 1979)."""
+    """Return the corners of the convex hull, counter-clockwise (Andrew's monotone chain, 1979)."""
     ordered = sorted(set(points))
     if len(ordered) < 3:
         return ordered
@@ -119,7 +124,7 @@ def _turn(a: Point, b: Point, c: Point) -> float:
 
 
 def _from_origin(a: Point, b: Point) -> float:
-    """The distance of the origin from the segment from a to b."""
+    """Return the distance of the origin from the segment from a to b."""
     along = (b[0] - a[0], b[1] - a[1])
     length = along[0] ** 2 + along[1] ** 2
     part = 0.0 if length == 0.0 else minimum(maximum(-(a[0] * along[0] + a[1] * along[1]) / length, 0.0), 1.0)

@@ -1,4 +1,4 @@
-"""What statics answers with: drives, their efforts and margins, and why a robot falls."""
+"""Results of statics: drives, their efforts and margins, and why a robot falls."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from typing import NamedTuple
 from thingc.base import numeric
 
 NO_LOAD = 1e-12
-"""Static efforts [N m or N] below this are none."""
+"""Static efforts [N m or N] below this value count as 0."""
 
 
 class DriveTransmission(NamedTuple):
-    """The drive of joint `path`: how fast it moves by the speed of each coordinate, of the one that the joint is or follows, or where it
-    turns a ball about an axis of all three. `limit` is its limit of effort [N m or N]; `weight` what its effort is weighed by, 1 without a
-    limit above 0."""
+    """Transmission of the drive of joint `path`: its speed per speed of each coordinate, of the one that the joint is or follows, or for
+    a ball of all three. `limit` is its effort limit [N m or N]; `weight` scales its effort in least squares, 1 without a
+    limit above 0.
+    """
 
     path: str
     moves: tuple[tuple[str, float], ...]
@@ -23,20 +24,21 @@ class DriveTransmission(NamedTuple):
 
 
 class Topple(NamedTuple):
-    """Why the floor does not carry a robot on its feet, whatever its drives give: it `tips`, with its centre of mass `outside` [m] of
-    the polygon of the feet, it `slides`, or gravity `pulls` it off."""
+    """Why the floor cannot support a robot on its feet, whatever its drives do: it `tips`, with its centre of mass `outside` [m]
+    the support polygon, it `slides`, or gravity `pulls` it off.
+    """
 
     how: str
     outside: float
 
 
 class Efforts(NamedTuple):
-    """What each drive gives [N m or N], by joint path, positive along positive q; `margins` are of those with a limit of effort.
+    """Efforts of drives [N m or N], by joint path, positive along positive q; `margins` are those of drives with an effort limit.
 
-    Where there is more than one answer (two held feet, two drives on a loop, two joints that mimic one another) it is the one
-    with the least sum of squares of effort by limit; `choices` says how many directions it was chosen from. `unheld` is the
-    greatest load that no drive balances, as a part of the greatest load, at the coordinate `where` (empty without any, and for the
-    base of a robot that floats); `fall` says that no drives could keep it on its feet.
+    If there are several solutions (two held feet, two drives on a loop, two coupled joints), it is the one
+    with the least sum of squares of effort by limit; `choices` is the dimension of the space of solutions. `unheld` is the
+    largest load that no drive balances, relative to the largest load, at the coordinate `where` (empty if there is none, and for the
+    free base); `fall` is set if no drives could keep the robot on its feet.
     """
 
     by_joint: dict[str, float]
@@ -48,7 +50,7 @@ class Efforts(NamedTuple):
 
     @property
     def least_margin(self) -> float | None:
-        """The least of the margins; None where no drive has a limit."""
+        """Smallest margin; None if no drive has a limit."""
         return numeric.minimum(self.margins.values(), default=None)
 
 
