@@ -29,7 +29,7 @@ class EndComment:
 
 
 def commented(line: str, comment: EndComment | None) -> str:
-    """A line with its comment, if any: in its old column where that is free, and where it was not simply the usual gap."""
+    """Return a line with its comment, if any: in its old column if that is free and was not just the default gap."""
     if comment is None:
         return line
     spaces = COMMENT_GAP if comment.gap <= COMMENT_GAP else max(COMMENT_GAP, comment.column - len(line))
@@ -38,10 +38,10 @@ def commented(line: str, comment: EndComment | None) -> str:
 
 @dataclass(slots=True, kw_only=True)
 class Item:
-    """An entry of a mapping (`key` the place of its key, `name` what it says) or an item of a list (no key).
+    """An entry of a mapping (`key` is the range of its key, `name` its text) or an item of a list (no key).
 
-    `leading` are the comments on lines of their own above it, None for an empty line; `key_comment` stands behind the
-    colon (or dash) where the value begins below, `comment` behind the value.
+    `leading` are the comment lines above it, None for an empty line; `key_comment` is the comment after the
+    colon (or dash) if the value begins below, `comment` that after the value.
     """
 
     value: Segment
@@ -55,15 +55,15 @@ class Item:
 
     @property
     def start(self) -> int:
-        """Where it begins."""
+        """Index at which it begins."""
         return self.key[0] if self.key is not None else self.value.start
 
 
 @dataclass(slots=True, kw_only=True)
 class Segment:
-    """A value: `scalar` (also an alias), `map` or `list`; `flow` where it is written in braces or brackets.
+    """A value: `scalar` (also an alias), `map` or `list`; `flow` if it is in braces or brackets.
 
-    `body` is where it begins behind its anchor. `names` are the anchors in it and, in `aliases`, those that it refers to.
+    `body` is where it begins after its anchor. `names` are the anchors in it, and `aliases` those that it refers to.
     `trailing` are comments at the end of a block. `column` (from 0) is that of a block's keys or dashes.
     """
 
@@ -81,22 +81,23 @@ class Segment:
 
     @property
     def block(self) -> bool:
-        """Whether its entries stand on lines of their own."""
+        """Whether its entries are on separate lines."""
         return self.kind != "scalar" and not self.flow
 
 
 class Trivia(FrozenStruct):
-    """What stands between two pieces: a comment at the end of the line, and lines of their own: (column, text), None for
-    an empty one."""
+    """The text between two pieces: a comment at the end of the line, and separate lines as (column, text), None for
+    an empty one.
+    """
 
     comment: EndComment | None
     lines: list[tuple[int, str] | None]
 
 
 def gap(text: str, start: int, end: int, *, compact: bool = False) -> Trivia:
-    """Read the gap from `start` to `end`; with `compact` what follows may stand on the same line (`- key: value`).
+    """Parse the gap from `start` to `end`; with `compact`, the next piece may be on the same line (`- key: value`).
 
-    Raises `UnsupportedStyle` where anything but comments and empty lines stands there.
+    Raises `UnsupportedStyle` if it contains anything but comments and empty lines.
     """
     lines = text[start:end].split("\n")
     comment: EndComment | None = None
@@ -107,7 +108,7 @@ def gap(text: str, start: int, end: int, *, compact: bool = False) -> Trivia:
         if bare and not bare.startswith("#"):
             raise UnsupportedStyle
         last = number == len(lines) - 1
-        if last and end < len(text):  # the indentation of what follows
+        if last and end < len(text):  # indentation of the next piece
             if "\t" in line or (number == 0 and not begins_line and not compact):
                 raise UnsupportedStyle
         elif number == 0 and not begins_line:
@@ -124,17 +125,17 @@ def gap(text: str, start: int, end: int, *, compact: bool = False) -> Trivia:
 
 
 def tidy(lines: list[str | None]) -> list[str | None]:
-    """Comment lines with never two empty lines in a row."""
+    """Return comment lines without consecutive empty lines."""
     return [line for at, line in enumerate(lines) if line is not None or at == 0 or lines[at - 1] is not None]
 
 
 def first_lines(lines: list[str | None]) -> list[str | None]:
-    """The same, with no empty line at the beginning."""
+    """Return comment lines as `tidy` does, without empty lines at the beginning."""
     return list(dropwhile(lambda line: line is None, tidy(lines)))
 
 
 def shifted(text: str, by: int) -> str:
-    """Text over several lines with all lines after the first moved right (or left, as far as there are spaces)."""
+    """Indent (or unindent, as far as there are spaces) all lines of a text but the first."""
     if by == 0 or "\n" not in text:
         return text
     first, *others = text.split("\n")
@@ -154,6 +155,6 @@ _PROPERTY = re.compile(r"&[^\s\[\]{},]+\s+")
 
 
 def body_of(text: str, start: int) -> int:
-    """Where a value begins behind its `&anchor`, if it stands on the same line."""
+    """Return where a value begins after its `&anchor`, if that is on the same line."""
     match = _PROPERTY.match(text, start)
     return match.end() if match is not None else start

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True, kw_only=True)
 class _Statement:
-    """A header `[a.b]` (`value` is None) or `key = value`: where it stands, the words of its key, and its comments."""
+    """A header `[a.b]` (`value` is None) or `key = value`: its position, the words of its key, and its comments."""
 
     start: int
     end: int
@@ -30,8 +30,9 @@ class _Statement:
 
 @dataclass(slots=True)
 class _Names:
-    """The tables of a document: for each key the keys below it, in the order first written; once they are settled what shape a table has,
-    and the canonical rank of each key."""
+    """The tables of a document: for each key the keys below it, in the order first written; after `settle`, the types of tables and
+    the canonical rank of each key.
+    """
 
     below: dict[str, _Names] = field(default_factory=dict)
     shape: FieldType | None = None
@@ -46,7 +47,7 @@ class _Names:
                 table.add((item.name,), item.value)
 
     def settle(self, shape: FieldType | None) -> None:
-        """Work out shapes and ranks, when all keys are there."""
+        """Determine types and ranks, after all keys have been added."""
         self.shape = shape
         known = list(self.below)
         inner = shape_for(shape, dict.fromkeys(known))
@@ -55,11 +56,11 @@ class _Names:
             table.settle(shape_below(inner, word))
 
     def rank(self, words: tuple[str, ...]) -> tuple[int, ...]:
-        """Where a key stands in canonical order: its rank at every level."""
+        """Return the position of a key in canonical order: its rank at every level."""
         return tuple(self.at(words[:depth]).ranks[word] for depth, word in enumerate(words))
 
     def at(self, words: tuple[str, ...]) -> _Names:
-        """What is below a key."""
+        """Return the names below a key."""
         table = self
         for word in words:
             table = table.below[word]
@@ -67,7 +68,7 @@ class _Names:
 
 
 def toml_layout(text: str, shape: FieldType | None) -> str:
-    """The text in canonical layout (lines end with a line feed, as those of `text` do). Raises `UnsupportedStyle`."""
+    """Return the text in canonical layout (with line feeds, as in `text`). Raises `UnsupportedStyle`."""
     sections, foot = _Cutter(text).sections()
     names = _Names()
     for section in sections:
@@ -83,7 +84,7 @@ def toml_layout(text: str, shape: FieldType | None) -> str:
 
 
 def _opening(sections: list[_Statement]) -> list[str | None]:
-    """The comments above everything that an empty line parts from the first statement, or that are for an editor."""
+    """Return the comments at the top that an empty line separates from the first statement, or that are for an editor."""
     first = next((s for section in sections for s in (section, *section.pairs) if s.end), None)
     if first is None:
         return []
@@ -94,7 +95,7 @@ def _opening(sections: list[_Statement]) -> list[str | None]:
 
 
 def _section(section: _Statement, text: str, names: _Names, first: bool) -> list[str]:
-    """The lines of a section: its header (the first section has none) and its pairs in order."""
+    """Return the lines of a section: its header (the first section has none) and its pairs in order."""
     lines: list[str] = []
     if section.end:
         lines.extend([] if first else [""])
@@ -113,7 +114,7 @@ def _section(section: _Statement, text: str, names: _Names, first: bool) -> list
 
 
 def _alignment(pairs: list[_Statement], text: str) -> list[int]:
-    """The spaces before each `=`: more than one where it stands under (or above) that of a neighbour."""
+    """Return the number of spaces before each `=`: more than one if it is aligned with that of a neighbour."""
     columns: list[int] = []
     widths: list[int] = []
     for pair in pairs:
@@ -129,14 +130,14 @@ def _alignment(pairs: list[_Statement], text: str) -> list[int]:
 
 
 class _Cutter:
-    """tree-sitter's tree to statements."""
+    """Converts tree-sitter's tree to statements."""
 
     def __init__(self, text: str) -> None:
         self.text = text
         self.syntax = TomlSyntax(text)
 
     def sections(self) -> tuple[list[_Statement], list[str | None]]:
-        """The sections (the first without a header) and the comments behind the last statement."""
+        """Return the sections (the first without a header) and the comments after the last statement."""
         root = self.syntax.root
         if root.has_error:
             raise UnsupportedStyle
@@ -147,7 +148,7 @@ class _Cutter:
             elif node.type == "table":
                 sections.append(self.header(node))
             elif node.type != "comment":
-                raise UnsupportedStyle  # arrays of tables: no document has them
+                raise UnsupportedStyle  # arrays of tables, which documents do not use
         at = 0
         last: _Statement | None = None
         for statement in (s for section in sections for s in (section, *section.pairs) if s.end):

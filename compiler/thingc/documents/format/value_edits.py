@@ -1,5 +1,4 @@
-"""Values written into the text of a document at their paths, and taken out of it: everything else of the text, comments and layout,
-stays as it is."""
+"""Set and remove values in the text of a document by path; comments, layout and other text do not change."""
 
 from __future__ import annotations
 
@@ -16,19 +15,19 @@ from thingc.documents.load.yaml_scalars import core_value
 
 Keys = tuple[str, ...]
 Written = str | Mapping[str, "Written"] | Sequence["Written"]
-"""A value as a document has it: the text of a scalar (`120 mm`), or what holds such texts."""
+"""A value in a document: the text of a scalar (`120 mm`), or a mapping or list of such texts."""
 
 
 class CannotSetValue(Exception):
-    """A value that cannot be written at its place without changing something else; the message says why."""
+    """A value cannot be written without changing something else; the message is the reason."""
 
 
 def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
-    """A document in whose text each value (as a document has it: `120 mm`) stands at its keys. What was not there is added behind
-    what is there, as a mapping in braces where that needs one. A mapping in a section that has its mappings on several lines, or that was
-    not there, is written as they are.
+    """Return a document in whose text values (as in a document: `120 mm`) are set at their keys.
 
-    Raises `CannotSetValue` where the text would then say something else than what it said with those values.
+    Missing entries are added after existing ones, as a mapping in braces if necessary. A mapping in a section whose mappings are on several
+    lines, or in a new section, is written in the same way.
+    Raises `CannotSetValue` if this would change other values.
     """
     set_one = _in_toml if _is_toml(document.path) else _in_yaml
     for keys, value in values.items():
@@ -41,9 +40,9 @@ def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
 
 
 def without(document: Document, keys: Keys) -> Document:
-    """A document without a key of its text, which is there beside another one, and its value.
+    """Return a document without a key (which must not be the only one of its mapping) and its value.
 
-    Raises `CannotSetValue` where the text would then say something else than what it said without them.
+    Raises `CannotSetValue` if this would change other values.
     """
     after = _parse_document(document, (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys))
     if after is None or after.tree.plain() != _take_out(document.tree.plain(), keys):
@@ -56,21 +55,21 @@ def _is_toml(path: str) -> bool:
 
 
 def _meant(value: Written) -> Plain:
-    """What a value says."""
+    """Return the parsed value."""
     if isinstance(value, str):
         return core_value(value)
     return {key: _meant(one) for key, one in value.items()} if isinstance(value, Mapping) else [_meant(one) for one in value]
 
 
 def _parse_document(document: Document, text: str) -> Document | None:
-    """A document with another text; None where that is not well-formed, or no mapping."""
+    """Parse another text of a document; None if it is not a well-formed mapping."""
     report = Report()
     tree = read_tree(document.path, text.encode(), report)
     return replace(document, text=text, tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
 
 
 def _put(whole: Any, keys: Keys, value: Any, mapping: Callable[[], Any] = dict) -> Any:
-    """The values of a document with one more, or another one, which the same object has afterwards; `mapping` makes what it stands in."""
+    """Set a value in the plain values of a document, in place; `mapping` creates missing mappings."""
     inner = whole
     for key in keys[:-1]:
         if isinstance(inner, dict) and not isinstance(inner.get(key), (dict, list)):
@@ -81,12 +80,12 @@ def _put(whole: Any, keys: Keys, value: Any, mapping: Callable[[], Any] = dict) 
 
 
 def _step(inner: Any, key: str) -> Any:
-    """A key of a mapping, or of a list the index."""
+    """Return a key of a mapping, or the index of a list."""
     return int(key) if isinstance(inner, list) else key
 
 
 def _take_out(whole: Any, keys: Keys) -> Any:
-    """The values of a document without one of them, which the same object has afterwards no more."""
+    """Remove a value from the plain values of a document, in place."""
     inner = whole
     for key in keys[:-1]:
         inner = inner[key]
@@ -120,9 +119,9 @@ def _in_yaml(document: Document, keys: Keys, value: Written) -> str:
 
 
 def _lines(source: Source, node: MappingNode, rest: Keys, value: Written) -> list[str]:
-    """The lines of a new entry of a mapping that stands on several lines itself, without its indentation."""
+    """Return the lines of a new entry of a mapping in block style, without its indentation."""
     last = list(node.entries.values())[-1]
-    if isinstance(value, Mapping) and len(rest) == 2:  # a section that was not there
+    if isinstance(value, Mapping) and len(rest) == 2:  # a new section
         return ["", f"{_scalar(rest[0])}:", f"  {_entry(rest[1:], value)}"]
     start, end = source.range(last.span)
     if isinstance(value, Mapping) and len(rest) == 1 and isinstance(last, MappingNode) and last.entries and source.text[start] != "{":
@@ -149,7 +148,7 @@ def _out_of_yaml(document: Document, keys: Keys) -> str:
 
 
 def _last_line(source: Source, node: Node) -> int:
-    """The line (from 1) on which a value ends."""
+    """Return the line (from 1) on which a value ends."""
     start, end = source.range(node.span)
     if source.text[start : start + 1] not in ("{", "["):
         inner = list(node.entries.values()) if isinstance(node, MappingNode) else list(getattr(node, "items", ()))
@@ -159,13 +158,13 @@ def _last_line(source: Source, node: Node) -> int:
 
 
 def _entry(keys: Keys, value: Written) -> str:
-    """`limit: {upper: 60 deg}`."""
+    """Format a new entry: `limit: {upper: 60 deg}`."""
     first, *rest = keys
     return f"{_scalar(first)}: {'{' + _entry(tuple(rest), value) + '}' if rest else _flow(value)}"
 
 
 def _flow(value: Written) -> str:
-    """A value on one line."""
+    """Format a value on one line."""
     if isinstance(value, str):
         return _scalar(value)
     if isinstance(value, Mapping):
@@ -174,7 +173,7 @@ def _flow(value: Written) -> str:
 
 
 def _scalar(text: str) -> str:
-    """A text of a document as YAML 1.2 has it, quoted where it must be; a number and a flag as they are."""
+    """Format a scalar for YAML 1.2, quoted if necessary; numbers and booleans are unchanged."""
     if not isinstance(core_value(text), str):
         return text
     from ruamel.yaml import YAML
@@ -207,8 +206,9 @@ def _in_toml(document: Document, keys: Keys, value: Written) -> str:
 
 
 def _behind_entries(document: Document, keys: Keys) -> tuple[int, bool] | None:
-    """Where a new entry of a section with a header is written: at the end of the last one's last line, and whether that one is a table with
-    a header of its own. None where the entry is there, or the section is written otherwise."""
+    """Return where to insert a new entry of a section with a header: the end of the last entry's last line, and whether that is a table
+    with its own header. None if the entry exists, or the section is written in another way.
+    """
     source, text, node = Source(document.path, document.text), document.text, node_at(document.tree, keys[:1])
     if not isinstance(node, MappingNode) or not node.entries or keys[1] in node.entries:
         return None
@@ -251,7 +251,7 @@ def _toml_value(value: Written) -> Any:
 
 
 def changes(document: Document, values: Mapping[Keys, str]) -> Iterator[tuple[str, str | None, str]]:
-    """Each path, what stood there (None: nothing), and what will."""
+    """Yield each path with its previous (None if there was none) and its new text."""
     for keys, value in values.items():
         node = node_at(document.tree, keys)
         yield ".".join(keys), node.text if isinstance(node, ScalarNode) else None if node is None else "...", value

@@ -1,4 +1,4 @@
-"""The canonical layout of a YAML document, put together from pieces that libyaml's events delimit."""
+"""The canonical layout of a YAML document, based on the events of libyaml."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _BLOCK_ANCHOR = re.compile(r"&\S+")
 
 
 def yaml_pieces(text: str) -> tuple[Segment, int, list[str | None]]:
-    """The root of a well-formed YAML text, where the document begins (behind `---`), and the comments above its first key.
+    """Return the root of a well-formed YAML text, the start of the document (after `---`), and the comments above its first key.
 
-    Raises `UnsupportedStyle` for texts with explicit keys (`?`), texts that keep their last line breaks (`|+`), an end mark (`...`), or
-    lists with empty items: rare forms, which are left alone.
+    Raises `UnsupportedStyle` for explicit keys (`?`), texts that keep trailing line breaks (`|+`), an end mark (`...`), or
+    lists with empty items.
     """
     import yaml
 
@@ -40,7 +40,7 @@ def yaml_pieces(text: str) -> tuple[Segment, int, list[str | None]]:
 
 
 class _Cutter:
-    """Events to pieces; columns are those of the text."""
+    """Converts events to segments; columns are those of the text."""
 
     def __init__(self, text: str, events: Any) -> None:
         self.text = text
@@ -61,12 +61,12 @@ class _Cutter:
         return self.sequence(event, anchors)
 
     def block_end(self, start: int, end: int) -> int:
-        """The end of the last line of a block text that is not empty."""
+        """Return the end of the last non-empty line of a block text."""
         written = self.text[start:end]
         header, _, rest = written.partition("\n")
         header = header.partition("#")[0]
         if "+" in header or (end == len(self.text) and not written.endswith("\n") and "-" not in header):
-            raise UnsupportedStyle  # line breaks at its end count, even the last of the file
+            raise UnsupportedStyle  # trailing line breaks are part of the value
         lines = rest.split("\n")
         indents = [len(line) - len(line.lstrip(" ")) for line in lines if line.strip(" ")]
         while lines and not lines[-1].strip(" ") and len(lines[-1]) <= min(indents, default=len(lines[-1])):
@@ -139,7 +139,7 @@ class _Cutter:
 
 
 class _Commenter:
-    """Gives every comment to the entry by which it stands."""
+    """Assigns every comment to an entry."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -149,7 +149,7 @@ class _Commenter:
         self.ended: list[Segment] = []
 
     def run(self, root: Segment, start: int) -> list[str | None]:
-        """Returns the comments above the first entry that belong to the document."""
+        """Assign the comments, and return those above the first entry that belong to the document."""
         self.at = start
         if root.flow:
             head = gap(self.text, start, root.start)
@@ -169,7 +169,7 @@ class _Commenter:
         return self.head(root.items[0])
 
     def head(self, first: Item) -> list[str | None]:
-        """Comments with an empty line below them, and those for editors, belong to the document, not to its first key."""
+        """Separate comments of the document, with an empty line below or for an editor, from those of its first key."""
         lines = first.leading
         cut = max((at for at, line in enumerate(lines) if line is None or is_modeline(line)), default=-1) + 1
         first.leading = lines[cut:]
@@ -225,7 +225,7 @@ class _Commenter:
         self.last, self.inside = item, False
 
     def take(self, gap: Trivia, column: int) -> list[str | None]:
-        """Give away what stands in a gap; returns the lines that lead the entry in `column`, which follows it."""
+        """Assign the comments of a gap; return the lines that lead the following entry, which is in `column`."""
         if gap.comment is not None:
             if self.last is None:
                 raise UnsupportedStyle
@@ -253,12 +253,12 @@ class _Commenter:
 
 
 def is_modeline(line: str) -> bool:
-    """Whether a comment is for an editor or a language server, which look for it at the top of the file."""
+    """Return whether a comment is for an editor or a language server, which expects it at the top of the file."""
     return bool(re.match(r"#\s*(yaml-language-server:|-\*-|vim?:|:schema\b)", line))
 
 
 def _chain(piece: Segment) -> list[Segment]:
-    """The blocks that end where this value ends, outermost first."""
+    """Return the blocks that end where this value ends, outermost first."""
     blocks: list[Segment] = []
     while piece.block:
         blocks.append(piece)
@@ -267,11 +267,11 @@ def _chain(piece: Segment) -> list[Segment]:
 
 
 INDENT = 2
-"""Columns of one level."""
+"""Number of columns per level."""
 
 
 def yaml_layout(text: str, shape: FieldType | None) -> str:
-    """The text in canonical layout (lines end with a line feed, as those of `text` do). Raises `UnsupportedStyle`."""
+    """Return the text in canonical layout (with line feeds, as in `text`). Raises `UnsupportedStyle`."""
     root, start, head = yaml_pieces(text)
     printer = _Printer(text)
     lines: list[str] = []
@@ -287,7 +287,7 @@ def yaml_layout(text: str, shape: FieldType | None) -> str:
 
 
 class _Printer:
-    """Prints blocks; every method returns lines with their indentation."""
+    """Formats blocks; every method returns lines with their indentation."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -312,7 +312,7 @@ class _Printer:
         return [*lines, *_own_lines(tidy(piece.trailing), indent)]
 
     def alignment(self, items: list[Item]) -> list[int]:
-        """The spaces behind the colon of each entry: more than one where a neighbour's value stands in the same column."""
+        """Return the number of spaces after the colon of each entry: more than one if it is aligned with a neighbour's value."""
         written: list[tuple[int, int] | None] = []
         for item in items:
             assert item.key is not None
@@ -348,14 +348,14 @@ class _Printer:
         return lines
 
     def head(self, head: str, item: Item) -> str:
-        """The line above a block, with its anchor and comment."""
+        """Return the line above a block, with its anchor and comment."""
         value = item.value
         if value.body > value.start:
             head += " " + self.text[value.start : value.body]
         return commented(head, item.key_comment)
 
     def leaf(self, piece: Segment, shape: FieldType | None, by: int) -> str:
-        """A value that is no block; the lines of a block text that hold nothing stay empty."""
+        """Format a value that is not a block; empty lines of block texts have no trailing spaces."""
         written = self.inline.value(piece, shape, by)
         if piece.kind == "scalar" and self.text[piece.body] in "|>":
             original = self.text[piece.start : piece.end].split("\n")

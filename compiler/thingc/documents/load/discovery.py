@@ -1,7 +1,8 @@
-"""Which files are documents: those of a folder, by their ending and their first words, without reading them whole; and those of a package.
+"""Find documents: in a folder, by their extension and their first bytes; and in packages.
 
-A document of a package lies beside its modules and is named with dots as modules are (`thingc_stock.materials`). It is read as data:
-nothing of the package is run or imported."""
+Documents of packages are beside the modules and have dotted names like modules (`thingc_stock.materials`). They are read as data:
+code of packages is neither run nor imported.
+"""
 
 from __future__ import annotations
 
@@ -22,27 +23,27 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 HEAD = 65536
-"""Bytes in which a document's `thingc:` key is looked for."""
+"""Number of bytes in which the `thingc:` key of a document is searched."""
 
 _HEADER = re.compile(rb"""^(?:\xef\xbb\xbf)?["']?thingc["']?[ \t]*[:=](?![ \t]*["']?workspace/)""", re.MULTILINE)
 _TABLE = re.compile(rb"^[ \t]*\[", re.MULTILINE)
-"""Where the first table of a TOML file begins: a key below is one of the table (`[project.scripts]`)."""
+"""Start of the first table of a TOML file: keys after it belong to the table (`[project.scripts]`)."""
 _OTHERS = frozenset({"node_modules", "__pycache__"})
 
 
 def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
-    """Absolute paths of the assembly, materials and variants documents below a folder, sorted: the files that have the key `thingc`, also
-    where it says something wrong. All others are somebody else's.
+    """Return the absolute paths of assembly, materials and variants documents below a folder, sorted: all files with the key `thingc`, even
+    if its value is invalid.
 
-    With a workspace only its own: its build folder and workspaces inside of it are skipped. Without a workspace file nothing says where the
-    workspace ends, so the search is bounded as in `documents_near`. Hidden folders and virtual environments are always skipped; links to
-    folders are not followed. A file that cannot be read is not a document here: the command that names it reports the reason.
+    With a workspace, its build folder and nested workspaces are skipped. Without a workspace file the extent of the workspace is unknown,
+    so the search is bounded as in `documents_near`. Hidden folders and virtual environments are always skipped; links to folders are not
+    followed. Unreadable files are skipped: the command that names them reports the reason.
     """
     return _documents(folder, workspace, bounded=workspace is not None and workspace.origin is None)
 
 
 def _documents(folder: str, workspace: Workspace | None, *, bounded: bool) -> list[str]:
-    """All documents below a folder, or those among the nearest `MOST_FOLDERS` folders and `MOST_FILES` files that could be one."""
+    """Return all documents below a folder; if bounded, among the nearest `MOST_FOLDERS` folders and `MOST_FILES` candidate files."""
     paths: list[str] = []
     build = os.path.realpath(workspace.build) if workspace is not None else None
     waiting = deque([os.path.abspath(folder)])
@@ -62,22 +63,24 @@ def _documents(folder: str, workspace: Workspace | None, *, bounded: bool) -> li
 
 
 MOST_FOLDERS, MOST_FILES = 200, 2000
-"""The bounds of a search that nobody should have to wait for: folders, and files whose first bytes are read."""
+"""Bounds of a quick search: number of folders, and of files whose first bytes are read."""
 
 
 def documents_near(folder: str, workspace: Workspace | None) -> list[str]:
-    """Absolute paths of the documents below a folder, or below that of its `workspace` where it lies in one, those of other workspaces
-    among them. The search is bounded (`MOST_FOLDERS`, `MOST_FILES`): it also runs after a mistyped name in a home folder."""
+    """Return the absolute paths of documents below a folder, or below that of its `workspace`, if any, including those of other workspaces.
+
+    The search is bounded (`MOST_FOLDERS`, `MOST_FILES`): it also runs after a mistyped name in a home folder.
+    """
     return _documents(folder if workspace is None else workspace.root, None, bounded=True)
 
 
 def assemblies_in(folder: str, workspace: Workspace) -> list[str]:
-    """Absolute paths of the assembly documents below a folder, of its workspace alone; the search is bounded."""
+    """Return the absolute paths of assembly documents below a folder that belong to its workspace; the search is bounded."""
     return [path for path in _documents(folder, workspace, bounded=True) if is_document(path, "assembly/")]
 
 
 def is_document(path: str, kind: str = "") -> bool:
-    """Whether a file has the key `thingc` at its beginning, and is no workspace; with a `kind`, of that kind alone."""
+    """Return whether a file has the key `thingc` near its beginning and is not a workspace; with `kind`, whether it is of that kind."""
     try:
         return has_header(beginning(path, HEAD), path, kind)
     except (OSError, ValueError):
@@ -85,8 +88,10 @@ def is_document(path: str, kind: str = "") -> bool:
 
 
 def has_header(head: bytes, path: str, kind: str = "") -> bool:
-    """Whether a file that begins so has the key `thingc`, and is no workspace; with a `kind`, of that kind alone. (The path says whether
-    it is TOML.)"""
+    """Return whether the beginning of a file has the key `thingc` and is not a workspace; with `kind`, whether it is of that kind.
+
+    The extension of `path` shows whether it is TOML.
+    """
     head = head[:HEAD]
     table = _TABLE.search(head) if path.lower().endswith(".toml") else None
     header = _HEADER.search(head, 0, table.start() if table is not None else len(head))
@@ -103,14 +108,15 @@ _DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
 
 
 def is_packaged(text: str) -> bool:
-    """Whether a text names a document of a package: words with dots between them, and no file of a document's type."""
+    """Return whether a text is the name of a document of a package: dotted words that are not a file name of a document."""
     return _DOTTED.fullmatch(text) is not None and not text.lower().endswith(DOCUMENT_SUFFIXES)
 
 
 def find_packaged(text: str, *, where: Span | None, workspace: Workspace, looked_at: set[str], report: Report) -> str | None:
-    """The absolute path of the document that a text with dots names: in a part folder of the workspace, else in a package that the
-    workspace allows. None when it has been reported at `where` that there is none. `looked_at` takes every path that was looked at,
-    there or not."""
+    """Return the absolute path of the document with a dotted name: in a part folder of the workspace, else in an allowed package.
+
+    Report an error at `where` and return None if there is none. All examined paths are added to `looked_at`, existing or not.
+    """
     package, *words = text.split(".")
     installed = package_folder(package) if package in workspace.packages else None
     tops = [os.path.join(folder, package) for folder in workspace.parts] + ([installed] if installed is not None else [])
@@ -128,7 +134,7 @@ def find_packaged(text: str, *, where: Span | None, workspace: Workspace, looked
         )
     elif package in workspace.packages:
         report.add(Code.MISSING_FILE, f"there is no document `{shown}`: the package `{package}` is not installed", where, help="install it")
-    else:  # a file of another type, as likely as not
+    else:  # possibly a file of another type
         report.add(
             Code.FILE_TYPE, f"expected a materials document ({', '.join(DOCUMENT_SUFFIXES)}), found `{shown}`", where,
             help=near_hint(text, known),
@@ -137,7 +143,7 @@ def find_packaged(text: str, *, where: Span | None, workspace: Workspace, looked
 
 
 def packaged_documents(workspace: Workspace) -> dict[str, str]:
-    """The documents of materials at the top of every package in reach: absolute paths by what documents call them, sorted."""
+    """Return the materials documents at the top of all available packages: absolute paths by dotted name, sorted."""
     documents: dict[str, str] = {}
     folders = [os.path.join(parts, name) for parts in workspace.parts for name in listing(parts) if name.isidentifier()]
     packages = [folder for name in workspace.packages if (folder := package_folder(name)) is not None]
@@ -151,7 +157,7 @@ def packaged_documents(workspace: Workspace) -> dict[str, str]:
 
 
 def _stays(path: str, top: str, workspace: Workspace) -> bool:
-    """Whether a file of a package is, links resolved, in the package, and one that lies in the workspace in there."""
+    """Return whether a file of a package, with links resolved, is in the package, and in the workspace if the package is."""
     return os.path.realpath(path).startswith(os.path.join(os.path.realpath(top), "")) and (
         workspace.contains(path) or not os.path.abspath(path).startswith(os.path.join(workspace.root, ""))
     )

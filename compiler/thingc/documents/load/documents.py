@@ -1,4 +1,4 @@
-"""`load`: a document and every document that it names, as trees with positions."""
+"""`load`: read a document and all documents that it names, as trees with positions."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 KINDS: dict[str, str] = {"assembly": "1", "materials": "1", "variants": "1", "workspace": "1"}
-"""Kinds of documents and the version that is read."""
+"""Kinds of documents, with the supported version."""
 
 MAX_CHAIN = 100
-"""Documents that may nest in one another."""
+"""Maximum depth of nested documents."""
 
 
 class Documents(FrozenStruct):
-    """A document and all that it names, directly or not.
+    """A document and all documents that it names, directly or indirectly.
 
     `by_path` is keyed by path in the workspace, in the order first named. `links` maps (path of a document, text in it)
-    to the path of the document that the text names. `broken` are the documents on a cycle of assemblies (reported).
-    `files` are the absolute paths of all files in the workspace that they name, documents and parts, there or not, as they are named: a
-    symbolic link is itself, and may lead elsewhere tomorrow; and those that were looked at for a document of a package, there or not.
+    to the path of the named document. `broken` are the documents on a cycle of assemblies (reported).
+    `files` are the absolute paths of all files in the workspace that they name, documents and parts, existing or not, with
+    symbolic links unresolved; and paths that were examined for documents of packages, existing or not.
     """
 
     root: Document
@@ -46,7 +46,7 @@ class Documents(FrozenStruct):
     files: frozenset[str] = frozenset()
 
     def named(self, document: Document, text: str) -> Document | None:
-        """The document that `text` names in `document`; None where it could not be read (which has been reported)."""
+        """Return the document that `text` refers to in `document`; None if it could not be read (reported)."""
         path = self.links.get((document.relative, text))
         return None if path is None else self.by_path.get(path)
 
@@ -57,9 +57,9 @@ def load(
 ) -> Documents | None:
     """Read a document and follow its `assembly:` and `materials:`.
 
-    Everything wrong is reported; what can still be read is returned, None where the document itself cannot be.
-    `kinds` are the kinds that the document itself may have; `texts` what documents hold instead of what is on disk, by absolute
-    path; `memo` knows documents that have been read before.
+    All errors are reported; documents that can be read are returned, or None if the document itself cannot be read.
+    `kinds` are the accepted kinds of the document itself; `texts` replace contents on disk, by absolute
+    path; `memo` caches documents.
     """
     path = os.path.abspath(document)
     name = shortened(os.path.basename(path))
@@ -86,18 +86,20 @@ def load(
 
 
 def remember(document: Document, memo: Memo) -> None:
-    """Let `load` take a document that has been read already for what lies at its path, or is given as its text, with the same bytes."""
+    """Cache a document, so that `load` reuses it for the same path and content."""
     memo.keep(*_known(document.path, document.relative, document.sha256), document)
 
 
 def _known(path: str, relative: str, sha256: str) -> tuple[tuple[str, str, str], tuple[str]]:
-    """Where a document is remembered, and what it holds."""
+    """Return the cache key and the inputs of a document."""
     return ("document", path, relative), (sha256,)
 
 
 def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, report: Report) -> Documents:
-    """The documents together with further assemblies that stand in none of them (as the root document would name them), and
-    what those name. Documents that have been read are not read again; everything wrong with the new ones is reported."""
+    """Return the documents together with additional assemblies (named relative to the root document) and their documents.
+
+    Documents are not read again; errors of the new ones are reported.
+    """
     reader = _Reader(workspace, report)
     reader.by_path.update(documents.by_path)
     reader.links.update(documents.links)
@@ -112,7 +114,7 @@ def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, 
 
 
 def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
-    """Say that a document is of a kind that is not wanted here."""
+    """Report that a document is of a kind that is not accepted here."""
     if root.kind == "variants":
         report.add(
             Code.WRONG_KIND, "this document is of many variants, and one assembly is wanted here", root.span(("thingc",)),
@@ -131,7 +133,7 @@ def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
 
 
 def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
-    """The tree of a YAML or TOML file (by its suffix), a mapping; None when it has been reported that it is none."""
+    """Return the tree of a YAML or TOML file (by its extension); None if it is not a well-formed mapping (reported)."""
     source = decode(path, data, report)
     if source is None:
         return None
@@ -162,7 +164,7 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
 
 
 class _Reader:
-    """Reads every file once; `by_path` in the order first named."""
+    """Reads every file once; `by_path` is in the order first named."""
 
     def __init__(
         self, workspace: Workspace, report: Report, texts: Mapping[str, bytes] | None = None, memo: Memo | None = None,
@@ -182,13 +184,13 @@ class _Reader:
         self.before = len(report.diagnostics)
 
     def documents(self, root: Document) -> Documents:
-        """What has been read, of the document `root`."""
+        """Return the documents that were read; `root` is their root."""
         return Documents(
             root=root, by_path=self.by_path, links=self.links, broken=frozenset(self.broken), files=frozenset(self.files),
         )
 
     def find(self, text: str, document: Document, where: Span | None, suffixes: tuple[str, ...], what: str) -> str | None:
-        """The absolute path of the file that a document names (see `find_file`)."""
+        """Return the absolute path of the file that a document names (see `find_file`)."""
         wanted = named(text, document.path)
         if wanted is not None and self.workspace.contains(wanted):
             self.files.add(wanted)
@@ -197,7 +199,7 @@ class _Reader:
         )
 
     def enough(self, where: Span) -> bool:
-        """Whether nothing more is to be read: more has been, or more has been said, than anybody looks through."""
+        """Return whether to stop reading because a limit is exceeded (reported)."""
         if self.ended:
             return True
         if self.bytes > MAX_ALL_BYTES:
@@ -240,7 +242,7 @@ class _Reader:
         return document
 
     def follow(self, document: Document, chain: list[tuple[Document, Span]]) -> None:
-        """Read what a document names. `chain` are the assemblies above it, each with the place that nests the next."""
+        """Read the documents that a document names. `chain` are the assemblies above it, each with the place that nests the next."""
         if document.relative in self.done:
             return
         self.done.add(document.relative)
@@ -304,13 +306,13 @@ class _Reader:
 
 
 def head_line(path: str, kind: str = "assembly") -> str:
-    """How a document of a kind begins, in the format of the file."""
+    """Return the first line of a document of a kind, in the format of the file."""
     head = f"{kind}/{KINDS[kind]}"
     return f'thingc = "{head}"' if path.lower().endswith(".toml") else f"thingc: {head}"
 
 
 def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly") -> str | None:
-    """The kind that a document's `thingc:` key states; None when it has been reported that it states none we know.
+    """Return the kind in a document's `thingc:` key; None if it is missing or unknown (reported).
 
     `usual` is the kind that hints show.
     """
@@ -356,7 +358,7 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
 
 
 def _named_files(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
-    """The files that an assembly names, by kind: materials, files of parts, meshes of links, nested assemblies."""
+    """Yield the files that an assembly names, by kind: materials, files of parts, meshes of links, nested assemblies."""
     components = [entries_of(one) for one in entries_of(tree.entries.get("components")).values()]
     shapes = [entries_of(shape) for one in components for shape in _items(one.get("shapes"))]
     named = [

@@ -1,4 +1,4 @@
-"""Paths that documents name: relative to the document, inside the workspace, links resolved."""
+"""Resolve paths in documents: relative to the document, inside the workspace, with links resolved."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 DOCUMENT_SUFFIXES = (".yaml", ".yml", ".toml")
 PART_SUFFIXES = (".step", ".stp", ".brep", ".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf")
 MESH_SUFFIXES = (".stl", ".obj", ".dae", ".ply", ".glb")
-"""Of files that a link lists as its shapes."""
+"""Extensions of mesh files of links."""
 SUFFIXES_WITH_UNIT = (".step", ".stp", ".3mf", ".glb", ".gltf", ".dae")
-"""Of these, the files that say in which unit their numbers are."""
+"""Extensions of file formats that specify the unit."""
 
 _HEAD = 1 << 16
 _LIBRARY = re.compile(rb"^mtllib[ \t]+([^\r\n]+?)[ \t]*\r?$", re.MULTILINE)
@@ -32,10 +32,10 @@ _DRIVE = re.compile(r"[A-Za-z]:|\\\\")
 def find_file(
     text: str, *, beside: str, where: Span | None, workspace: Workspace, suffixes: tuple[str, ...], what: str, report: Report,
 ) -> str | None:
-    """The absolute path of the file that a document at the path `beside` calls `text`.
+    """Return the absolute path of the file that a document at the path `beside` names `text`.
 
-    None when it has been reported at `where` that it is absolute, leaves the workspace, is not there, or has none of
-    the `suffixes`. `what` names it in messages (`an assembly document`).
+    None if it is absolute, is outside the workspace, does not exist, or has none of
+    the `suffixes` (reported at `where`). `what` describes it in messages (`an assembly document`).
     """
     shown = shortened(text)
     if not text.strip():
@@ -69,27 +69,28 @@ def find_file(
             report.add(Code.MISSING_FILE, f"there is no file `{shown}`", where, help=_near(path, text, beside, suffixes))
         return None
     relative = workspace.relative(path)
-    if unseen(relative):  # of the file that a link leads to
+    if unseen(relative):  # of the target of a link
         refuse_name(relative, where, report)
         return None
     return path
 
 
 def find_assembly(text: str, *, beside: str, where: Span | None, workspace: Workspace, report: Report) -> str | None:
-    """`find_file` of an assembly document."""
+    """Return the path of an assembly document, see `find_file`."""
     return find_file(
         text, beside=beside, where=where, workspace=workspace, suffixes=DOCUMENT_SUFFIXES, what="an assembly document", report=report,
     )
 
 
 def named(text: str, beside: str) -> str | None:
-    """The absolute path of what a document at the path `beside` calls `text`, be it there or not; None where nothing can be called
-    so."""
+    """Return the absolute path of the file that a document at `beside` names `text`, existing or not; None if the text cannot be a path."""
     return None if unseen(text) else os.path.normpath(os.path.join(os.path.dirname(beside), text))
 
 
 def libraries(path: str) -> tuple[str, ...]:
-    """The names, in the same folder, of the files that an OBJ file takes its colours from, as its first lines say; of other files none."""
+    """Return the names of the material libraries of an OBJ file (in the same folder) according to its first lines; empty for other
+    files.
+    """
     if not path.lower().endswith(".obj"):
         return ()
     try:
@@ -101,7 +102,7 @@ def libraries(path: str) -> tuple[str, ...]:
 
 
 def refuse_name(name: str, where: Span | None, report: Report) -> None:
-    """Say that a file has a name that nobody can read, or keep on one line."""
+    """Report that a file name has invisible characters or is not valid UTF-8."""
     what = "characters that nobody sees" if is_text(name) else "bytes that are no UTF-8"
     report.add(
         Code.FILE_NAME, f"the file name `{escape_control(name)}` has {what}: `{escape_control(unseen(name))}`", where,
@@ -110,7 +111,7 @@ def refuse_name(name: str, where: Span | None, report: Report) -> None:
 
 
 def _near(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> str:
-    """A hint: the file of that folder that was meant, or what there is."""
+    """Return a hint: a similar file in that folder, or the existing ones."""
     folder = os.path.dirname(path)
     prefix = text[: len(text) - len(os.path.basename(text))]
     try:

@@ -1,4 +1,4 @@
-"""Bytes of a file to text, and places in it as spans."""
+"""Decode files, and convert positions to spans."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ from thingc.base.source import Span, line_of
 
 MAX_BYTES = 10_000_000
 MAX_ALL_BYTES = 40_000_000
-"""Of a document and all that it names."""
+"""Maximum total size of a document and all documents that it names."""
 MAX_LEVELS = 100
 MAX_ALIAS_NODES = 10_000
 MAX_NODES = 300_000
-"""Values of one document: ten megabytes of `{}` would take a gigabyte."""
+"""Maximum number of values of a document: ten megabytes of `{}` would take a gigabyte."""
 MAX_FAULTS = 200
-"""Faults said of one document: nobody reads more, and a broken file of ten megabytes has a million."""
+"""Maximum number of errors reported per document: a broken file of ten megabytes may have a million."""
 
 _BREAK = re.compile(r"\r\n|\r|\n")
 _FORBIDDEN_ASCII = "[^\t\n\r\x20-\x7e]"
 _FORBIDDEN = "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
-"""Control characters (which no terminal should see), NEL, line and paragraph separators (which editors and parsers
-count differently), surrogates, and a byte order mark that is not at the start. (Compiled where it is needed: that takes as long as
-reading a short document.)"""
+"""Control characters (unsafe in terminals), NEL, line and paragraph separators (which editors and parsers
+count differently), surrogates, and a byte order mark that is not at the start. (Compiled on demand: this takes as long as
+reading a short document.)
+"""
 
 _SPOKEN = {
     "\ufeff": "a byte order mark", "\u2028": "a line separator", "\u2029": "a paragraph separator",
@@ -32,7 +33,7 @@ _SPOKEN = {
 
 
 class Source:
-    """The text of one file without its byte order mark, and where its lines begin."""
+    """The text of a file without its byte order mark, with the start of its lines."""
 
     def __init__(self, file: str, text: str) -> None:
         self.file = file
@@ -40,7 +41,7 @@ class Source:
         self.starts = [0, *(match.end() for match in _BREAK.finditer(text))]
 
     def span(self, start: int, end: int) -> Span:
-        """The characters from `start` to before `end` (indices into `text`)."""
+        """Return the span of the characters from `start` to `end` (exclusive; indices into `text`)."""
         line = bisect_right(self.starts, start)
         on_one = end <= start or line == len(self.starts) or end < self.starts[line]
         last = line if on_one else bisect_right(self.starts, end)
@@ -50,21 +51,21 @@ class Source:
         )
 
     def range(self, span: Span) -> tuple[int, int]:
-        """The characters of a span: from, and to before (indices into `text`)."""
+        """Return the range of a span (indices into `text`, the end exclusive)."""
         return self.starts[span.line - 1] + span.column - 1, self.starts[span.end_line - 1] + span.end_column - 1
 
     def line_at(self, index: int) -> int:
-        """The number of the line (from 0) that holds the character at `index`."""
+        """Return the index of the line (from 0) that contains the character at `index`."""
         return bisect_right(self.starts, index) - 1
 
     def line(self, number: int) -> str:
-        """The text of a line (from 0), without its break."""
+        """Return the text of a line (from 0), without its line break."""
         end = self.starts[number + 1] if number + 1 < len(self.starts) else len(self.text)
         return self.text[self.starts[number] : end].rstrip("\r\n")
 
 
 def decode(file: str, data: bytes, report: Report) -> Source | None:
-    """The text of a file read: UTF-8, a byte order mark and CRLF allowed. None when it has been reported."""
+    """Decode a file: UTF-8, with optional byte order mark and CRLF. None if it is invalid (reported)."""
     top = line_of(file)
     if len(data) > MAX_BYTES:
         report.add(
@@ -94,7 +95,7 @@ def decode(file: str, data: bytes, report: Report) -> Source | None:
 
 
 def forbidden(text: str) -> tuple[int, str] | None:
-    """Where the first character stands that no document may have, and what is said of it."""
+    """Return the position and a description of the first character that is not allowed in documents, or None."""
     bad = re.search(_FORBIDDEN_ASCII if text.isascii() else _FORBIDDEN, text)
     if bad is None:
         return None

@@ -1,4 +1,4 @@
-"""TOML text to a tree with positions: tomllib says what the values are, tree-sitter where they stand."""
+"""Parse TOML to a tree with positions: values from tomllib, positions from tree-sitter."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def read_toml(source: Source, report: Report) -> MappingNode | None:
-    """The tree of a TOML 1.0 text, or None when it has been reported that there is none."""
+    """Return the tree of a TOML 1.0 text, or None if it is invalid (reported)."""
     syntax = TomlSyntax(source.text)
     if _too_large(source, syntax, report):
         return None
@@ -33,7 +33,7 @@ def read_toml(source: Source, report: Report) -> MappingNode | None:
 
 
 class TomlSyntax:
-    """tree-sitter's tree of a TOML text, from its `root`, with places as indices of characters."""
+    """tree-sitter's tree of a TOML text, from its `root`, with positions as indices of characters."""
 
     def __init__(self, text: str) -> None:
         import tree_sitter_toml
@@ -46,12 +46,12 @@ class TomlSyntax:
             self._offsets = [at for at, byte in enumerate(self._data) if byte & 0xC0 != 0x80]
 
     def range(self, node: Syntax) -> tuple[int, int]:
-        """The characters of a node: from, and to before."""
+        """Return the range of a node in characters, the end exclusive."""
         start, end = node.start_byte, node.end_byte
         return (start, end) if self._offsets is None else (bisect_left(self._offsets, start), bisect_left(self._offsets, end))
 
     def words(self, key: Syntax) -> list[tuple[str, tuple[int, int]]]:
-        """The words of a key and where they stand."""
+        """Return the words of a key and their ranges."""
         if key.type == "dotted_key":
             return [part for child in key.named_children for part in self.words(child)]
         text = self._data[key.start_byte : key.end_byte].decode()
@@ -65,7 +65,7 @@ class TomlSyntax:
 
 @dataclass(slots=True)
 class _Leaf:
-    """A scalar: character indices."""
+    """A scalar, with indices of characters."""
 
     start: int
     end: int
@@ -82,7 +82,7 @@ class _Array:
 
 @dataclass(slots=True)
 class _Table:
-    """A table: entries, and for each key where it stands, and where `again`."""
+    """A table: its entries, the range of each key, and further places of keys (`again`)."""
 
     start: int
     end: int
@@ -265,15 +265,16 @@ class _Joiner:
 
 
 def _too_large(source: Source, syntax: TomlSyntax, report: Report) -> bool:
-    """Whether brackets or dotted keys nest beyond the bound, or there are too many values (reported): looked at before
-    anything recurses."""
+    """Return whether nesting of brackets or dotted keys, or the number of values, exceeds the limit (reported); checked before
+    any recursion.
+    """
     waiting = [(syntax.root, 0)]
     values = 0
     while waiting:
         node, level = waiting.pop()
         values += 1
         level += node.type in ("array", "inline_table", "dotted_key", "ERROR")
-        many = values > 2 * MAX_NODES  # a pair is a statement, a key, its words and a value; a table one, its header and its words
+        many = values > 2 * MAX_NODES  # nodes of a pair: statement, key, words, value; of a table: statement, header, words
         if many or level > MAX_LEVELS:
             what = f"{MAX_NODES} values in one document" if many else f"{MAX_LEVELS} levels of nesting"
             start = syntax.range(node)[0]
@@ -288,7 +289,7 @@ _TWICE = ("overwrite", "twice", "mutate", "Duplicate", "namespace")
 
 
 def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: Report) -> None:
-    """Say a fault that tomllib found, where, and what was probably meant."""
+    """Report an error of tomllib, with its place and what was probably meant."""
     if isinstance(error, RecursionError):
         start = _bracket_beyond(source.text)
         report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(start, start + 1))
@@ -319,7 +320,7 @@ def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: 
 
 
 def _bracket_beyond(text: str) -> int:
-    """Where the brackets of a text that is broken, too, first nest beyond the bound (those in strings count)."""
+    """Return where brackets of a malformed text first exceed the maximum depth (including those in strings)."""
     level = 0
     for at, character in enumerate(text):
         level += character in "[{"
@@ -330,9 +331,9 @@ def _bracket_beyond(text: str) -> int:
 
 
 def _unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
-    """Where text or a quantity stands without quotes at or before `index`, and the key it is the value of (empty in a list).
+    """Return the range of an unquoted text or quantity at or before `index`, and the key of the value (empty in a list).
 
-    None where what stands there does not look like a value that lacks its quotes.
+    None if it does not look like an unquoted value.
     """
     number = source.line_at(min(index, max(0, len(source.text) - 1)))
     line, begin = source.line(number), source.starts[number]
@@ -345,7 +346,7 @@ def _unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
 
 
 def _in_words(words: str) -> tuple[str, str | None]:
-    """tomllib's words as ours, with a hint."""
+    """Convert a message of tomllib to ours, with a hint."""
     if words.startswith("Expected '=' after a key"):
         return "expected `=` after the key", "TOML writes `key = value`"
     if words == "Invalid value":

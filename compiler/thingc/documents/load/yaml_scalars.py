@@ -15,13 +15,13 @@ _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 _SPECIAL = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)", re.ASCII)
 
 MAX_DIGITS = 400
-"""Digits of a whole number; beyond, no double holds it."""
+"""Maximum number of digits of an integer; larger ones overflow a double."""
 
 
 def core_value(text: str) -> Scalar:
-    """The value of a plain scalar: `yes`, `no`, `on` are text; `1e-3` a float; `0o17` 15.
+    """Return the value of a plain scalar: `yes`, `no`, `on` are text; `1e-3` is a float; `0o17` is 15.
 
-    Raises OverflowError for `.inf`, `.nan` and for numbers beyond a double.
+    Raises OverflowError for `.inf`, `.nan` and for numbers that overflow a double.
     """
     first = text[:1]
     if first in "0123456789+-.":

@@ -1,4 +1,4 @@
-"""What a YAML parser says is wrong, in the words of a person: where to look and what was probably meant."""
+"""Explain errors of the YAML parser: where the cause is, and what was probably meant."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from thingc.documents.load.text import Source
 
 
 class SyntaxFault(FrozenStruct):
-    """A message, the characters to blame, a hint, and a second place with its words."""
+    """A message, the range of the error, a hint, and a second place with its message."""
 
     message: str
     start: int
@@ -21,14 +21,14 @@ class SyntaxFault(FrozenStruct):
 
 
 _LONGEST_KEY = 200
-"""Characters of a key without its colon, with what is before it: looking for more takes long where a text has millions."""
+"""Maximum number of characters of a key that is searched for (without its colon): longer searches are slow in large texts."""
 _QUOTED = re.compile(r"""(?:^|(?<=[\s\[{,:]))(?:"(?:\\.|[^"\\])*"|'(?:''|[^'])*'|\#[^\n\r]*)""", re.MULTILINE | re.DOTALL)
-"""A text in quotes, or a comment."""
+"""A quoted text, or a comment."""
 _NO_SPACE = re.compile(r"\s*(?:-\s+)*(?P<key>[A-Za-z_][\w.*$-]*):(?P<value>[^\s:#].*)")
 
 
 def explain(source: Source, *, problem: str, at: int, context: str, began: int) -> SyntaxFault:
-    """Put libyaml's (or PyYAML's) `problem` at index `at`, met while `context` that `began` there, into better words."""
+    """Explain a `problem` of libyaml (or PyYAML) at index `at`, which occurred in the `context` that `began` there."""
     text = source.text
     tab = _tab_before(source, at)
     if tab is not None:
@@ -69,7 +69,7 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
 
 
 def _in_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault | None:
-    """Characters that have no place in a key or a value without quotes."""
+    """Detect characters that are not allowed in an unquoted key or value."""
     text = source.text
     if "mapping values are not allowed" in problem:
         return SyntaxFault(
@@ -96,7 +96,7 @@ def _in_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault 
 
 
 def _by_layout(source: Source, problem: str, context: str, at: int, began: int) -> SyntaxFault:
-    """Faults of indentation, and whatever is left."""
+    """Explain errors of indentation, and all remaining errors."""
     at = min(at, max(0, len(source.text) - 1))
     end = at + max(1, len(re.match(r"[^\s:,{}\[\]]*", source.text[at:]).group()))  # type: ignore[union-attr]
     if "sequence entries are not allowed" in problem:
@@ -142,9 +142,9 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
 
 
 def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
-    """For a line whose column fits no mapping: where the line above it begins, and the columns (from 1) that would fit.
+    """For a line whose column matches no mapping, return the start of the line above it, and the columns (from 1) that would match.
 
-    None where the line is no less indented than the one above it.
+    None if the line is not indented less than the one above it.
     """
     own = at - source.starts[source.line_at(at)]
     place: int | None = None
@@ -163,15 +163,16 @@ def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
 
 
 def _shallow_above(source: Source, at: int) -> int | None:
-    """For a line that begins at `at`: where the line above it begins, if that is a key with its value and less indented."""
+    """For a line that begins at `at`, return the start of the line above it, if that is less indented and has a key with its value."""
     own = at - source.starts[source.line_at(at)]
     start, indent, written = next(_lines_above(source, at), (0, own, ""))
     return start if indent < own and re.match(r"\s*[\w.$*-]+: +[^\s#]", written) else None
 
 
 def _lines_above(source: Source, at: int) -> Iterator[tuple[int, int, str]]:
-    """The lines above the one that begins at `at`, without empty lines and comments: where each begins behind its indentation, how wide
-    that is, and the line. None if something else is before `at` in its line."""
+    """Yield the lines above the one that begins at `at`, without empty lines and comments: the start of its text, the width of the
+    indentation, and the line. Empty if there is other text before `at` in its line.
+    """
     number = source.line_at(at)
     if source.line(number)[: at - source.starts[number]].strip():
         return
@@ -183,7 +184,7 @@ def _lines_above(source: Source, at: int) -> Iterator[tuple[int, int, str]]:
 
 
 def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
-    """A `{` or `[` that meets something else than `,` or its end."""
+    """Explain a `{` or `[` with something other than `,` or its end."""
     opened, closing = ("{", "}") if mapping else ("[", "]")
     if source.text[began : began + 1] not in "{[":
         began = max(source.text.rfind("{", 0, at), source.text.rfind("[", 0, at), 0)
@@ -218,7 +219,7 @@ def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
 
 
 def _tab_before(source: Source, at: int) -> int | None:
-    """A tab in the indentation of the line of the fault, or of the one before it."""
+    """Return a tab in the indentation of the line of the error, or of the one before it."""
     line = source.line_at(min(at, len(source.text)))
     for number in (line, line - 1):
         if number >= 0:
@@ -230,7 +231,7 @@ def _tab_before(source: Source, at: int) -> int | None:
 
 
 def _missing_space(source: Source, at: int) -> tuple[str, str, int] | None:
-    """`key:value` on the line of the fault or on one of the two lines above it: key, value, where."""
+    """Find `key:value` on the line of the error or on one of the two lines above it: return key, value, position."""
     line = source.line_at(min(at, len(source.text)))
     for number in range(line, max(-1, line - 3), -1):
         match = _NO_SPACE.fullmatch(source.line(number))

@@ -1,6 +1,6 @@
-"""YAML text to a tree with positions: libyaml's events, and rules of our own on top of them.
+"""Parse YAML to a tree with positions: the events of libyaml, with additional rules.
 
-PyYAML's own values are YAML 1.1 (`on` is true, `1e-3` is text), so only its event stream is used.
+Values of PyYAML are YAML 1.1 (`on` is true, `1e-3` is text), so only its event stream is used.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from thingc.documents.load.yaml_syntax import explain
 
 
 def read_yaml(source: Source, report: Report) -> Node | None:
-    """The tree of a YAML 1.2 text, or None when it has been reported that there is none.
+    """Return the tree of a YAML 1.2 text, or None if it is invalid (reported).
 
-    What can be mended is reported and mended (the first of two equal keys stays, a tag is left out), so that the
-    later passes can look at the rest.
+    Recoverable errors are reported and corrected (the first of duplicate keys is used, tags are dropped), so that
+    later passes can check the rest.
     """
     import yaml
 
@@ -38,7 +38,7 @@ def read_yaml(source: Source, report: Report) -> Node | None:
 
 
 def report_syntax(error: Any, source: Source, report: Report) -> None:
-    """Say what is wrong in a text that YAML cannot read, where, and what was probably meant."""
+    """Report a syntax error of YAML, with its place and what was probably meant."""
     problem, context = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
     at = min(problem.index if problem is not None else 0, len(source.text))
     # libyaml has a bound of its own, 1 000 levels. It is beyond MAX_LEVELS, but libyaml reads ahead of what we have been given.
@@ -54,12 +54,12 @@ def report_syntax(error: Any, source: Source, report: Report) -> None:
 
 
 class _Stop(Exception):
-    """Reading cannot go on; it has been reported why."""
+    """Parsing cannot continue; the reason has been reported."""
 
 
 @dataclass(slots=True)
 class _Anchored:
-    """An anchor: its node once complete, how many nodes it stands for and how many levels."""
+    """An anchor: its node when complete, the number of nodes that it expands to, and its depth."""
 
     node: Node | None = None
     nodes: int = 1
@@ -67,7 +67,7 @@ class _Anchored:
 
 
 class _Builder:
-    """Walks the events once. `nodes` counts with aliases expanded."""
+    """Processes the events once. `nodes` counts with aliases expanded."""
 
     def __init__(self, source: Source, report: Report, events: Any) -> None:
         self.source = source
@@ -129,7 +129,7 @@ class _Builder:
         return node
 
     def bound(self, event: Any, level: int) -> None:
-        """Stop where the document is too deep, too large, or too wrong to go on."""
+        """Stop if the document is too deep or too large, or has too many errors."""
         if level > MAX_LEVELS:
             message = f"more than {MAX_LEVELS} levels of nesting"
         elif self.nodes > MAX_NODES:
@@ -191,7 +191,7 @@ class _Builder:
         return ScalarNode(value=value, text=text, span=span, damaged=damaged)
 
     def after_properties(self, start: int, end: int) -> int:
-        """Where the scalar begins behind its `&anchor` and `!tag`."""
+        """Return where the scalar begins after its `&anchor` and `!tag`."""
         text = self.source.text
         while start < end and text[start] in "&!":
             while start < end and not text[start].isspace():
@@ -257,7 +257,7 @@ class _Builder:
         return MappingNode(entries=entries, keys=keys, span=span, damaged=damaged)
 
     def collection_span(self, start: int, end: int, last: Any, flow: bool) -> Span:
-        """From the first character to the end of the last that is no space or comment of what follows."""
+        """Return the span from the first character to the last one that is not a space or comment of the following text."""
         end = max(end, last.end_mark.index)
         if flow:
             return self.source.span(start, end)
@@ -277,7 +277,7 @@ class _Builder:
         return self.source.span(start, max(start, end))
 
     def key(self, event: Any, level: int) -> tuple[str, Span] | None:
-        """The text of a key and its place; None for a key that cannot be one (reported)."""
+        """Return the text of a key and its place; None for an invalid key (reported)."""
         kind = type(event).__name__
         if kind == "AliasEvent":
             if event.anchor not in self.anchors:
@@ -330,8 +330,9 @@ class _Builder:
     # a list as further items. One diagnostic says so, and the pieces are put together again.
 
     def numbers(self, following: Any) -> tuple[list[tuple[Any, Any]], Any]:
-        """Up to two keys of a mapping that are values of a vector, without a value of their own, from the event `following` on, and the
-        event behind them; with None for that the last of them has a value."""
+        """Return up to two keys without values that are elements of a vector, from the event `following` on, and the next
+        event; with None instead if the last of them has a value.
+        """
         pairs: list[tuple[Any, Any]] = []
         while len(pairs) < 2 and _is_value(following):
             value = next(self.events)
@@ -342,12 +343,12 @@ class _Builder:
         return pairs, following
 
     def vector(self, first: Any, more: list[Any]) -> ScalarNode:
-        """Three values in a mapping, as in `{xyz: 0, 0, 4 mm}`, as the vector that was meant."""
+        """Return the intended vector for three values in a mapping, as in `{xyz: 0, 0, 4 mm}`."""
         start, end = first.start_mark.index, more[-1].end_mark.index
         span, text = self.source.span(start, end), " ".join(piece.value for piece in (first, *more))
         written = self.source.text[start:end]
         shared = all(scan_number(piece.value) == (piece.value, len(piece.value)) for piece in (first, more[0]))
-        whole = text if shared else f"[{written}]"  # a unit at the end is that of all three
+        whole = text if shared else f"[{written}]"  # a unit at the end applies to all three
         self.report.add(
             Code.EXPRESSION_COMMA, "the comma ends the value: the three of a vector stand in `[]`, or have spaces between them", span,
             help=Suggestion(f"write `{shortened(whole)}`", (written, whole) if "\n" not in written else None),
@@ -355,7 +356,7 @@ class _Builder:
         return ScalarNode(value=text, text=text, span=span, damaged=True)
 
     def rejoined_entries(self, first: Any) -> tuple[ScalarNode, Any]:
-        """The expression that begins with `first`, and the event that follows it (its mapping's next key or end)."""
+        """Return the expression that begins with `first`, and the next event (the next key or the end of its mapping)."""
         pieces = [first]
         following = next(self.events)
         while _open(pieces) and type(following).__name__ == "ScalarEvent":
@@ -387,12 +388,12 @@ class _Builder:
 
 
 def _cut(event: Any) -> bool:
-    """Whether this is a plain scalar that begins an expression and ends before its parentheses are closed."""
+    """Return whether this is a plain scalar that begins an expression and ends before its parentheses are closed."""
     return type(event).__name__ == "ScalarEvent" and not event.style and event.value.startswith("=") and _open([event])
 
 
 def _is_value(event: Any) -> bool:
-    """Whether this is a plain scalar that is a number or an expression, or begins with one."""
+    """Return whether this is a plain scalar that is a number or an expression, or begins with one."""
     if type(event).__name__ != "ScalarEvent" or event.style:
         return False
     return event.value.startswith("=") or scan_number(event.value) is not None
@@ -403,13 +404,14 @@ def _open(pieces: list[Any]) -> bool:
 
 
 def is_flow(text: str) -> bool:
-    """Whether a text is written as a mapping or a list in YAML's flow style, well or not: `[draft] arm` is not."""
+    """Return whether a text is a mapping or a list in YAML's flow style, well-formed or not: `[draft] arm` is not."""
     return text.startswith("{") or text.startswith("[") and text.endswith("]")
 
 
 def read_flow(text: str, place: Span) -> Node | Diagnostic:
-    """The tree of a mapping or a list on one line, typed in place of what a document has (`{on: floor}`), all of it at one place; else the
-    first thing that is wrong with it."""
+    """Parse a mapping or a list on one line that replaces a value of a document (`{on: floor}`), with one place for all nodes; or return
+    the first error.
+    """
     report = Report()
     tree = read_yaml(Source("", text), report)
     return report.diagnostics[0] if tree is None or report.failed else _at(tree, place)

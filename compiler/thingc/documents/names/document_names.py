@@ -1,6 +1,7 @@
-"""A document as it is written: its sections, what repeats make of its keys, and every text that declares a name or names something.
+"""Names in the text of a document: its sections, the keys that repeats create, and every text that declares a name or refers to one.
 
-What a text names is decided by the types of the fields of the models (`documents/spec/name_types.py`)."""
+The types of the models' fields define what a text refers to (`documents/spec/name_types.py`).
+"""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ EXPRESSION = RefersTo("expression")
 
 
 class NameOccurrence(FrozenStruct):
-    """A text that names something: the key at `path`, or (`key` False) the scalar there."""
+    """A text that declares a name or refers to one: the key at `path`, or (`key` False) the scalar there."""
 
     path: Path
     key: bool
@@ -29,8 +30,9 @@ class NameOccurrence(FrozenStruct):
 
 
 class SettingWord(FrozenStruct):
-    """A word of the path of a setting (`components.leg.joints.knee.limit.upper`) that names something, at an `offset` in it: what a key at
-    `path` names in the document that is nested through the components `through`."""
+    """A word in the path of a setting (`components.leg.joints.knee.limit.upper`) that is a name, at an `offset`: it is resolved like a key
+    at `path` in the document that is nested through the components `through`.
+    """
 
     offset: int
     through: tuple[str, ...]
@@ -39,7 +41,7 @@ class SettingWord(FrozenStruct):
 
 
 def mentions_of(document: Document) -> Iterator[NameOccurrence]:
-    """Those of a document, in its order. What stands where its model has nothing is passed over."""
+    """Yield the names in a document, in order. Values that its model does not know are skipped."""
     model = model_of(document.kind)
     if model is not None:
         yield from _in(document.tree, shape_of(model), ())
@@ -83,7 +85,9 @@ def _of_text(text: str, shape: FieldType) -> DeclaresName | RefersTo | None:
 
 
 def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
-    """The names of elements: `raw: {mjcf: {joint: {NAME: ...}}}`; of what is added those that it refers to, and those that are ordered."""
+    """Yield the names of elements: `raw: {mjcf: {joint: {NAME: ...}}}`; for added elements those that they refer to, and those in
+    `order`.
+    """
     for kind, named in node.entries.items():
         if kind in ("add", "order"):
             for place, value in walk(named, (*path, kind)):
@@ -95,7 +99,9 @@ def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
 
 
 def referred(path: Path) -> str | None:
-    """The kind of element that a value in what is added refers to: a joint, a site, a body or anything (`object`); None of any other."""
+    """Return the kind of element that a value in an added element refers to: a joint, a site, a body or anything (`object`); otherwise
+    None.
+    """
     key = str(path[-1]).rstrip("12")
     if key in ("objname", "refname"):
         return "object"
@@ -106,11 +112,11 @@ REFERRED = {
     **dict.fromkeys(("joint", "jointinparent", "actuator"), "joint"), **dict.fromkeys(("body", "subtree", "geom"), "body"),
     **dict.fromkeys(("site", "cranksite", "slidersite", "refsite", "sidesite"), "site"),
 }
-"""Attributes of elements that are added whose value may be called after something of a document, and of what kind that is."""
+"""Attributes of added elements whose value may be a name in the document, and the kind of that name."""
 
 
 def setting_words(text: str) -> Iterator[SettingWord]:
-    """The words of a path of a setting that name something."""
+    """Yield the words in the path of a setting that are names."""
     offset = 0
     through: list[str] = []
     rest: str | None = text
@@ -136,16 +142,16 @@ def setting_words(text: str) -> Iterator[SettingWord]:
 
 
 GLOB = re.compile(r"[*?\[]")
-"""A character that makes a pattern of a word."""
+"""A character that makes a word a pattern."""
 SPECIAL = re.compile(r"[*?\[$]")
-"""The same, or the index of a repeat."""
+"""A character of a pattern, or of the index of a repeat."""
 _ITEMS = 100
-"""Items of a repeat that patterns are held against where its count is no plain number."""
+"""Number of items of a repeat that patterns are compared with if its count is not a number."""
 
 
 @cache
 def pattern_of(text: str, index: str) -> re.Pattern[str]:
-    """What a word with `*`, `?`, `[...]` and the index of a repeat fits."""
+    """Return the pattern for a word with `*`, `?`, `[...]` and the index of a repeat."""
     from fnmatch import translate
 
     if index:
@@ -154,7 +160,7 @@ def pattern_of(text: str, index: str) -> re.Pattern[str]:
 
 
 class DocumentNames:
-    """A document, its lines and what is mentioned in it."""
+    """A document, its lines and the names in it."""
 
     def __init__(self, document: Document) -> None:
         self.document, self.path = document, document.path
@@ -162,27 +168,27 @@ class DocumentNames:
         self.mentions = tuple(mentions_of(document))
 
     def section(self, name: str) -> Mapping[str, Node]:
-        """The entries of a section, none where it has none."""
+        """Return the entries of a section; empty if there is none."""
         return entries_of(self.document.tree.entries.get(name))
 
     def text(self, *path: str | int) -> str | None:
-        """The text at a path."""
+        """Return the text at a path."""
         node = node_at(self.document.tree, path)
         return node.value if isinstance(node, ScalarNode) and isinstance(node.value, str) else None
 
     def repeat(self, section: str, key: str) -> Mapping[str, Node] | None:
-        """What is written under `repeat` of a component or joint, None where it is one alone."""
+        """Return the `repeat` of a component or joint, or None."""
         node = node_at(self.document.tree, (section, key, "repeat"))
         return node.entries if isinstance(node, MappingNode) else None
 
     def index_of(self, path: Path) -> str:
-        """What the index around a place is called, empty where nothing is repeated."""
+        """Return the name of the index of the enclosing repeat, or an empty text."""
         if len(path) < 2 or path[0] not in ("components", "joints") or self.repeat(str(path[0]), str(path[1])) is None:
             return ""
         return self.text(path[0], path[1], "repeat", "as") or "i"
 
     def items(self, section: str, key: str) -> list[str]:
-        """The names of what is written under a key: of a repeat all of its items."""
+        """Return the names of an entry: for a repeat those of all its items."""
         repeat = self.repeat(section, key)
         if repeat is None:
             return [key]
@@ -191,7 +197,7 @@ class DocumentNames:
         return [f"{key}_{one}" for one in range(min(number, 10 * _ITEMS))]
 
     def fitting(self, section: str, word: str, index: str = "") -> list[str]:
-        """The keys of `components` or `joints` that a word of a reference means."""
+        """Return the keys of `components` or `joints` that match a word of a reference."""
         entries = self.section(section)
         if not SPECIAL.search(word):
             stem, _, number = word.rpartition("_")
@@ -202,16 +208,16 @@ class DocumentNames:
         return [key for key in entries if any(pattern.match(item) for item in self.items(section, key))]
 
     def stem(self, section: str, key: str, word: str) -> bool:
-        """Whether a word that means a key begins with it."""
+        """Return whether a word that refers to a key begins with it."""
         rest = word[len(key):]
         return word.startswith(key) and (not rest or rest[0] in "*?[$" or (rest[0] == "_" and self.repeat(section, key) is not None))
 
     def around(self, mention: NameOccurrence) -> Span:
-        """Where the key or the scalar of a mention stands."""
+        """Return the span of the key or the scalar of a name."""
         return self.document.span(mention.path, key=mention.key)
 
     def place(self, span: Span, text: str, start: int, end: int) -> Span | None:
-        """The place of characters of a text that stands at `span`; None where it is written with other characters than it has."""
+        """Return the span of characters of a text at `span`; None if it is written with other characters (escapes)."""
         if span.file != self.path or span.line != span.end_line:
             return None
         begin = self.lines[span.line - 1][span.column - 1 : span.end_column - 1].find(text)

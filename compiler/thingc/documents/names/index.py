@@ -1,7 +1,7 @@
-"""One index of the names of a workspace's documents and parts: where each is declared, and every place that uses it.
+"""Index of the names in a workspace's documents and parts: declarations and uses.
 
-The types of the models' fields state what a text means (`document_names.py`); here it is looked up, in documents as they are written: a
-name is found in one with faults elsewhere, too. Nothing is compiled.
+The types of the models' fields define what a text refers to (`document_names.py`); this module resolves it in documents as written,
+including documents with errors elsewhere. Nothing is compiled.
 """
 
 from __future__ import annotations
@@ -21,13 +21,14 @@ from thingc.documents.names.part_names import PartClass, PartName, PartNames
 from thingc.documents.spec.name_types import DeclaresName, ReferenceKind, RefersTo
 
 Role = Literal["declared", "used", "fits"]
-"""`fits`: a pattern that the name fits without standing in it, or a text in which it is written with other characters (escapes)."""
+"""`fits`: a pattern that the name matches without being in it, or a text in which it is written with other characters (escapes)."""
 
 
 class Name(FrozenStruct, kw_only=False):
-    """Something that has a name. `what` is a word of `name_types.py`, or `document`, `part`, `part mount`, `part parameter`; `file` the
-    absolute path of the document or module that declares it (empty: nobody that is seen); `owner` what it belongs to there
-    (`components.leg`, a class)."""
+    """A name. `what` is a word of `name_types.py`, or `document`, `part`, `part mount`, `part parameter`; `file` is the
+    absolute path of the document or module that declares it (empty if unknown); `owner` is its owner there
+    (`components.leg`, a class).
+    """
 
     what: str
     file: str
@@ -36,7 +37,7 @@ class Name(FrozenStruct, kw_only=False):
 
 
 class NamePlace(FrozenStruct, kw_only=False):
-    """Where a name is declared or used: just the characters of the name itself, but for a pattern that it `fits`."""
+    """A place where a name is declared or used: only the characters of the name, except for a pattern that it `fits`."""
 
     name: Name
     span: Span
@@ -44,13 +45,13 @@ class NamePlace(FrozenStruct, kw_only=False):
 
 
 class NameIndex(FrozenStruct, kw_only=False):
-    """All places, in the order of files and lines of each."""
+    """All places, by file and line."""
 
     places: tuple[NamePlace, ...]
     by_name: Mapping[Name, tuple[NamePlace, ...]]
 
     def at(self, file: str, line: int, column: int) -> NamePlace | None:
-        """The narrowest place around a character (from 1; the one behind a name's last counts as in it)."""
+        """Return the narrowest place at a character (from 1; the one after a name counts as part of it)."""
         around = [
             place for place in self.places
             if place.span.file == file and (place.span.line, place.span.column) <= (line, column)
@@ -59,12 +60,12 @@ class NameIndex(FrozenStruct, kw_only=False):
         return min(around, key=lambda place: (place.role == "fits", place.span.end_column - place.span.column), default=None)
 
     def declared(self, name: Name) -> Span | None:
-        """Where a name is declared, None where that is not seen."""
+        """Return where a name is declared, or None if unknown."""
         return next((place.span for place in self.by_name.get(name, ()) if place.role == "declared"), None)
 
 
 def index(documents: Mapping[str, DocumentNames], parts: PartNames) -> NameIndex:
-    """The index of documents (all of a workspace, by absolute path) and of the parts that they name."""
+    """Return the index of documents (all of a workspace, by absolute path) and of their parts."""
     seen: dict[tuple[Name, Span], NamePlace] = {}
     for written in documents.values():
         for place in _Reader(documents, parts, written).places():
@@ -86,13 +87,13 @@ def index(documents: Mapping[str, DocumentNames], parts: PartNames) -> NameIndex
 
 
 Hit = tuple[int, int, Name, Role]
-"""Of a text: characters from, to before, what they name, and how."""
+"""A name in a text: start, end (exclusive), the name and its role."""
 Word = tuple[int, str]
-"""A word of a text and where it begins."""
+"""A word of a text and its start."""
 
 
 def _moved(offset: int, hits: Iterable[Hit]) -> Iterator[Hit]:
-    """Hits in a text that begins at an offset in another one."""
+    """Move hits by the offset of their text in another one."""
     return ((offset + start, offset + end, name, role) for start, end, name, role in hits)
 
 
@@ -105,19 +106,19 @@ def _words(text: str) -> list[Word]:
 
 
 class _Reader:
-    """Looks up what the texts of one document name."""
+    """Resolves the names in the texts of one document."""
 
     def __init__(self, documents: Mapping[str, DocumentNames], parts: PartNames, own: DocumentNames) -> None:
         self.documents = documents
         self.parts = parts
         self.own = own
         self.base: DocumentNames | None = own
-        """The assembly that names are of: of variants the one that they vary."""
+        """The assembly that names belong to; for variants the one that they vary."""
         if own.document.kind == "variants":
             self.base = self.document(own, own.text("assembly"))
 
     def places(self) -> Iterator[NamePlace]:
-        """The places of all names in the document."""
+        """Yield the places of all names in the document."""
         for mention in self.own.mentions:
             spans = [self.own.around(mention)]
             parent = node_at(self.own.document.tree, mention.path[:-1])
@@ -129,7 +130,7 @@ class _Reader:
                     yield NamePlace(name, exact or span, role if exact is not None else "fits")
 
     def hits(self, mention: NameOccurrence) -> Iterator[Hit]:
-        """What a mention names."""
+        """Yield the names that a text refers to."""
         written, path, text = self.own, mention.path, mention.text
         index = written.index_of(path)
         if index and "$" in text:
@@ -143,12 +144,12 @@ class _Reader:
         yield from self.meant(self.base, mention.names.what, text, path, index)
 
     def own_name(self, what: str, text: str, path: Path) -> Name:
-        """The name that a key or text at a path declares."""
+        """Return the name that a key or text at a path declares."""
         owner = f"{path[0]}.{path[1]}" if what in ("index", "mount") else ""
         return Name(what, self.own.path, text, owner)
 
     def meant(self, base: DocumentNames | None, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """What a text means in an assembly; in `path` it stands."""
+        """Yield the names that a text at `path` refers to in an assembly."""
         match what:
             case "assembly document":
                 yield from self._document(self.document(self.own, text), text)
@@ -160,7 +161,7 @@ class _Reader:
                 yield from self._inside(base, what, text, path, index)
 
     def _inside(self, base: DocumentNames, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """What a text means that names something in an assembly, which is `base`."""
+        """Yield the names of the assembly `base` that a text refers to."""
         match what:
             case "expression":
                 yield from self.expression(base, text, path, index)
@@ -205,7 +206,7 @@ class _Reader:
                 assert_never(what)
 
     def posed(self, base: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """What a key of a pose at `path` names: a joint, or an assembly whose pose is named there."""
+        """Yield the names that a key of a pose at `path` refers to: a joint, or an assembly whose pose is used."""
         said = node_at(self.own.document.tree, path)
         pose = isinstance(said, ScalarNode) and isinstance(said.value, str) and re.fullmatch(r"\s*[A-Za-z]\w*\s*", said.value)
         exact = list(self.exact_joint(base, text, index))
@@ -214,20 +215,20 @@ class _Reader:
     # --- documents and parts ----------------------------------------------------------------------------------------
 
     def document(self, beside: DocumentNames, text: str | None) -> DocumentNames | None:
-        """The document that one calls `text`."""
+        """Return the document that another one names `text`."""
         return self.documents.get(named(text, beside.path) or "") if text else None
 
     def packaged(self, text: str) -> DocumentNames | None:
-        """The document of a package, `package.document`."""
+        """Return the document of a package, `package.document`."""
         end = os.sep + text.replace(".", os.sep) + "."
         return next((one for path, one in self.documents.items() if f"{os.path.splitext(path)[0]}.".endswith(end)), None)
 
     def nested(self, written: DocumentNames, component: str) -> DocumentNames | None:
-        """The document of a nested assembly."""
+        """Return the document of a nested assembly."""
         return self.document(written, written.text("components", component, "assembly"))
 
     def thing(self, written: DocumentNames, component: str) -> PartClass | None:
-        """The class of a component that is a part."""
+        """Return the class of a component that is a part."""
         reference = written.text("components", component, "part")
         return self.parts.thing(reference) if reference is not None else None
 
@@ -246,7 +247,7 @@ class _Reader:
     def components_of(
         self, written: DocumentNames, words: Sequence[str], index: str,
     ) -> list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]]:
-        """The components at a path of words, each a document and a key in it, with those on the way to it."""
+        """Return the components at a path of words, each as a document and a key in it, with those on the way."""
         level: list[tuple[DocumentNames, tuple[tuple[DocumentNames, str], ...]]] = [(written, ())]
         reached: list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]] = []
         for depth, word in enumerate(words):
@@ -257,7 +258,7 @@ class _Reader:
         return reached
 
     def components(self, written: DocumentNames, words: Sequence[Word], index: str) -> Iterator[Hit]:
-        """Each component on the way that words lead, as far as there are any."""
+        """Yield each component along a path of words, as far as they exist."""
         for depth, (at, word) in enumerate(words):
             for (one, key), _ in self.components_of(written, [text for _, text in words[: depth + 1]], index):
                 yield self._hit(one, "components", "component", key, at, word)
@@ -267,7 +268,7 @@ class _Reader:
         return at, at + (len(key) if stem else len(word)), Name(what, written.path, key), "used" if stem else "fits"
 
     def mount(self, written: DocumentNames, text: str, index: str, what: str) -> Iterator[Hit]:
-        """`component.mount`; where it may be, an export or a component."""
+        """Yield the names in `component.mount`; if allowed, also in an export or a component."""
         *words, (at, last) = _words(text)
         if not words:
             if what != "mount" and last in written.section("mounts"):
@@ -288,7 +289,7 @@ class _Reader:
                     yield from self.components(nested, [(at, last)], "")
 
     def of_component(self, written: DocumentNames, key: str, word: str, index: str) -> Iterator[Hit]:
-        """The mounts of a component that a word means: those that the document adds, those that a nested one shows, or its part's."""
+        """Yield the mounts of a component that a word refers to: added by the document, exported by a nested one, or of its part."""
         added = node_at(written.document.tree, ("components", key, "mounts"))
         pattern = pattern_of(word, index)
         for mount in entries_of(added):
@@ -305,7 +306,7 @@ class _Reader:
                 yield 0, len(one.text) if stem else len(word), _of_part(one), "used" if stem else "fits"
 
     def own_mount(self, written: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """What `attach` calls a mount of the component itself: `back`, or `cap.pen` inside an assembly."""
+        """Yield the names in a reference of `attach` to a mount of the component itself: `back`, or `cap.pen` inside an assembly."""
         key = str(path[1])
         if "." not in text:
             yield from self.of_component(written, key, text, index)
@@ -313,7 +314,7 @@ class _Reader:
             yield from self.mount(nested, text, index, "mount")
 
     def exact_joint(self, written: DocumentNames, text: str, index: str) -> Iterator[Hit]:
-        """The joint that a text names word by word, `hand.finger` or one of its coordinates `wrist[0]`."""
+        """Yield the joint that a text refers to word by word, `hand.finger` or one of its coordinates `wrist[0]`."""
         *words, (at, last) = _words(re.sub(r"\[\d+\]$", "", text))
         if any(GLOB.search(word) for _, word in (*words, (at, last))):
             return
@@ -328,7 +329,7 @@ class _Reader:
                 yield self._hit(owner, "joints", "joint", key, at, last)
 
     def joints(self, written: DocumentNames, text: str, index: str) -> Iterator[Hit]:
-        """The joints that a name or a pattern means; in a pattern `*` goes over the dots as well."""
+        """Yield the joints that a name or a pattern matches; in a pattern `*` also matches dots."""
         exact = list(self.exact_joint(written, text, index))
         if exact or not GLOB.search(text):
             yield from exact
@@ -348,7 +349,9 @@ class _Reader:
     def all_joints(
         self, written: DocumentNames, way: tuple[tuple[DocumentNames, str, str], ...],
     ) -> Iterator[tuple[tuple[DocumentNames, str, str], ...]]:
-        """Every joint of an assembly and those nested in it: the components on the way, and the joint, each with document and section."""
+        """Yield every joint of an assembly and its nested ones: the components on the way, and the joint, each with document and
+        section.
+        """
         for key in written.section("joints"):
             yield (*way, (written, "joints", key))
         for key in written.section("components"):
@@ -357,7 +360,7 @@ class _Reader:
                 yield from self.all_joints(inner, (*way, (written, "components", key)))
 
     def in_section(self, written: DocumentNames | None, what: str, text: str) -> Iterator[Hit]:
-        """Names of things of one kind (`pose`) in their section, or patterns of them; nothing of no document."""
+        """Yield names of one kind (`pose`) in their section that match a text; none without a document."""
         if written is None:
             return
         entries = written.section(f"{what}s")
@@ -369,7 +372,7 @@ class _Reader:
                     yield 0, len(text), Name(what, written.path, key), "fits"
 
     def material(self, written: DocumentNames, text: str) -> Iterator[Hit]:
-        """A material that is written in the document, or in one of those that it lists."""
+        """Yield a material in the document, or in one of those that it lists."""
         node = written.document.tree.entries.get("materials")
         sources = [written]
         if not isinstance(node, MappingNode):
@@ -383,7 +386,7 @@ class _Reader:
     # --- values -----------------------------------------------------------------------------------------------------
 
     def expression(self, written: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """The parameters, and the index of a repeat, that an expression uses."""
+        """Yield the parameters, and the index of a repeat, in an expression."""
         try:
             uses = parse_expression(text).names
         except ExpressionError:
@@ -395,7 +398,7 @@ class _Reader:
                 yield use.offset, use.end, Name("parameter", written.path, use.name), "used"
 
     def rule(self, written: DocumentNames, text: str) -> Iterator[Hit]:
-        """The names of a comparison over parameters, settings and results."""
+        """Yield the names in a comparison of parameters, settings and results."""
         try:
             uses = parse_expression(text, dotted=True).names
         except ExpressionError:
@@ -411,7 +414,7 @@ class _Reader:
                 yield from self.setting(written, name, at)
 
     def setting(self, written: DocumentNames, text: str, at: int) -> Iterator[Hit]:
-        """A parameter, or the names on the path of another value of the assembly."""
+        """Yield a parameter, or the names in the path of another value of the assembly."""
         if "." not in text:
             yield from _moved(at, self.in_section(written, "parameter", text))
             return
@@ -423,7 +426,7 @@ class _Reader:
             yield from _moved(at + word.offset, inside.key(word.path, str(word.path[-1]), word.names))
 
     def key(self, path: Path, text: str, names: DeclaresName | RefersTo) -> Iterator[Hit]:
-        """What a key at a path of this document names, be it written there or not."""
+        """Yield the name that a key at a path of this document declares or refers to, existing or not."""
         if isinstance(names, RefersTo):
             key = self.own.fitting("components", str(path[1])) if path[0] == "components" and len(path) > 2 else [path[1]]
             for one in key:
@@ -445,7 +448,7 @@ class _Reader:
         return one
 
     def choice(self, written: DocumentNames, text: str, path: Path) -> Iterator[Hit]:
-        """What is chosen: a part, a document or a material, by the path that it is chosen for."""
+        """Yield the chosen part, document or material, by the path of the choice."""
         chosen = next(step for step in reversed(path) if isinstance(step, str))
         kind = chosen.rpartition(".")[2]
         if kind == "part":
@@ -459,7 +462,7 @@ class _Reader:
                 yield from self.material(inner, text)
 
     def raw(self, written: DocumentNames, text: str, path: Path) -> Iterator[Hit]:
-        """An element of a target's file, which is called after what it is made of: `hand/finger`."""
+        """Yield the names in the name of an element of a target's file: `hand/finger`."""
         kind = referred(path) or "" if path[2] == "add" else str(path[2])
         dotted = text.replace("/", ".")
         words = _words(dotted)
@@ -479,12 +482,12 @@ class _Reader:
 
 
 def _dotted(way: Sequence[tuple[DocumentNames, str, str]]) -> Iterator[str]:
-    """The names in dots of all items of a joint on a way of components."""
+    """Yield the dotted names of all items of a joint through components."""
     (written, section, key), *rest = way
     for item in written.items(section, key):
         yield from (f"{item}.{inner}" for inner in _dotted(rest)) if rest else (item,)
 
 
 def _of_part(name: PartName) -> Name:
-    """The name of a mount or parameter of a part."""
+    """Return the name of a mount or parameter of a part."""
     return Name(name.what, name.file, name.text, name.owner)

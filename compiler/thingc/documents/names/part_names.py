@@ -1,5 +1,6 @@
-"""The names of Things in the modules of a workspace: classes, the attributes that are mounts, parameters. Modules are read as syntax trees,
-never run."""
+"""Names of Things in the modules of a workspace: classes, attributes that are mounts, parameters. Modules are parsed,
+never run.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ from thingc.base.source import Span
 
 class PartName(FrozenStruct, kw_only=False):
     """A mount (an attribute) or a parameter of a Thing: `what` is `part mount` or `part parameter`, `file` the absolute path of its module
-    and `owner` the class in it; of one whose declaration is not seen `file` is empty and `owner` the reference of the class."""
+    and `owner` the class in it. If the declaration is unknown, `file` is empty and `owner` is the reference of the class.
+    """
 
     what: str
     file: str
@@ -26,7 +28,7 @@ class PartName(FrozenStruct, kw_only=False):
 
 
 class PartPlace(FrozenStruct, kw_only=False):
-    """Where one is written, and whether that declares it."""
+    """A place of a name, and whether it is the declaration."""
 
     name: PartName
     span: Span
@@ -34,7 +36,7 @@ class PartPlace(FrozenStruct, kw_only=False):
 
 
 class _Module:
-    """A module: its tree, its classes, what it imports by name, and what its text is."""
+    """A module: its tree, classes, imported names, and text."""
 
     def __init__(self, file: str, dotted: str, text: str) -> None:
         self.file, self.dotted = file, dotted
@@ -51,26 +53,27 @@ class _Module:
                 self.imports.update({one.asname or one.name: f"{source}:{one.name}" for one in statement.names})
 
     def inside(self, node: ast.ClassDef) -> _Inside:
-        """What a class of it says of `self`."""
+        """Return the attributes of `self` in a class of the module."""
         if node.name not in self._inside:
             self._inside[node.name] = _Inside(node)
         return self._inside[node.name]
 
     def span(self, line: int, end: int, text: str) -> Span | None:
-        """The place of a word that ends at a byte of a line; None where something else stands there."""
+        """Return the span of a word that ends at a byte of a line; None if there is other text."""
         column = len(self.lines[line - 1].encode()[:end].decode(errors="replace")) - len(text) + 1
         if self.lines[line - 1][column - 1 : column - 1 + len(text)] != text:
             return None
         return Span(file=self.file, line=line, column=column, end_line=line, end_column=column + len(text))
 
     def span_of(self, node: ast.expr, text: str) -> Span | None:
-        """The same of the word that a node ends with."""
+        """Return the span of the word at the end of a node."""
         return self.span(node.end_lineno or 0, node.end_col_offset or 0, text)
 
 
 class _Inside:
-    """The attributes of `self` in a class: `assigned` are those with a value, and whether mounts are written in that; `by_name` is every
-    place of each, assignments first."""
+    """The attributes of `self` in a class: `assigned` are those with a value, and whether it creates mounts; `by_name` contains all
+    places of each, assignments first.
+    """
 
     def __init__(self, node: ast.ClassDef) -> None:
         self.nodes = list(ast.walk(node))
@@ -91,7 +94,7 @@ class _Inside:
 
 @dataclass(slots=True)
 class PartClass:
-    """A class that documents name as a part, with the classes of the workspace that it is derived from, itself first."""
+    """A class that documents use as a part, with its base classes in the workspace, itself first."""
 
     reference: str
     lineage: list[tuple[_Module, ast.ClassDef]]
@@ -99,19 +102,20 @@ class PartClass:
 
     @property
     def file(self) -> str:
-        """The absolute path of its module."""
+        """Absolute path of its module."""
         return self.lineage[0][0].file
 
     @property
     def span(self) -> Span | None:
-        """Where its class statement names it."""
+        """Place of its name in the class statement."""
         module, node = self.lineage[0]
         header = re.search(rf"class\s+{node.name}\b", module.lines[node.lineno - 1])
         return None if header is None else module.span(node.lineno, len(module.lines[node.lineno - 1][: header.end()].encode()), node.name)
 
     def mounts(self, text: str, pattern: re.Pattern[str] | None) -> list[PartName]:
-        """The attributes that a mount is, by its name `text`: itself, or the list or dict that it is in (`screw` of `screw_0`). With a
-        `pattern` the text is what of the name stands before anything special in it, and all attributes that the pattern fits count, too."""
+        """Return the attributes that are the mount `text`: itself, or the list or dict that contains it (`screw` of `screw_0`). With a
+        `pattern`, the text is the part of the name before special characters, and all attributes that match are included.
+        """
         owners: dict[str, tuple[_Module, ast.ClassDef]] = {}
         several: set[str] = set()
         for module, node in self.lineage:
@@ -127,7 +131,7 @@ class PartClass:
         return [self._give(PartName("part mount", owners[name][0].file, name, owners[name][1].name)) for name in chosen]
 
     def parameter(self, text: str) -> PartName:
-        """One of its parameters."""
+        """Return one of its parameters."""
         for module, node in self.lineage:
             method = _init_of(node)
             if method is not None:
@@ -145,7 +149,7 @@ class PartClass:
 
 
 class PartNames:
-    """The modules of part folders (absolute paths), read with `read` (a file's text, None where there is none) and kept."""
+    """The modules of part folders (absolute paths), read with `read` (returns a file's text, or None) and cached."""
 
     def __init__(self, folders: Sequence[str], read: Callable[[str], str | None]) -> None:
         self.folders = tuple(folders)
@@ -155,14 +159,14 @@ class PartNames:
         self._given: dict[PartName, None] = {}
 
     def thing(self, reference: str) -> PartClass | None:
-        """The class `module:Class`; None where no part folder has it."""
+        """Return the class `module:Class`; None if it is in no part folder."""
         if reference not in self._things:
             lineage = self._lineage(reference, [])
             self._things[reference] = PartClass(reference, lineage, self._given) if lineage else None
         return self._things[reference]
 
     def places(self) -> Iterator[PartPlace]:
-        """Where each mount and parameter that has been asked for is written, in its class and those derived from it that were asked for."""
+        """Yield the places of all requested mounts and parameters, in their class and in requested classes derived from it."""
         for name in self._given:
             declared = False
             for module, node in self._family(name):
@@ -171,12 +175,11 @@ class PartNames:
                     declared = True
 
     def classes(self) -> Iterator[tuple[str, PartClass]]:
-        """The classes that were asked for and are there, by their references."""
+        """Yield the requested classes that exist, by reference."""
         yield from ((reference, thing) for reference, thing in self._things.items() if thing is not None)
 
     def elsewhere(self, name: PartName) -> tuple[str, int] | None:
-        """A place (file and line) where something is written that may be this mount or parameter, and may be another: nobody can tell
-        without running it. None where there is none."""
+        """Return a place (file and line) that may be this mount or parameter, which cannot be decided without running the code; or None."""
         family = {(module.file, node.name) for module, node in self._family(name)}
         own = {(span.file, span.line, span.column) for module, node in self._family(name) for span in _name_spans(module, node, name)}
         for module in self._all():
@@ -191,7 +194,7 @@ class PartNames:
         return None
 
     def attributes(self, name: PartName) -> frozenset[str]:
-        """The names that what declares a mount or a parameter has already: its attributes, or its parameters."""
+        """Return the names that the owner of a mount or a parameter already has: its attributes, or its parameters."""
         taken: set[str] = set()
         for module, node in self._family(name):
             if name.what == "part mount":
@@ -201,11 +204,11 @@ class PartNames:
         return frozenset(taken)
 
     def files(self) -> list[str]:
-        """The absolute paths of all modules."""
+        """Return the absolute paths of all modules."""
         return [module.file for module in self._all()]
 
     def _family(self, name: PartName) -> list[tuple[_Module, ast.ClassDef]]:
-        """The class that declares a name, and for a mount all classes of the part folders that are derived from it."""
+        """Return the class that declares a name, and for a mount all classes of the part folders that are derived from it."""
         family: dict[tuple[str, str], tuple[_Module, ast.ClassDef]] = {}
         for module in self._all() if name.what == "part mount" else ():
             for node in module.classes.values():
