@@ -1,6 +1,6 @@
-"""The workspace of a document: the folder that holds all its files, and where parts are looked for.
+"""The workspace of a document: the folder of all its files, and its settings.
 
-It is the nearest folder above the document with a `thingc.toml`, or a `pyproject.toml` with `[tool.thingc]`; else the
+It is the nearest folder above the document with a `thingc.toml`, or a `pyproject.toml` with `[tool.thingc]`; otherwise the
 document's own folder.
 """
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from thingc.base.source import Document
 
 MAX_BYTES = 500_000
-"""Of a workspace file. (A `pyproject.toml` that does not mention thingc may have any size.)"""
+"""Maximum size of a workspace file. (A `pyproject.toml` that does not mention thingc may be larger.)"""
 OWN_FILE = "thingc.toml"
 SHARED_FILE = "pyproject.toml"
 DEFAULT_PARTS = ("parts",)
@@ -36,50 +36,52 @@ DEFAULT_PACKAGES = ("thingc_stock", "bd_warehouse")
 DEFAULT_BUILD = "build"
 DEFAULT_TIMEOUT = 120.0
 LONGEST = 1e6
-"""The longest time [s] that anybody may allow, ten days and more: systems cannot wait for any number of seconds."""
+"""Largest timeout [s], more than ten days: systems cannot wait for arbitrary times."""
 MESH_URIS = ("relative", "package", "absolute")
-"""How URDF files may name their meshes: relative to the file, in the robot's ROS package, or on this machine; the first unless written."""
+"""How URDF files refer to their meshes: relative to the file, in the robot's ROS package, or by absolute path; the first is the default."""
 
 CONSUMERS = ("mjx", "warp", "drake", "pymjcf")
-"""Programs besides MuJoCo that MuJoCo models may be written for."""
+"""Programs besides MuJoCo for which MuJoCo models can be written."""
 
 
 class Tessellation(FrozenStruct):
-    """How finely curved surfaces are meshed: the mesh is at most `linear` [m] off the surface, and neighbouring facets have at most
-    `angular` [rad] between them."""
+    """Tolerances for meshing curved surfaces: the mesh is at most `linear` [m] off the surface, and the angle between neighbouring facets
+    is at most `angular` [rad].
+    """
 
     linear: float
     angular: float
 
     def coarser(self, other: Tessellation) -> Tessellation:
-        """As coarse as this one and the other, each number by itself."""
+        """Return the larger value of both tessellations, for each tolerance separately."""
         return Tessellation(linear=max(self.linear, other.linear), angular=max(self.angular, other.angular))
 
 
 DEFAULT_MESH = Tessellation(linear=1e-4, angular=0.17453292519943295)
-"""0.1 mm and 10 deg: what printers and checks of clearance are given."""
+"""0.1 mm and 10 deg: for printing and checks of clearance."""
 DEFAULT_SIMULATION = Tessellation(linear=1e-4, angular=0.5235987755982988)
-"""0.1 mm and 30 deg: what simulators draw and touch. The bound on the distance is that of the other mesh; what has a radius below
-2.9 mm has a third of the facets, and that is where most of a robot's facets are (holes, screws, fillets)."""
+"""0.1 mm and 30 deg: for simulators. The linear tolerance is that of the other mesh; surfaces with a radius below
+2.9 mm, which have most of a robot's facets (holes, screws, fillets), have a third of the facets.
+"""
 
 
 DEFAULT_MEMORY = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2 if hasattr(os, "sysconf") else 8_000_000_000
-"""Bytes that one part may need: half of what the machine has."""
+"""Default memory limit [bytes] of a part: half of the machine's memory."""
 
 LIBRARIES = frozenset({"site-packages", "dist-packages"})
-"""What folders of installed packages are called. An environment may lie in a workspace, and is no part of it."""
+"""Names of folders of installed packages. An environment may be in the folder of a workspace, but is not part of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Workspace:
-    """A folder and its settings.
+    """A workspace folder and its settings.
 
-    `root` absolute; `parts` absolute folders whose modules may be named in `part:`; `packages` installed packages that
-    may be, too; `build` the absolute folder of outputs; `part_timeout` [s] and `part_memory` [bytes] for one part; `mesh` the
-    tessellation that is printed and checked, `simulation` that for simulators; `emit` the targets of a build that names none;
-    `mesh_uri` one of `MESH_URIS`; `about` what ROS packages say of themselves; `compat` those of `CONSUMERS` that shall read MuJoCo
-    models; `origin` the file that says so, None where the defaults stand.
-    `inputs` are the files that were looked at on the way, by absolute path, with the SHA-256 of their bytes (None: not there).
+    `root` is absolute; `parts` are absolute folders whose modules can be named in `part:`; `packages` are installed packages that can be,
+    too; `build` is the absolute folder of build outputs; `part_timeout` [s] and `part_memory` [bytes] are limits for one part; `mesh` is
+    the tessellation for printing and checks, `simulation` that for simulators; `emit` are the default targets of a build; `mesh_uri` is one
+    of `MESH_URIS`; `about` is the metadata of ROS packages; `compat` are those of `CONSUMERS` that read MuJoCo models; `origin` is the
+    workspace file, None without one. `inputs` are the files that were examined, by absolute path, with the SHA-256 of their content (None:
+    does not exist).
     """
 
     root: str
@@ -99,8 +101,9 @@ class Workspace:
 
     @staticmethod
     def find(document: str, report: Report, texts: Mapping[str, bytes] | None = None) -> Workspace | None:
-        """The workspace of a document (a path that need not exist). None when its file is wrong, which is reported. `texts` are what files
-        hold instead of what is on disk, by absolute path."""
+        """Find the workspace of a document (a path that need not exist). None if its file is invalid (reported). `texts` replace
+        contents on disk, by absolute path.
+        """
         start = folder = os.path.dirname(os.path.abspath(document))
         if not is_text(start):
             report.add(
@@ -126,8 +129,9 @@ class Workspace:
             folder = above
 
     def relative(self, path: str) -> str:
-        """The path inside the workspace with `/`, links resolved: the name of a file that all artifacts use. A document of an installed
-        package is called as documents call it, `thingc_stock.materials`: where that lies is another place on every machine."""
+        """Return the path inside the workspace with `/` and links resolved, which all outputs use. Documents of installed
+        packages have their dotted name, `thingc_stock.materials`, because their location depends on the machine.
+        """
         name = os.path.relpath(os.path.realpath(path), os.path.realpath(self.root)).replace(os.sep, "/")
         elsewhere = name.startswith("../") or not LIBRARIES.isdisjoint(name.split("/"))
         if elsewhere and "." in (dotted := dotted_name(os.path.realpath(path))):
@@ -135,7 +139,7 @@ class Workspace:
         return name
 
     def span(self, path: Path) -> Span | None:
-        """Where the workspace's own file says something: `("emit", 1)`. Reads the file again; None where there is none."""
+        """Return the span of a value in the workspace file: `("emit", 1)`. Reads the file again; None if there is none."""
         if self.origin is None:
             return None
         from thingc.base.source import node_at
@@ -147,12 +151,12 @@ class Workspace:
         return node.span if node is not None else self.origin
 
     def contains(self, path: str) -> bool:
-        """Whether a path, links resolved, is inside the workspace (it need not exist)."""
+        """Return whether a path, with links resolved, is inside the workspace (it need not exist)."""
         return _inside(path, self.root)
 
 
 def settings_files(document: str) -> list[str]:
-    """The absolute paths of all files, there or not, that may say what the workspace of a document is: beside it and above."""
+    """Return the absolute paths of all files, existing or not, that may define the workspace of a document: beside it and above."""
     folder = os.path.dirname(os.path.abspath(document))
     folders = [folder]
     while (above := os.path.dirname(folder)) != folder:
@@ -174,17 +178,19 @@ def _default(folder: str, inputs: dict[str, str | None]) -> Workspace:
 
 
 def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) -> tuple[str, ...]:
-    """The folders that are there, inside the workspace; others are inputs, too: should one appear, the workspace is another."""
+    """Return the existing folders inside the workspace; missing ones are added to the inputs, because creating them changes the
+    workspace.
+    """
     folders = [os.path.normpath(os.path.join(root, name)) for name in names]
     inputs.update({folder: None for folder in folders if not os.path.isdir(folder) or not _inside(folder, root)})
     return tuple(folder for folder in folders if folder not in inputs)
 
 
 def _bytes(path: str) -> bytes | None:
-    """The content of a file (of a larger one a byte more than the bound), None where there is none; raises OSError where it cannot
+    """Return the content of a file (at most one byte more than the limit), or None if it does not exist; raises OSError if it cannot
     be read.
 
-    What is no plain file counts as absent, and so does a link out of the folder: its target is none of the workspace's business.
+    Files that are not regular, and links to targets outside the folder, count as missing.
     """
     if os.path.islink(path) and not _inside(path, os.path.dirname(path)):
         return None
@@ -195,9 +201,9 @@ def _bytes(path: str) -> bytes | None:
 
 
 def _has_table(data: bytes) -> bool:
-    """Whether a `pyproject.toml` has a `[tool.thingc]`; the quick look first, so that other projects' cost no parsing.
+    """Return whether a `pyproject.toml` has a `[tool.thingc]`, with a quick search first to avoid parsing those of other projects.
 
-    Where it cannot be parsed the answer is yes if the header stands there, so that the fault is reported.
+    If it cannot be parsed, the result is True if it contains the header, so that the error is reported.
     """
     if b"thingc" not in data:
         return False
@@ -213,10 +219,10 @@ def _has_table(data: bytes) -> bool:
 
 
 def _parse_workspace(path: str, data: bytes, root: str, inputs: dict[str, str | None], report: Report) -> Workspace | None:
-    """The workspace that a file describes.
+    """Return the workspace that a file describes.
 
-    The settings are first read plainly, which costs nothing of the machinery for positions and models; where
-    anything is unusual, the document model looks at the file and says what is wrong.
+    The settings are first read in a simple way, without positions and models; if anything is unusual, the document model
+    validates the file and reports errors.
     """
     if len(data) > MAX_BYTES:
         report.add(
@@ -243,7 +249,7 @@ def _parse_workspace(path: str, data: bytes, root: str, inputs: dict[str, str | 
 
 
 class _Settings(FrozenStruct):
-    """What a workspace file says, in its own words (paths relative) and SI."""
+    """Settings of a workspace file, with relative paths and SI values."""
 
     parts: tuple[str, ...] | None
     packages: tuple[str, ...]
@@ -259,7 +265,7 @@ class _Settings(FrozenStruct):
 
     @staticmethod
     def plain(table: dict[str, Any]) -> _Settings | None:
-        """The settings of a table in which nothing is unusual; None (or ValueError, TypeError) where anything is."""
+        """Return the settings of a regular table; None (or ValueError, TypeError) if anything is unusual."""
         known = {"thingc", "parts", "packages", "build", "part_timeout", "part_memory", "mesh", "emit", "mesh_uri", "about", "compat"}
         mesh, about = table.get("mesh", {}), table.get("about", {})
         if table["thingc"] != "workspace/1" or not known.issuperset(table.keys() - {"$schema"}):
@@ -316,7 +322,7 @@ def _plain_value(table: dict[str, Any], key: str, dimension: Dimension, default:
 
 
 def bytes_of(memory: Any) -> int:
-    """Bytes of a text such as `4 GB`; None is the default. Raises `ValueError`, `TypeError`."""
+    """Parse a text such as `4 GB` to bytes; None is the default. Raises `ValueError`, `TypeError`."""
     if memory is None:
         return DEFAULT_MEMORY
     if (match := re.fullmatch(MEMORY, memory)) is None:
@@ -325,7 +331,7 @@ def bytes_of(memory: Any) -> int:
 
 
 def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[str, str | None]) -> Workspace | None:
-    """The workspace, or None where one of its folders is wrong."""
+    """Return the workspace, or None if one of its folders is invalid."""
     folders = DEFAULT_PARTS if settings.parts is None else settings.parts
     if len(folders) > MAX_FOLDERS or len(settings.packages) > MAX_FOLDERS:
         return None
@@ -346,7 +352,7 @@ MAX_FOLDERS = 100
 
 
 def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
-    """What is wrong with a path of the workspace file and a hint; None when it stays inside."""
+    """Return an error and a hint for an invalid path of the workspace file; None if it is inside the workspace."""
     shown = shortened(text)
     if not text.strip() or "\0" in text:
         return f"expected a folder, found `{shown}`", "`.` is the workspace itself"
@@ -360,7 +366,7 @@ def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
 def _explained(
     path: str, data: bytes, root: str, prefix: Path, inputs: dict[str, str | None], report: Report,
 ) -> Workspace | None:
-    """The slow and exact reading: positions and the document model. Returns None unless everything is right."""
+    """Read the file with positions and the document model. Return None if there is any error."""
     from thingc.base.source import Document, node_at
     from thingc.documents.load.documents import document_kind, read_tree
     from thingc.documents.spec.validation import validate_one
@@ -391,7 +397,7 @@ def _explained(
 
 
 def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
-    """The settings of a validated model; expressions and values that are not above 0 are reported."""
+    """Return the settings of a validated model; expressions and values that are not above 0 are reported."""
 
     def value(said: Any, path: Path, default: float) -> float:
         if said is None:

@@ -221,7 +221,7 @@ class PartNames:
         return list(family.values())
 
     def _all(self) -> Iterator[_Module]:
-        """Every module of the part folders."""
+        """Yield every module of the part folders."""
         for folder in self.folders:
             for place, folders, files in os.walk(folder):
                 folders[:] = sorted(one for one in folders if one.isidentifier())
@@ -235,7 +235,7 @@ class PartNames:
                             yield module
 
     def _lineage(self, reference: str, above: list[str]) -> list[tuple[_Module, ast.ClassDef]]:
-        """A class and those it is derived from, in Python's order as far as one base goes before the next."""
+        """Return a class and its base classes, approximately in method resolution order."""
         name, _, cls = reference.partition(":")
         module = self._module(name) if name and cls and reference not in above else None
         if module is None:
@@ -267,7 +267,7 @@ class PartNames:
 
 @lru_cache(maxsize=512)
 def _module_of(file: str, dotted: str, text: str) -> _Module | None:
-    """A module out of its text; None where that is no Python."""
+    """Parse a module; None if it is not valid Python."""
     try:
         return _Module(file, dotted, text)
     except (SyntaxError, ValueError, RecursionError):
@@ -287,7 +287,7 @@ def _of_self(node: ast.Attribute) -> bool:
 
 
 def _name_spans(module: _Module, node: ast.ClassDef, name: PartName) -> Iterator[Span]:
-    """Where a class writes a mount or a parameter as what it is: what declares it comes first."""
+    """Yield the places of a mount or a parameter in a class, the declaration first."""
     if name.what == "part mount":
         own = module.inside(node).by_name.get(name.text, ())
         yield from (span for one in own if (span := module.span_of(one, name.text)) is not None)
@@ -310,12 +310,12 @@ def _name_spans(module: _Module, node: ast.ClassDef, name: PartName) -> Iterator
 
 
 def _parameter_of_self(node: ast.Attribute) -> bool:
-    """`self.p.NAME`."""
+    """Return whether a node is `self.p.NAME`."""
     return isinstance(node.value, ast.Attribute) and node.value.attr == "p" and _of_self(node.value)
 
 
 def _documented(module: _Module, node: ast.ClassDef | ast.FunctionDef, text: str) -> Iterator[Span]:
-    """The line `NAME: ...` of a docstring, from which documentation of a parameter is taken."""
+    """Yield the place in a line `NAME: ...` of a docstring, which documents a parameter."""
     first = node.body[0]
     if not (isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant) and isinstance(first.value.value, str)):
         return
@@ -327,7 +327,7 @@ def _documented(module: _Module, node: ast.ClassDef | ast.FunctionDef, text: str
 
 
 def _may_be(node: ast.AST, name: PartName, family: set[str]) -> bool:
-    """Whether a node may name a mount or parameter, as far as its word says."""
+    """Return whether a node may refer to a mount or parameter, judging by its name alone."""
     if isinstance(node, ast.Constant):
         return node.value == name.text
     if name.what == "part mount":
@@ -342,6 +342,6 @@ def _may_be(node: ast.AST, name: PartName, family: set[str]) -> bool:
 
 
 def _class_around(module: _Module, node: ast.AST) -> str | None:
-    """The class at the top of a module that a node stands in."""
+    """Return the top-level class that contains a node."""
     line = getattr(node, "lineno", 0)
     return next((one.name for one in module.classes.values() if one.lineno <= line <= (one.end_lineno or 0)), None)

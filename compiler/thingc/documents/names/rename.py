@@ -1,6 +1,6 @@
-"""A name exchanged for another one wherever it is written: the edits, or why it cannot be.
+"""Rename: compute the edits for all places of a name, or the reason why it cannot be renamed.
 
-What an edit does is not trusted: the texts are made, read and looked up again, and every place has to mean what it meant before.
+The result is verified: the edited texts are parsed and resolved again, and every place must have the same meaning as before.
 """
 
 from __future__ import annotations
@@ -23,24 +23,25 @@ from thingc.documents.names.workspace_index import WorkspaceIndex, mentioned
 from thingc.documents.spec.name_types import RESERVED
 
 WORDS = {"export": "exported mount", "part mount": "mount of a part", "part parameter": "parameter of a part"}
-"""What names are called in messages, where it is not by their own word."""
+"""Kinds of names in messages, if they differ from the internal ones."""
 
 _SECTIONS = {
     "component": "components", "joint": "joints", "parameter": "parameters", "pose": "poses", "mode": "modes", "link": "links",
     "sensor": "sensors", "tendon": "tendons", "test": "tests", "material": "materials", "export": "mounts",
 }
 _RESERVING = frozenset({"component", "joint", "export", "link", "mount", "part mount"})
-"""What may not be called `world`, `root` or `origin`."""
+"""Kinds of names that cannot be `world`, `root` or `origin`."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 
 
 class RenameRefused(Exception):
-    """A rename that is not possible, with the reason as its message."""
+    """The name cannot be renamed; the message is the reason."""
 
 
 class RenameEdits(FrozenStruct):
-    """What is written anew: `texts` whole by absolute path, and each place, the last of a file first, for who edits; what there is `after`
-    it."""
+    """Edits of a rename: whole `texts` by absolute path, all places (in each file the last one first), and the index `after`
+    the rename.
+    """
 
     places: tuple[Span, ...]
     texts: Mapping[str, str]
@@ -48,7 +49,7 @@ class RenameEdits(FrozenStruct):
 
 
 def renamable(sight: WorkspaceIndex, name: Name) -> None:
-    """Raises `RenameRefused` for a name that is not exchanged, whatever for."""
+    """Check that a name can be renamed at all. Raises `RenameRefused`."""
     what = WORDS.get(name.what, name.what)
     if name.what in ("document", "part"):
         raise RenameRefused(f"`{shortened(name.text)}` is {'a file' if name.what == 'document' else 'a class'}: rename it where it is")
@@ -75,8 +76,9 @@ def renamable(sight: WorkspaceIndex, name: Name) -> None:
 
 
 def rename_edits(sight: WorkspaceIndex, name: Name, new: str) -> RenameEdits:
-    """The texts in which a name is another one. Raises `RenameRefused`, in words, where the new name is none or taken, or something
-    that is written would mean something else then."""
+    """Return the edits that rename a name. Raises `RenameRefused` if the new name is invalid or taken, or if other text would change its
+    meaning.
+    """
     renamable(sight, name)
     _check(sight, name, new)
     edited = [place for place in sight.index.by_name[name] if place.role != "fits"]
@@ -88,7 +90,7 @@ def rename_edits(sight: WorkspaceIndex, name: Name, new: str) -> RenameEdits:
 
 
 def with_spans(sight: WorkspaceIndex, spans: Iterable[Span], new: str) -> dict[str, str]:
-    """The texts of the files of places with other words there."""
+    """Return the texts of the files of places, with these replaced."""
     lines: dict[str, list[str]] = {}
     for span in sorted(spans, key=lambda one: (one.file, one.line, one.column), reverse=True):
         if span.file not in lines:
@@ -118,7 +120,7 @@ def _check(sight: WorkspaceIndex, name: Name, new: str) -> None:
         if new in sight.parts.attributes(PartName(name.what, name.file, name.text, name.owner)):
             raise RenameRefused(f"`{name.owner}` has a `{new}` already")
         alike = sight.parts.elsewhere(PartName(name.what, name.file, new, name.owner))
-        if alike is not None:  # nobody could tell them apart any more, nor rename it back
+        if alike is not None:  # they could not be distinguished any more, and the rename could not be undone
             where = f"{sight.relative(alike[0])}:{alike[1]}"
             raise RenameRefused(f"`{new}` at {where} could be taken for this {what} of `{name.owner}` then: choose another name")
         return
@@ -129,7 +131,7 @@ def _check(sight: WorkspaceIndex, name: Name, new: str) -> None:
 
 
 def _taken(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, str]]:
-    """Names that stand in the way of a new one, and what they are."""
+    """Yield names that conflict with a new one, and what they are."""
     written = sight.documents[name.file]
     if name.what == "index":
         if new in written.section("parameters"):
@@ -158,7 +160,7 @@ def _taken(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, s
 
 
 def _compare(before: WorkspaceIndex, after: WorkspaceIndex, name: Name, new: str, spans: set[Span]) -> None:
-    """Raises `RenameRefused` where anything but the name is another after the edits."""
+    """Check that edits change nothing but the name. Raises `RenameRefused`."""
     for path in {span.file for span in spans}:
         if path.endswith(".py"):
             try:
@@ -194,7 +196,7 @@ def _known_by(place: NamePlace) -> tuple[str, int, str, str, str, str, str]:
 
 
 def _differing(old: Node, new: Node, spans: set[Span]) -> Iterator[Span]:
-    """Where two trees say something else, but at the edited places."""
+    """Yield where two trees differ, except at the edited places."""
     if isinstance(old, MappingNode) and isinstance(new, MappingNode):
         if len(old.entries) != len(new.entries):
             yield old.span

@@ -1,4 +1,4 @@
-"""All that names are looked up in: the documents of a workspace and its modules of parts, with unsaved texts in the place of saved ones."""
+"""Index of all names: the documents of a workspace and its part modules, where unsaved texts replace saved ones."""
 
 from __future__ import annotations
 
@@ -24,8 +24,9 @@ MAX_TEXT = 10_000_000
 
 
 class WorkspaceIndex(FrozenStruct):
-    """`documents` are those that can be read, by absolute path, `broken` the texts of those that cannot, `read` gives the text of any file
-    (None where there is none), `relative` what messages call a file."""
+    """`documents` are the readable ones, by absolute path, `broken` the texts of the others; `read` returns the text of any file
+    (or None), `relative` the display path of a file.
+    """
 
     documents: Mapping[str, DocumentNames]
     broken: Mapping[str, str]
@@ -36,7 +37,7 @@ class WorkspaceIndex(FrozenStruct):
     folders: tuple[str, ...] = ()
 
     def with_texts(self, texts: Mapping[str, str]) -> WorkspaceIndex:
-        """The same with other texts of some files."""
+        """Return the index with other texts of some files."""
         def read(path: str) -> str | None:
             return texts[path] if path in texts else self.read(path)
 
@@ -50,7 +51,7 @@ class WorkspaceIndex(FrozenStruct):
 
 
 def on_disk(path: str) -> str | None:
-    """The text of a file with its line ends as they are."""
+    """Return the text of a file with unchanged line ends."""
     try:
         with open(path, encoding="utf-8-sig", newline="") as stream:
             return stream.read(MAX_TEXT)
@@ -62,8 +63,11 @@ def index_workspace(
     workspace: Workspace, texts: Mapping[str, str], last: Iterable[Document] = (), only: Iterable[str] | None = None, *,
     disk: Callable[[str], str | None] = on_disk,
 ) -> WorkspaceIndex:
-    """What there is in a workspace, or of it in `only` these documents (absolute paths). `texts` are those of open files by absolute path,
-    `last` are documents as they were when they could be read, for those that cannot be now. `disk` reads the other files."""
+    """Return the index of a workspace, or of the documents in `only` (absolute paths).
+
+    `texts` are those of open files by absolute path; `last` are previous versions of documents, used if they cannot be read now. `disk`
+    reads other files.
+    """
     def read(path: str) -> str | None:
         return texts[path] if path in texts else disk(path)
 
@@ -93,7 +97,7 @@ def _seen(
 
 @lru_cache(maxsize=512)
 def read_document(path: str, relative: str, text: str) -> DocumentNames | None:
-    """A document out of its text; None where it is not well-formed."""
+    """Parse a document; None if it is not well-formed."""
     report = Report()
     data = text.encode("utf-8", errors="surrogatepass")
     tree = read_tree(path, data, report) if len(data) <= MAX_TEXT else None
@@ -106,5 +110,5 @@ def read_document(path: str, relative: str, text: str) -> DocumentNames | None:
 
 
 def mentioned(text: str, word: str) -> bool:
-    """Whether a text has a word in it, or the name of an item of a repeat that begins with it."""
+    """Return whether a text contains a word, or the name of an item of a repeat that begins with it."""
     return re.search(rf"(?<![A-Za-z0-9_]){re.escape(word)}(?![A-Za-z0-9])", text, re.ASCII) is not None

@@ -1,4 +1,4 @@
-"""`allow:` of documents: which warnings are meant so, and where."""
+"""`allow:` of documents: which warnings are suppressed, and where."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 _BY_CODE = {code.code: code for code in Code}
 
 ALLOWABLE = {code.code: code.title for code in Code if code.warned_by is not None}
-"""The codes of warnings that a document may allow, and what they mean."""
+"""Codes of warnings that can be suppressed, and their titles."""
 
 
 def _warning_code(value: Any) -> str:
-    """The code of a warning."""
+    """Validate the code of a warning."""
     if not isinstance(value, str):
         raise fault("type", f"expected the code of a warning such as `TC407`, found {found(value)}")
     if value in ALLOWABLE:
@@ -34,7 +34,7 @@ def _warning_code(value: Any) -> str:
 
 
 def _reason(value: Any) -> str:
-    """Why something is right, for people."""
+    """Validate the reason."""
     if isinstance(value, str) and value.strip():
         return value
     raise fault("type", f"expected a reason in words, found {found(value)}", help="say why it is right as it is")
@@ -49,7 +49,7 @@ Allow = dict[
 
 
 def allow() -> Any:
-    """The field `allow`: its schema offers every code that may be written, with what it means."""
+    """Return the field `allow`, whose schema lists all possible codes with their titles."""
     return Field(default={}, examples=[{"TC407": "the idler carries no rotor"}], json_schema_extra={
         "properties": {code: {**_REASON_SCHEMA, "description": f"{title}."} for code, title in ALLOWABLE.items()},
         "additionalProperties": False,
@@ -57,9 +57,9 @@ def allow() -> Any:
 
 
 def allowances(spec: AssemblySpec, document: Document) -> Iterator[Allowance]:
-    """Every line of every `allow` of a document: of itself, its components, its joints and its modes.
+    """Yield every line of every `allow` of a document: of itself, its components, its joints and its modes.
 
-    What a mode allows is allowed in the modes that extend it, too.
+    Warnings that a mode suppresses are also suppressed in modes that extend it.
     """
     yield from _lines(spec.allow, document, (), [()])
     for name, component in spec.components.items():
@@ -76,7 +76,7 @@ def allowances(spec: AssemblySpec, document: Document) -> Iterator[Allowance]:
 
 
 def _lines(written: Mapping[str, str], document: Document, path: Path, covered: list[Path] | None = None) -> Iterator[Allowance]:
-    """The lines of one `allow`, written in the mapping at `path`, for what is `covered` (that mapping, unless given)."""
+    """Yield the lines of an `allow` in the mapping at `path`, for the paths `covered` (by default that mapping)."""
     for code, reason in written.items():
         yield Allowance(
             code=_BY_CODE[code], reason=reason, where=document.span((*path, "allow", code), key=True), path=".".join(map(str, path)),
@@ -91,7 +91,7 @@ def _location_of(document: Document, path: Path) -> tuple[Span, Node]:
 
 
 def _with_heirs(extending: Mapping[str, list[str]], name: str) -> list[str]:
-    """A mode and those that extend it, one through the other; `extending` are the modes that extend one directly."""
+    """Return a mode and all modes that extend it, directly or indirectly; `extending` are the modes that extend one directly."""
     modes = {name: None}
     waiting = [name]
     while waiting:

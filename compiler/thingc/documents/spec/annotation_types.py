@@ -1,7 +1,7 @@
-"""What the document models say of a value, read from their annotations: is it a mapping, a list, a choice, a field?
+"""Types of values in the document models, read from their annotations: mapping, list, choice, field and others.
 
-pydantic's errors tell where in a model something is wrong; the place in the document, the near names and the words for
-what was expected come from here.
+pydantic's errors have locations in a model; the place in the document, similar names and the description of the
+expected type come from here.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from thingc.documents.spec.name_types import DeclaresName, RefersTo
 
 
 class FieldType(FrozenStruct):
-    """One annotation, looked at.
+    """The type of a value, read from an annotation.
 
-    `kind` is `model`, `dict`, `list`, `literal`, `field` (a type of `spec.fields`), `text`, `flag`, `number` or `union`;
-    `model` the class, `members` the types of dict values, list items or the branches of a union, `key` that of dict keys, `choices` those
-    of a literal, `field` the checker, `names` what its text declares or means, `annotation` the whole.
+    `kind` is `model`, `dict`, `list`, `literal`, `field` (a type of `spec.fields`), `text`, `flag`, `number` or `union`; `model` is the
+    class, `members` are the types of dict values, list items or the branches of a union, `key` is that of dict keys, `choices` are those of
+    a literal, `field` is the validator, `names` what its text declares or refers to, `annotation` the annotation itself.
     """
 
     kind: str
@@ -38,12 +38,12 @@ class FieldType(FrozenStruct):
 
     @property
     def by_number(self) -> bool:
-        """Whether it is a mapping by the numbers of coordinates."""
+        """Whether it is a mapping by the indices of coordinates."""
         return self.kind == "dict" and self.key is Index
 
     @property
     def words(self) -> str:
-        """What is expected, in the words of documents."""
+        """Description of the expected value."""
         if self.kind == "model":
             assert self.model is not None
             keys = model_keys(self.model)
@@ -67,12 +67,12 @@ class FieldType(FrozenStruct):
 
 @cache
 def shape_of(annotation: Any) -> FieldType:
-    """The shape of an annotation; `None` beside a type does not count."""
+    """Return the type of an annotation; a `None` branch is ignored."""
     return _field_shape(annotation, ())
 
 
 def _field_shape(annotation: Any, metadata: Sequence[Any]) -> FieldType:
-    """The shape of the annotation of a model's field with its `metadata`."""
+    """Return the type of a model's field from its annotation and `metadata`."""
     names = next((extra for extra in metadata if isinstance(extra, (DeclaresName, RefersTo))), None)
     for extra in metadata:
         if isinstance(extra, FieldValidator):
@@ -101,7 +101,7 @@ def _field_shape(annotation: Any, metadata: Sequence[Any]) -> FieldType:
 
 @cache
 def model_keys(model: type[BaseModel]) -> dict[str, tuple[FieldType, bool]]:
-    """The keys of a mapping that a model describes, in its order: what each takes and whether it is required."""
+    """Return the keys of a model, in order: the type of each and whether it is required."""
     return {
         field.alias or name: (_field_shape(field.annotation, field.metadata), field.is_required())
         for name, field in model.model_fields.items()
@@ -109,12 +109,12 @@ def model_keys(model: type[BaseModel]) -> dict[str, tuple[FieldType, bool]]:
 
 
 def alternatives(shape: FieldType) -> list[FieldType]:
-    """The branches of a union; of anything else itself alone."""
+    """Return the branches of a union; for other types the type itself."""
     return [shape_of(member) for member in shape.members] if shape.kind == "union" else [shape]
 
 
 def branch_of(shape: FieldType, value: Any) -> FieldType | None:
-    """The branch of a union that a person who wrote `value` meant; None where no branch takes such a thing."""
+    """Return the branch of a union that `value` is probably meant for; None if no branch accepts such a value."""
     branches = alternatives(shape)
     if isinstance(value, dict):
         fitting = [branch for branch in branches if branch.kind in ("model", "dict")]
@@ -126,7 +126,7 @@ def branch_of(shape: FieldType, value: Any) -> FieldType | None:
         listed = next((branch for branch in branches if branch.kind == "list"), None)
         mappings = listed is not None and any(branch.by_number for branch in branches) and shape_of(listed.members[0]).kind == "model"
         if mappings and not any(isinstance(item, dict) for item in value):
-            return None  # `limit: [-90 deg, 90 deg]`: no list of limits
+            return None  # `limit: [-90 deg, 90 deg]` is not a list of limits
         return next((branch for branch in branches if branch.kind in ("list", "field")), None)
     if isinstance(value, str):
         literal = next((branch for branch in branches if branch.kind == "literal"), None)
@@ -141,7 +141,7 @@ def _takes_no_text(branches: list[FieldType]) -> bool:
 
 
 def likeness(branch: FieldType, value: dict[str, Any]) -> float:
-    """How many keys of `value` a shape knows; a near name is half a key, and a mapping of any names a quarter in all."""
+    """Return how many keys of `value` a type has; a similar name counts 0.5, and a mapping of arbitrary names 0.25 in total."""
     if branch.model is None:
         return 0.25
     keys = model_keys(branch.model)
@@ -149,11 +149,11 @@ def likeness(branch: FieldType, value: dict[str, Any]) -> float:
 
 
 def one_of(words: Sequence[str]) -> str:
-    """`a`, `b` or `c`."""
+    """Format alternatives: `a`, `b` or `c`."""
     quoted = [f"`{word}`" for word in words]
     return quoted[0] if len(quoted) == 1 else ", ".join(quoted[:-1]) + " or " + quoted[-1]
 
 
 def spoken(choice: Any) -> str:
-    """A choice as a document writes it."""
+    """Format a choice as in a document."""
     return {True: "true", False: "false"}[choice] if isinstance(choice, bool) else str(choice)

@@ -17,5 +17,5 @@ class Model(BaseModel):
 
 
 def rule(message: str, help: str = "", key: str | None = None) -> PydanticCustomError:
-    """A broken rule of a whole mapping, in words; `key` is the one of its keys that is to blame."""
+    """Return an error for a violated rule of a mapping; `key` is the key that causes it."""
     return PydanticCustomError("rule", "{message}", {"message": message, "help": help, "path": (key,) if key is not None else ()})

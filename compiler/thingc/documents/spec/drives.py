@@ -23,7 +23,7 @@ from thingc.documents.spec.name_types import ComponentField
 DriveKind = Literal["position", "velocity", "motor"]
 
 UNUSED = {"velocity": ("kp",), "motor": ("kp", "kv")}
-"""By the kind of a drive, the gains that cannot replace those of a component, because a drive of that kind has none."""
+"""By kind of drive, the gains of a component that cannot be overridden, because this kind has none."""
 
 
 class DynamicsSpec(Model):

@@ -58,7 +58,7 @@ Vector = tuple[Value, Value, Value]
 
 
 class FieldValidator:
-    """Annotation of a field: its validator, what it is called in messages, and its JSON Schema."""
+    """Annotation of a field: its validator, its description in messages, and its JSON Schema."""
 
     def __init__(self, validate: Callable[[Any], Any], words: str, schema: Mapping[str, Any]) -> None:
         self.validate = validate
@@ -76,7 +76,7 @@ class FieldValidator:
 
 
 def fault(kind: str, message: str, *, help: str | None = None, offset: int | None = None, end: int | None = None) -> PydanticCustomError:
-    """An error for `spec.validation`, see the head of this module for its parts."""
+    """Return an error for `spec.validation`; its parts are described in the module docstring."""
     context: dict[str, Any] = {"message": message}
     if help:
         context["help"] = help
@@ -87,7 +87,7 @@ def fault(kind: str, message: str, *, help: str | None = None, offset: int | Non
 
 
 def found(value: object) -> str:
-    """What stands there, in the words of a document: "text `x`", "the number `3`", "a list of 2", "a mapping"."""
+    """Describe a value for messages: "text `x`", "the number `3`", "a list of 2", "a mapping"."""
     if isinstance(value, str):
         return f"text `{shortened(value)}`" if value else "an empty text"
     if isinstance(value, bool):
@@ -103,7 +103,7 @@ def found(value: object) -> str:
 
 
 def read_expression(text: str) -> Expression:
-    """Parse `=...`, errors turned into faults."""
+    """Parse `=...`; syntax errors become validation errors."""
     try:
         return parse_expression(text)
     except ExpressionError as error:
@@ -112,7 +112,7 @@ def read_expression(text: str) -> Expression:
 
 
 def is_expression(value: object) -> bool:
-    """Whether a scalar is an expression: text that begins with `=`."""
+    """Return whether a scalar is an expression: text that begins with `=`."""
     return isinstance(value, str) and value.lstrip().startswith("=")
 
 
@@ -121,7 +121,7 @@ def _of_unit(error: UnitError) -> PydanticCustomError:
 
 
 def _bare(value: int | float) -> Quantity:
-    """A bare number as a quantity; numbers that no finite double holds are refused."""
+    """Convert a bare number to a quantity; numbers that overflow a double are rejected."""
     try:
         number = float(value)
     except OverflowError:
@@ -132,9 +132,9 @@ def _bare(value: int | float) -> Quantity:
 
 
 def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, example: str) -> Value:
-    """A quantity of one of the dimensions or an expression, from text or a bare number.
+    """Parse a quantity of one of the dimensions or an expression, from text or a bare number.
 
-    Raises a fault: `expected a length (such as `120 mm`), found ...`.
+    Raises an error: `expected a length (such as `120 mm`), found ...`.
     """
     if isinstance(value, Quantity):
         return checked(value, dimensions, f"{value.value}")
@@ -154,7 +154,7 @@ def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, exampl
 
 
 def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: str) -> Quantity:
-    """`parse_quantity`, with what is wanted here named where the text is no quantity at all."""
+    """Call `parse_quantity`; if the text is not a quantity at all, the error describes the expected value."""
     start = len(text) - len(text.lstrip())
     if scan_number(text, start) is None:
         raise UnitError(f"expected {words} (such as `{example}`), found {found(text)}", help=expression_hint(text))
@@ -172,7 +172,7 @@ def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: 
 
 
 def decimal_point(text: str, whole: str, rest: str) -> Suggestion:
-    """The hint for a decimal comma; 1,500 may be 1500, so that a fix is only of other numbers of digits."""
+    """Return the hint for a decimal comma; a fix is only included if the comma cannot be a thousands separator, as in 1,500."""
     point = f"{whole}.{rest}"
     decimals = re.match(r"\d*", rest)
     sure = decimals is not None and len(decimals.group()) != 3 and shortened(point) == point

@@ -1,4 +1,4 @@
-"""Faults of one document, said: each at its place, in the words of documents, with what to type next."""
+"""Report validation errors of one document: each at its place, in the terms of documents, with a help."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from thingc.documents.spec.unknown_keys import UnknownKey
 from thingc.documents.spec.unknown_keys import message_of as misplaced
 
 MAX_FAULTS = 200
-"""Faults said of one document."""
+"""Maximum number of errors reported for one document."""
 
 KINDS: dict[str, Code] = {
     "unit": Code.BAD_UNIT, "dimension": Code.WRONG_DIMENSION, "quantity": Code.BAD_QUANTITY, "expression": Code.BAD_EXPRESSION,
     "name": Code.BAD_NAME, "reference": Code.BAD_REFERENCE, "color": Code.BAD_COLOR, "vector": Code.WRONG_LENGTH,
     "type": Code.WRONG_TYPE, "rule": Code.BROKEN_RULE, "choice": Code.UNKNOWN_CHOICE,
 }
-"""The codes of errors that `spec.fields` and the models' own rules raise."""
+"""Codes of the errors that `spec.fields` and the rules of models raise."""
 
 
 class FaultReporter(FrozenStruct, eq=False):
-    """Reports the faults of a document of the model `root`.
+    """Reports the errors of a document whose model is `root`.
 
-    `empty` are paths that have been reported as without a value, `damaged` those of mappings with a key that is none (reported, too; what
-    is missing there may be what that key was) and of values that stand for one that cannot be.
+    `empty` are paths that have been reported as having no value. `damaged` are those of mappings with an invalid key (reported; a missing
+    key may be the one that was meant) and of placeholders for invalid values.
     """
 
     document: Document
@@ -48,7 +48,7 @@ class FaultReporter(FrozenStruct, eq=False):
     damaged: frozenset[Path]
 
     def say(self, faults: list[Fault]) -> None:
-        """All of them, in their order."""
+        """Report all errors, in order."""
         unknown = {fault.path: UnknownKey(self.document, self.root, fault) for fault in faults if fault.kind == "extra_forbidden"}
         meant = {(*path[:-1], one.instead) for path, one in unknown.items() if one.instead is not None}
         parents = {path[:-1] for path in self.empty}
@@ -71,7 +71,7 @@ class FaultReporter(FrozenStruct, eq=False):
                 self._one(fault)
 
     def _stands_in(self, path: Path) -> bool:
-        """Whether the value at a path (or inside it: an item of a vector) is one that load put there for what cannot be."""
+        """Return whether the value at a path (or in it: an item of a vector) is a placeholder that `load` inserted."""
         inside = (place for place in self.damaged if place[: len(path)] == path)
         return any(isinstance(node_at(self.document.tree, place), ScalarNode) for place in inside)
 
@@ -94,7 +94,7 @@ class FaultReporter(FrozenStruct, eq=False):
         self.report.add(code, message, where, help=help or None, path=dotted(path) or None)
 
     def _place(self, path: Path, *, key: bool = False) -> Span:
-        """The value at a path, or its key where the value goes over several lines (or is not there)."""
+        """Return the span of the value at a path, or of its key if the value is on several lines or missing."""
         node = node_at(self.document.tree, path)
         if node is None or not path:
             first = next(iter(self.document.tree.keys.values()), self.document.tree.span)
@@ -130,7 +130,7 @@ class FaultReporter(FrozenStruct, eq=False):
         self._add(Code.WRONG_LENGTH, message, self._place(fault.path), fault.path, None)
 
     def _stated(self, fault: Fault) -> None:
-        """An error in words of its own: of a field, or of a rule of a model."""
+        """Report an error with its own message: of a field, or of a rule of a model."""
         path = (*fault.path, *fault.context.get("path", ()))
         if fault.kind == "unit":
             fault = self._of_its_joint(fault)
@@ -144,7 +144,7 @@ class FaultReporter(FrozenStruct, eq=False):
         self._add(KINDS[fault.kind], fault.context["message"], where, path, help)
 
     def _of_its_joint(self, fault: Fault) -> Fault:
-        """A unit that is missing, with the dimension that the joint's type gives the value."""
+        """Add the dimension from the joint's type to an error of a missing unit."""
         dimension = dimension_at(self.document, fault.path)
         if dimension is not None:
             try:
@@ -167,7 +167,7 @@ class FaultReporter(FrozenStruct, eq=False):
         elif help is None and isinstance(value, dict) and len(value) == 1 and any(member.kind == "list" for member in alternatives(shape)):
             help = f"write a list, one item for each: `[{{{shortened(str(next(iter(value))))}: ...}}]`"
         elif help is None and isinstance(value, str) and any(member.kind == "list" for member in alternatives(shape)):
-            numbers = re.fullmatch(r"[-+.\deE\s]+", value)  # `0 0 1` is three, and `mass < 2 kg` one rule
+            numbers = re.fullmatch(r"[-+.\deE\s]+", value)  # `0 0 1` is three numbers, `mass < 2 kg` is one rule
             help = f"write `[{shortened(', '.join(value.split()) if numbers else value)}]`"
         self._add(Code.WRONG_TYPE, f"expected {shape.words}, found {found(value)}", self._place(fault.path), fault.path, help)
 
@@ -177,7 +177,7 @@ def _inside(path: Path) -> str:
 
 
 def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) -> str | None:
-    """A hint where a value stands for a mapping that can be told from it."""
+    """Return a hint if a value was written instead of a mapping that can be derived from it."""
     node = node_at(document.tree, path)
     if isinstance(node, SequenceNode):
         texts = [one.text if isinstance(one, ScalarNode) else "" for one in node.items]
@@ -208,7 +208,7 @@ def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) 
 
 
 def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
-    """A hint where a mapping stands for the value that is in it."""
+    """Return a hint if a mapping was written instead of the value in it."""
     if not isinstance(fault.value, dict) or len(path) != len(fault.path) or fault.shape.field is None:
         return None
     if path[:1] == ("links",):
@@ -221,13 +221,13 @@ def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
 
 
 def _space_hint(value: Any) -> str | None:
-    """A hint where `key:value` was meant as a mapping."""
+    """Return a hint if `key:value` was meant as a mapping."""
     match = re.fullmatch(r"([A-Za-z_]\w*):(\S.*)", value) if isinstance(value, str) else None
     return f"a space is missing after the `:`: `{match.group(1)}: {shortened(match.group(2))}`" if match else None
 
 
 def dotted(path: Path) -> str:
-    """A path as messages show it: `components.plate.at.xyz[0]`."""
+    """Format a path for messages: `components.plate.at.xyz[0]`."""
     text = ""
     for step in path:
         text += f"[{step}]" if isinstance(step, int) else f".{shortened(step)}" if text else shortened(step)
@@ -235,8 +235,9 @@ def dotted(path: Path) -> str:
 
 
 def within(document: Document, path: Path, offset: int, end: int) -> Span | None:
-    """The characters `offset` to before `end` of the scalar at `path`; None where they cannot be told apart (text over
-    several lines, escapes)."""
+    """Return the span of the characters from `offset` to `end` (exclusive) in the scalar at `path`; None if it cannot be determined (text
+    on several lines, escapes).
+    """
     node = node_at(document.tree, path)
     if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line or node.span.file != document.path:
         return None
