@@ -236,7 +236,11 @@ def rpy_of(rotation: Matrix) -> Vector:
 
 
 class Mirror:
-    """Reflection at the plane through the origin that is normal to `axis` (`x | y | z`)."""
+    """Reflection at the plane through the origin that is normal to `axis` (`x | y | z`).
+
+    With S the reflection at the plane in a component's frame, and D the one that reverses y of a mount's own frame, the image of a mount at
+    X is at `S X D`: its origin, x and z are mirrored, and y follows, so that frames stay right-handed.
+    """
 
     def __init__(self, axis: str) -> None:
         x, y, z = (-1.0 if axis == name else 1.0 for name in "xyz")

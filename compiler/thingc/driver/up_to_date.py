@@ -52,7 +52,7 @@ def fingerprint() -> str:
 
 
 def state_of(path: str, store: Store | None = None) -> str | None:
-    """The SHA-256 of a file's content, `folder:` and one of a folder's names, or None where there is neither. `store` keeps digests of
+    """Return the SHA-256 of a file's content, `folder:` and that of a folder's names, or None if neither exists. `store` caches digests of
     large files."""
     from thingc.geometry.store.file_digests import digest_of
 
@@ -74,7 +74,10 @@ def key_of(command: str, document: str, choice: Mapping[str, object]) -> str:
 def save(
     store: Store, key: str, inputs: Mapping[str, str | None] | None, diagnostics: Sequence[Diagnostic], answer: Mapping[str, object]
 ) -> None:
-    """Store a finished run: its inputs by absolute path (see `state_of`), its diagnostics, and its answer."""
+    """Store a finished run: its inputs by absolute path (see `state_of`), its diagnostics, and its answer.
+
+    Without inputs (they changed during the run) nothing is stored.
+    """
 
     if inputs is None:
         return
@@ -110,7 +113,10 @@ def unpacked(kept: Mapping[str, object]) -> Diagnostic:
 
 
 def inputs(environment: Environment, compilation: Compilation) -> dict[str, str | None] | None:
-    """Return everything that a compilation without errors has read, by absolute path, with digests of the content (see `state_of`)."""
+    """Return everything that a compilation without errors has read, by absolute path, with digests of the content (see `state_of`).
+
+    None if a file changed while it was being read, because the content that the result is based on is unknown.
+    """
     workspace, documents = environment.workspace, compilation.documents
     assert workspace is not None and documents is not None
     states = {**workspace.inputs, **{document.path: document.sha256 for document in documents.by_path.values()}}

@@ -33,7 +33,7 @@ class AllowSpec(Model):
     pair: Annotated[list[ComponentField], Field(min_length=2, max_length=2)] = Field(examples=[["finger_*", "palm"]])
     """The two; patterns allowed, and a nested assembly stands for all its components."""
     reason: str = Field(examples=["the gripper closes on its stop"])
-    """Why it is right that they touch: for whoever reviews the document."""
+    """Why contact is acceptable, for reviewers of the document."""
 
     @model_validator(mode="after")
     def _said(self) -> AllowSpec:

@@ -110,7 +110,7 @@ class ParameterSpec(Model):
     """A parameter in full: its value, and what a variant or a parent may set it to."""
 
     value: AnyQuantityField
-    """The value where nobody sets another."""
+    """The default value."""
     min: AnyQuantityField | None = None
     """The smallest value allowed, in the same dimension."""
     max: AnyQuantityField | None = None
@@ -206,7 +206,7 @@ KINDS = ("part", "file", "assembly", "link", "frame")
 """What a component is exactly one of."""
 
 OF_PARTS = ("collision", "visual", "process", "print")
-"""Keys that a link has no use for: it says all of that of its shapes."""
+"""Keys that are not valid for a link, because its shapes have them."""
 
 
 def _component_rules(schema: dict[str, Any]) -> None:
@@ -386,7 +386,7 @@ class JointSpec(JointDefaults):
     offset: JointValueField | list[JointValueField] | dict[Index, JointValueField] | None = Field(default=None, examples=["30 deg"])
     """Pose of the geometry at q = 0."""
     lead: LengthField | None = Field(default=None, examples=["8 mm", "-2 mm"])
-    """Of a `screw` the advance in one turn; negative of a left-hand thread."""
+    """For a `screw`, the advance in one turn; negative for a left-hand thread."""
     mimic: MimicSpec | list[MimicSpec] | dict[Index, MimicSpec] | None = Field(
         default=None, examples=[{"joint": "left_jaw", "multiplier": -1}],
     )

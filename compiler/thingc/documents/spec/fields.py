@@ -411,7 +411,7 @@ _ANY_SCHEMA = {
 _INDEX_SCHEMA = {"type": "string", "pattern": "^[0-9]$"}
 _NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "examples": ["shoulder"]}
 REFERENCE_PATTERN = rf"^{_REFERENCE_WORD.pattern}(\.{_REFERENCE_WORD.pattern})*$"
-"""What the schema says of a text that is a reference."""
+"""JSON Schema of a text that is a reference."""
 _REFERENCE_SCHEMA = {
     "type": "string", "pattern": REFERENCE_PATTERN,
     "description": "Dotted names; the last may be a mount; `$i` inside a repeat.",

@@ -120,12 +120,12 @@ _KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
     variants.AxisSpec: {"from": "start min lower", "to": "stop end max upper", "count": "steps n num"},
     workspace.WorkspaceSpec: {"parts": "path paths part_folders", "build": "out output"},
 }
-"""What people write instead of a key, by the key or by words that say what to write."""
+"""Keys of other formats, by the key to use instead or by a sentence that explains it."""
 
 KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
     model: {word: meant for meant, words in table.items() for word in words.split()} for model, table in _KEYS.items()
 }
-"""By the model of a mapping (and those derived from it) what people write there, and the key or the sentence that stands for it."""
+"""By model of a mapping (and models derived from it): keys of other formats, and the key or sentence for each."""
 
 FREE = "a robot that floats is a mode: `modes: {adrift: {root: COMPONENT, base: free}}`"
 
@@ -144,13 +144,13 @@ _WORDS = {
     "bought buy": "purchased stock bought purchase", "uniform": "grid random", "lhs": "latin_hypercube latin",
     "vendor": "datasheet data_sheet catalogue", "measured": "weighed scale", "estimated": "guess guessed cad computed",
 }
-"""What people write instead of a choice, by the choices that may be meant."""
+"""Values of other formats, by the choices that may be meant."""
 
 WORDS: Mapping[str, tuple[str, ...]] = {word: tuple(meant.split()) for meant, words in _WORDS.items() for word in words.split()}
-"""Words for values, in lower case, and the choices that they may mean, the likeliest first; only some of them are choices at a place."""
+"""Values of other formats, in lower case, and the choices that may be meant, most likely first; not all are valid at every place."""
 
 FLOATING = frozenset({"floating", "float", "free", "freejoint", "6dof", "floating_base"})
-"""Types of joints elsewhere that are the base of a mode here."""
+"""Joint types of other formats that correspond to the base of a mode."""
 
 WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
     assembly.LimitSpec: ("lower", "upper"), modes.WorldAtSpec: ("xyz",), modes.HoldSpec: ("xyz",), assembly.MountSpec: ("xyz",),
@@ -160,11 +160,11 @@ WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
     sensors.SensorSpec: ("type",), modes.ContactsSpec: ("exclude",), link_shapes.RoundSpec: ("radius",),
     link_shapes.LongSpec: ("radius", "length"),
 }
-"""Mappings that people write as a value or a list of values, and the keys that those are of."""
+"""Models of mappings that are often written as a value or a list of values, and the keys of these values."""
 
 
 def key_for(model: type[BaseModel], key: str) -> str | None:
-    """The key, or the sentence, that stands for `key` in a mapping of this model; None where nobody knows it."""
+    """Return the key or the sentence for a foreign `key` in a mapping of this model, or None."""
     for one in model.__mro__:
         known = KEYS.get(one, {}).get(key.lower().replace("-", "_"))
         if known is not None:
@@ -173,7 +173,7 @@ def key_for(model: type[BaseModel], key: str) -> str | None:
 
 
 def choice_hint(word: str, choices: list[str]) -> str | None:
-    """What to write for a word of elsewhere that is none of the choices; None where nobody knows it."""
+    """Return a hint for a foreign word that is not one of the choices, or None."""
     plain = word.lower().replace("-", "_").replace(" ", "_")
     names = [one for one in WORDS.get(plain, ()) if one in choices]
     if names:
@@ -182,8 +182,7 @@ def choice_hint(word: str, choices: list[str]) -> str | None:
 
 
 def written_whole(model: type[BaseModel], texts: list[str], value: object) -> str | None:
-    """The mapping of this model that a person meant who wrote a value, or a list, in its place (`texts` are its scalars); None where
-    nobody can tell."""
+    """Return the mapping of this model that was meant by a value or a list (`texts` are its scalars), or None."""
     keys = WHOLE.get(model)
     if keys is None or not texts or not all(texts) or isinstance(value, bool):
         return None

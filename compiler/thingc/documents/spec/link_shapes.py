@@ -30,7 +30,7 @@ class LongSpec(Model):
     """A cylinder, or a capsule, along z."""
 
     radius: LengthField
-    """Of what is round."""
+    """Radius of the round cross-section."""
     length: LengthField
     """Along z; of a capsule without its round ends."""
 

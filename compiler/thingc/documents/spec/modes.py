@@ -111,7 +111,7 @@ class ModeSpec(Model):
     cut: list[JointPattern] | None = Field(default=None, examples=[["rear_knee"]])
     """The joints at which loops are cut, globs allowed."""
     simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "1 ms"}])
-    """How simulators step in this mode, over what the document says."""
+    """Simulation settings of this mode, which override those of the document."""
     extends: ModeField | None = None
     """Another mode that this one is merged over."""
     allow: Allow = allow()

@@ -33,7 +33,7 @@ FileName = Annotated[str, FieldValidator(_file_name, "a name in files", _FILE_NA
 
 
 class NamesSpec(Model):
-    """What files call things, where that is no name of a document, or another one: such as the names of a robot that was imported."""
+    """Names in files that differ from those in the document, or are not valid there, such as those of an imported robot."""
 
     components: dict[OwnComponentKey, FileName] = Field(default={}, examples=[{"left_arm": "left-arm"}])
     """Components, and with them the links that are called after them."""

@@ -85,27 +85,27 @@ class SensorSpec(Model):
         default=None, alias="in", description="Of a `pose` or a `twist` the mount that it is seen from; the world unless written.",
     )
     joint: JointField | None = None
-    """Of a `joint` sensor the joint, if it is not the one that is called like the sensor; of a `drive` the joint that it drives."""
+    """For a `joint` sensor, the joint (by default that with the name of the sensor); for a `drive`, the driven joint."""
     tendon: TendonField | None = None
     """A tendon of this document: that is measured, or whose drive is."""
     of: ComponentField | None = None
-    """Of a `contact` the component whose link is touched."""
+    """For a `contact`, the component whose link is touched."""
     with_: ComponentField | None = Field(
         default=None, alias="with", description="Of a `contact` the component whose link touches it; anything unless written.",
     )
     volume: VolumeSpec | None = Field(default=None, examples=[{"sphere": {"radius": "10 mm"}}])
-    """Of a `touch` sensor where contacts of its link count: a shape about the mount."""
+    """For a `touch` sensor, the volume about the mount in which contacts of its link count."""
     range: LengthField | None = Field(default=None, examples=["4 m"])
-    """Of a `rangefinder` how far it sees; without an end unless written."""
+    """For a `rangefinder`, the largest distance; unlimited by default."""
     fovy: AngleField | None = None
-    """Of a camera the angle of view from bottom to top; 45 deg unless written."""
+    """For a camera, the vertical field of view; 45 deg by default."""
     noise: ReadingField | dict[ReadingName, ReadingField] | None = Field(default=None, examples=["0.02 m/s^2", {"gyro": "0.001 rad/s"}])
     """The standard deviation of what is read; of several readings by their names."""
     cutoff: ReadingField | dict[ReadingName, ReadingField] | None = Field(default=None, examples=["160 m/s^2", {"gyro": "35 rad/s"}])
     """The largest absolute value that is read; of several readings by their names."""
 
     def said(self, key: SensorKey) -> Any:
-        """What is written under a key; None where nothing is."""
+        """Return the value of a key, or None."""
         return getattr(self, f"{key}_" if key in ("in", "with") else key)
 
     @model_validator(mode="after")

@@ -71,7 +71,7 @@ class TendonSpec(Model):
     )
     """The mounts that it goes through, with what it goes around between two of them, and pulleys; its length is that of the path."""
     width: LengthField | None = None
-    """Of one on a path how thick it is drawn."""
+    """For a tendon along a path, its diameter when drawn."""
     limit: TendonLimitSpec | None = Field(default=None, examples=[{"lower": "-10 mm", "upper": "25 mm"}])
     """Between which lengths it stays."""
     dynamics: DynamicsSpec | None = Field(default=None, examples=[{"stiffness": "200 N/m", "rest": "5 mm"}])

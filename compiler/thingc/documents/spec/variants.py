@@ -85,7 +85,7 @@ class ListedSpec(Model):
     parameters: dict[SettingField, AnyQuantityField] = Field(default={}, examples=[{"leg_length": "100 mm"}])
     """Values of parameters of the assembly, and of anything else in it by its path."""
     choices: dict[ChoicePathField, ChoiceField] = Field(default={}, examples=[{"components.foot.part": "minchw.foot:WideFoot"}])
-    """Parts, assemblies and materials, by where they stand in the assembly."""
+    """Parts, assemblies and materials, by their path in the assembly."""
 
 
 Method = Literal["sobol", "lhs", "uniform"]
@@ -130,12 +130,13 @@ class VariantsSpec(Model):
     parameters: dict[SettingField, list[AnyQuantityField] | AxisSpec | AnyQuantityField] = Field(
         default={}, examples=[{"leg_length": ["80 mm", "100 mm"], "body_width": {"from": "60 mm", "to": "90 mm", "count": 4}}],
     )
-    """Of the assembly, by name, or anything else in it by path (`joints.elbow.limit.upper`): a list or a range is an axis of the
-    grid, a single value holds for all variants."""
+    """Values of parameters of the assembly, by name, or of other values by path (`joints.elbow.limit.upper`): a list or a range is an axis
+    of the grid, a single value applies to all variants.
+    """
     choices: dict[ChoicePathField, list[ChoiceField] | ChoiceField] = Field(
         default={}, examples=[{"components.foot.part": ["minchw.foot:Foot", "minchw.foot:WideFoot"]}],
     )
-    """Parts, assemblies, files and materials by where they stand in the assembly: a list is an axis of the grid."""
+    """Parts, assemblies, files and materials by their path in the assembly: a list is an axis of the grid."""
     list_: list[ListedSpec] = Field(
         default=[], alias="list", description="Variants written out, before those of the grid.",
         examples=[[{"name": "short", "parameters": {"leg_length": "80 mm"}}]],
@@ -157,7 +158,8 @@ class VariantsSpec(Model):
 
     layout: Literal["folders", "packed"] | None = None
     """`folders`: a folder for each variant; `packed`: 1024 variants in one file.
-    Unless written, packed where there are more than 2000."""
+    By default packed if there are more than 2000 variants.
+    """
 
     @model_validator(mode="after")
     def _one_source(self) -> VariantsSpec:

@@ -90,7 +90,12 @@ class NumpyTree:
 
 
 def quasi_random(count: int, dimensions: int) -> Array:
-    """Return `count` points in the unit cube, evenly distributed and the same in every run (count x dimensions)."""
+    """Return `count` points in the unit cube, evenly distributed and the same in every run (count x dimensions).
+
+    In one dimension they are equally spaced from end to end. Otherwise the corners of the cube come first, as far as they are at most a
+    quarter of the points, then the additive recurrence of the generalised golden ratio g, the root of g**(d + 1) = g + 1
+    (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
+    """
     if dimensions == 0:
         return np.zeros((1, 0))
     if dimensions == 1:

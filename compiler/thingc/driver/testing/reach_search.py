@@ -121,8 +121,8 @@ class ReachGoal(FrozenStruct):
 
 
 def nearest(robot: Robot, frame: Keyframe, target: ReachGoal) -> tuple[float, float, dict[str, float]] | None:
-    """The nearest that a mount gets to a point [m], how far off the direction it is there [rad], and the joints; None where the loops
-    close in no position that was tried.
+    """Return the smallest distance of a mount to a point [m], the deviation from the direction there [rad], and the joints; None if the
+    loops close in no position that was tried.
 
     Inverse kinematics within the joints' limits, by a trust-region least-squares method (scipy's `trf`) from the keyframe and from
     positions spread over the joint ranges, until one is near enough.

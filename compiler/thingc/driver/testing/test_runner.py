@@ -31,7 +31,10 @@ class Selection(FrozenStruct):
 
 
 def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result], None] = lambda result: None) -> list[Result]:
-    """Run the selected tests of `request.assembly`, in document order; `on_result` is called with each result."""
+    """Run the selected tests of `request.assembly`, in document order; `on_result` is called with each result.
+
+    Failures are reported in `request.report`, at the violated value. `request.robots` are the robots of its modes.
+    """
     results: list[Result] = []
     for linked in request.assembly.tests:
         if not selection.takes(linked):

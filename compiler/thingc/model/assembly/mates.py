@@ -1,5 +1,7 @@
 """Edges of the mate graph from `attach`, `at` and joints. Child mount B of C on parent mount A of P is
+
     X_PC = X_PA @ Rz(turn) @ Tz(gap) @ X_J(q + offset) @ MATE @ inv(X_CB)
+
 For a mirrored joint, X_J is between two half turns about x. For a joint with an `axis`, Rz, Tz and X_J are about this axis, without MATE.
 `at` places a component's frame directly: `X_PC = X_P,in @ X(xyz, rpy)`.
 """

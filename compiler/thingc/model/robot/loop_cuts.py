@@ -22,7 +22,7 @@ class CutPriority(NamedTuple):
     earlier: int
 
     def over(self, other: CutPriority) -> str:
-        """Describe why this mate is kept, and `other` is cut."""
+        """Describe why this mate stays in the tree, and `other` is cut."""
         first = next((name for name, mine, theirs in zip(CutPriority._fields, self, other, strict=True) if mine != theirs), "earlier")
         return _WORDS[first]
 

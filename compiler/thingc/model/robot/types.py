@@ -68,7 +68,9 @@ class Closure(OneLineRepr, FrozenStruct):
     """A loop that the tree leaves open: body `parent` (None: the world) and body `child` meet.
 
     With A a frame on the parent and B one on the child, it is closed if
+
         X_W,parent @ X_PA @ exp(twist_0 q_0) @ exp(twist_1 q_1) ... == X_W,child @ X_CB
+
     over the `joints` that were cut, their `twists` in A with the following coordinates at 0 and their offsets in `X_PA`. Without
     joints it is a weld; if it `turns`, only the origins of A and B meet. With `hold`, the world holds a mount: `path` is that of the mount,
     and B its frame; otherwise `path` is that of the joint. `name` is that of its equality in files, if specified.

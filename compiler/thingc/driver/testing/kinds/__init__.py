@@ -20,7 +20,11 @@ def _one_pose(check: Any, pose: NamedPose) -> Sequence[NamedPose]:
 
 
 class CheckRunner(FrozenStruct, Generic[Stated]):
-    """How to run tests of one kind."""
+    """How to run tests of one kind.
+
+    `measure(case, stated)` measures one case. `poses(stated, pose)` returns the poses of a case that is named after `pose`.
+    `finish(linked, outcomes, report)` receives all outcomes, if the test was run in all of its modes.
+    """
 
     measure: Callable[[TestCase, Stated], Outcome]
     poses: Callable[[Stated, NamedPose], Sequence[NamedPose]] = _one_pose

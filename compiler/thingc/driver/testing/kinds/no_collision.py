@@ -22,12 +22,12 @@ LISTED = 5
 
 
 def poses(check: CollisionCheck, pose: NamedPose) -> Sequence[NamedPose]:
-    """Of a sweep all of its positions."""
+    """Return all positions of a sweep, or the pose itself."""
     return swept(pose, check.ranges, check.samples) if check.ranges else [pose]
 
 
 def measure(case: TestCase, check: CollisionCheck) -> Outcome:
-    """Return the keyframes to check: one for a pose, or those of a sweep."""
+    """Measure gaps and overlaps in a pose, or at the positions of a sweep."""
     collisions = collisions_of(case.request)
     allowed = _allowed(case.linked, check)
     nearest: NearPair | None = None
