@@ -32,7 +32,7 @@ SCENES: tuple[tuple[str, float], ...] = (
 
 COLOURS = (
     (re.compile(r"^(error)(\[TC\d+\])"), "bad"), (re.compile(r"^\s+\|\s+\^+$"), "bad"), (re.compile(r"^\s+help: "), "good"),
-    (re.compile(r"mended|nothing is left"), "good"),
+    (re.compile(r"fixed `|no diagnostics left"), "good"),
 )
 """Lines that are coloured, as a terminal could."""
 
@@ -103,7 +103,7 @@ def svg(lines: list[Line]) -> str:
     newline = "\n"
     size = f'width="{width:.0f}" height="{height:.0f}"'
     return f"""<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width:.0f} {height:.0f}" role="img">
-<title>thingc in a terminal: a new robot, a slip that is found and mended, a build</title>
+<title>thingc in a terminal: a new robot, a slip that is found and fixed, a build</title>
 <style>
 {newline.join(rules)}
 text {{ font: 14px ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace; white-space: pre; fill: #e9edf1; }}

@@ -90,7 +90,7 @@ def test_a_store_that_cannot_be_written(folder: Path, capsys: pytest.CaptureFixt
     code, lines = said(capsys, "check", "robot.yaml", "--store", "store")
     assert code == 2
     assert lines[0].startswith(f"error[{Code.OUTPUT.code}]: the store ") and "cannot be used" in lines[0]
-    assert lines[1] == "  help: choose a folder that can be written with --store or THINGC_STORE"
+    assert lines[1] == "  help: choose a writable folder with --store or THINGC_STORE"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs a file whose reading fails for everybody")
@@ -124,7 +124,7 @@ def test_a_document_that_is_a_link_out_of_the_workspace(folder: Path, capsys: py
 def test_a_pipe_is_no_document_and_nobody_waits_for_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     os.mkfifo(folder / "pipe.yaml")
     assert said(capsys, "check", "pipe.yaml") == (2, [
-        "error[TC802]: `pipe.yaml` is no file that can be read again", "  help: name a document that is a file", "", "1 error",
+        "error[TC802]: `pipe.yaml` is not a regular file", "  help: name a regular file", "", "1 error",
     ])
     (folder / "robot.yaml").write_text("thingc: assembly/1\nname: two\ncomponents:\n  hand: {assembly: pipe.yaml}\n")
     code, lines = said(capsys, "check", "robot.yaml")
@@ -158,7 +158,7 @@ def test_a_document_is_meant_that_lies_elsewhere_in_the_workspace(
 @pytest.mark.parametrize("words", [("touched",), ("check", "--touched"), ("check", "--touched", "--fix")])
 def test_a_folder_is_no_file_that_has_changed(folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]) -> None:
     assert said(capsys, *words, "parts") == (2, [
-        "error[TC801]: `parts` is a folder, and files were expected", "  help: name the files that have changed, or write --all", "",
+        "error[TC801]: expected a file, found the folder `parts`", "  help: name the changed files, or write --all", "",
         "1 error",
     ])
 
@@ -227,7 +227,7 @@ def test_a_defect_of_the_compiler_is_called_one(
     (folder / "robot.yaml").write_text(GOOD + "# so that no earlier answer stands\n")
     code, lines = said(capsys, "check", "robot.yaml")
     assert code == 1
-    assert lines[0] == f"error[{Code.INTERNAL.code}]: thingc itself failed: ZeroDivisionError: division by zero"
+    assert lines[0] == f"error[{Code.INTERNAL.code}]: internal error: ZeroDivisionError: division by zero"
     assert not any("Traceback" in line for line in lines)
 
 

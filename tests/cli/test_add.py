@@ -217,11 +217,11 @@ def test_an_assembly_that_is_there_is_placed_and_stays(document: Path, capsys: p
     nested.write_text(LEG + "  tip: foot.sole\n")
     assert main(["add", "assembly", "legs/leg.yaml", "--to", document.name, "--on", "base.top", "--name", "x"]) == 2
     assert (
-        "which mount of `legs/leg.yaml` meets --on is not said\n  help: name it with --by (known mounts: `hip`, `tip`)"
+        "`legs/leg.yaml` has several mounts\n  help: name it with --by (known mounts: `hip`, `tip`)"
         in capsys.readouterr().out
     )
     assert main(["add", "assembly", "legs/leg.yaml"]) == 2
-    assert "`legs/leg.yaml` is there already\n  help: choose another name, or name the document that it is for" in capsys.readouterr().out
+    assert "`legs/leg.yaml` exists already\n  help: choose another name, or add it to a document" in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -261,10 +261,10 @@ def test_a_part_is_a_class_and_a_component(document: Path, capsys: pytest.Captur
         ("shelf:Board --on lid.top --by side --name x", "has no mount `side`"),
         ("shelf:Board --param lenght=10mm --name x", "did you mean `length`?"),
         ("shelf:Board", "has a component `board` already\n  help: choose another name with --name"),
-        ("shelf:Bord", "there is no part `shelf:Bord`\n  help: did you mean `shelf:Board`? With --new it is a class to begin with"),
+        ("shelf:Bord", "there is no part `shelf:Bord`\n  help: did you mean `shelf:Board`? To create a new class, add --new"),
         ("shelv:Board", "there is no part `shelv:Board`\n  help: did you mean `shelf:Board`?"),
         ("thingc_stock.wheels:Rim --on lid.top",
-         "which mount of `thingc_stock.wheels:Rim` meets --on is not said\n  help: name it with --by (known mounts: "),
+         "`thingc_stock.wheels:Rim` has several mounts\n  help: name it with --by (known mounts: "),
     ):
         before = document.read_bytes()
         assert main(["add", "part", *words.split(), "--to", document.name]) in (1, 2)
@@ -289,13 +289,13 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    ("mode x", "a mode belongs to a document\n  help: write for example `thingc add mode x --to robot.yaml`"),
-    ("mode x --to D --kind mass", "--kind is for a test, and this is a mode"),
-    ("part X --on base.top", "--on places it in the document that --to names\n  help: write --to as well"),
-    ("part X --to D --by bottom", "--by names what meets a mount, and which mount is not said\n  help: write --on as well"),
-    ("part X --to D --on base.top --at base.top", "--on and --at both say where it is\n  help: keep one of them"),
-    ("mode x --to D --name y", "--name is for a part or an assembly, and this is a mode"),
-    ("part old:Old", "`old:Old` is no part to begin with, and which document it is for is not said\n  help: write --to robot.yaml"),
+    ("mode x", "a mode requires a document\n  help: write for example `thingc add mode x --to robot.yaml`"),
+    ("mode x --to D --kind mass", "--kind applies to a test, not to a mode"),
+    ("part X --on base.top", "--on requires --to\n  help: write --to as well"),
+    ("part X --to D --by bottom", "--by requires --on\n  help: write --on as well"),
+    ("part X --to D --on base.top --at base.top", "--on cannot be combined with --at\n  help: keep one of them"),
+    ("mode x --to D --name y", "--name applies to a part or an assembly, not to a mode"),
+    ("part old:Old", "`old:Old` exists already; to place it, name a document\n  help: write --to robot.yaml"),
     ("part thingc_stock.servo:SG90 --to D", "there is no module `thingc_stock.servo`\n"),
     ("part thingc_stock.servos:SG9 --to D", "help: did you mean `thingc_stock.servos:SG90`?"),
     ("part parts/old.py:Old --to D", "help: did you mean `old:Old`?"),
@@ -303,32 +303,32 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
     ("part old:Old --to D", "error[TC405]"),
     ("mood x --to D", "expected `part`, `assembly`, `mode`, `joint` or `test`, found `mood` (did you mean `mode`?)"),
     ("test x --to D",
-     f"a test needs a --kind ({', '.join(f'`{kind}`' for kind in kinds())}); none is here\n  help: write for example `--kind mass`"),
+     f"expected --kind ({', '.join(f'`{kind}`' for kind in kinds())}); --kind is missing\n  help: write for example `--kind mass`"),
     ("test x --to D --kind mas", "found `mas`\n  help: did you mean `mass`?"),
-    ("joint x --to D", "a joint needs --parent and --child, two mounts\n  help: write for example `--parent base.top"),
+    ("joint x --to D", "a joint requires --parent and --child, two mounts\n  help: write for example `--parent base.top"),
     ("joint Wrist --to D --parent base.top --child arm.seat", "has a joint `wrist` already\n  help: choose another name"),
     ("joint x --to D --type hinge --parent a.b --child c.d", "expected `fixed`, `revolute`"),
     ("joint x --to D --parent base.top --child arm.seet", "error[TC303]"),
     ("joint x --to D --parent arm.end --child base.origin", "error[TC321]"),
     ("mode x --to D --root nothing", "error[TC302]"),
-    ("mode x --to D --standing-on arm.seat --root base", "`arm.seat` is the root of a mode that stands on it, and --root names another"),
+    ("mode x --to D --standing-on arm.seat --root base", "`arm.seat` is the root of a mode that stands on it, so --root must be omitted"),
     ("mode x --to D --standing-on arm.sole", "error[TC303]"),
-    ("part X --standing-on arm.seat", "--standing-on is for a mode, and this is a part"),
-    ("mode x-y --to D", "`x-y` is no name: a letter, then letters, digits and `_`\n  help: write for example `x_y`"),
+    ("part X --standing-on arm.seat", "--standing-on applies to a mode, not to a part"),
+    ("mode x-y --to D", "`x-y` is not a valid name: a letter, then letters, digits and `_`\n  help: write for example `x_y`"),
     ("mode x --to D --pose nowhere", "`nowhere`"),
     ("assembly root --to D", "error[TC"),
     ("assembly rover --to D", "` nests itself: rover."),
-    ("part class --to D", "`class` is a word of Python\n  help: name the module yourself: `thingc add part class_parts:Class`"),
-    ("part numpy", "`numpy` is a module that Python has already\n  help: name the module yourself: `thingc add part numpy_parts:Numpy`"),
-    ("part parts:None", "`None` is no name for a class of parts"),
-    ("part parts:Box", "`Box` is no name for a class of parts"),
+    ("part class --to D", "`class` is a keyword of Python\n  help: specify a module: `thingc add part class_parts:Class`"),
+    ("part numpy", "`numpy` is an installed Python module\n  help: specify a module: `thingc add part numpy_parts:Numpy`"),
+    ("part parts:None", "`None` is not available as the name of a class"),
+    ("part parts:Box", "`Box` is not available as the name of a class"),
     ("part Hand --to D", "has a component `hand` already"),
     ("part old:Old --new", "`parts/old.py` has a `Old` already"),
     ("part broken:New", "`parts/broken.py` cannot be read as Python: "),
     ("part New --to D --on base.bottom", "error[TC303]"),
     ("mode x --to missing.yaml", "error[TC802]"),
-    ("mode true --to D", "`true` is no name: YAML means something else by it"),
-    ("part away:New --to D", "`parts/away.py` leaves the workspace by a link\n  help: name another module"),
+    ("mode true --to D", "`true` is not a valid name: YAML reads it as another value"),
+    ("part away:New --to D", "`parts/away.py` is outside of the workspace (through a symbolic link)\n  help: use another module"),
 ])
 def test_what_cannot_be_added_is_said_and_nothing_is_written(
     words: str, said: str, document: Path, capsys: pytest.CaptureFixture[str],

@@ -29,11 +29,11 @@ def test_the_only_robot_is_taken(workspace: Path, monkeypatch: pytest.MonkeyPatc
         (other / name).write_text((workspace / name).read_text())
     assert main(["hag"]) == 0
     said = capsys.readouterr()
-    assert said.err == "taking robot.yaml, the only robot here\n" and said.out.startswith("robot\n")
+    assert said.err == "using robot.yaml, the only robot here\n" and said.out.startswith("robot\n")
     (workspace / "parts").mkdir()
     monkeypatch.chdir(workspace / "parts")
     assert main(["info", "--format", "json"]) == 0
-    assert capsys.readouterr().err == "taking ../robot.yaml, the only robot here\n"
+    assert capsys.readouterr().err == "using ../robot.yaml, the only robot here\n"
 
 
 def test_several_or_none_are_said(workspace: Path, capsys: Said) -> None:
@@ -47,7 +47,7 @@ def test_several_or_none_are_said(workspace: Path, capsys: Said) -> None:
         path.unlink()
     assert main(["view"]) == 2
     assert capsys.readouterr().err == (
-        "error[TC801]: missing: DOC, and there are no robots here\n  help: `thingc new NAME` makes a workspace with a robot\n\n1 error\n"
+        "error[TC801]: missing: DOC, and there are no robots here\n  help: run `thingc new NAME` to create one\n\n1 error\n"
     )
 
 
@@ -68,11 +68,11 @@ def test_what_a_broken_document_nests_is_no_robot(workspace: Path, capsys: Said)
     document = workspace / "robot.yaml"
     document.write_text(document.read_text() + "  bad: [\n")
     assert main(["info"]) == 1
-    assert capsys.readouterr().err.startswith("taking robot.yaml, the only robot here\nerror[TC103]")
+    assert capsys.readouterr().err.startswith("using robot.yaml, the only robot here\nerror[TC103]")
 
 
 def test_check_looks_at_all_of_the_folder(capsys: Said) -> None:
     assert main(["check"]) == 0
     assert capsys.readouterr().out.endswith("robot.yaml: ok\n4 documents checked, all ok\n")
     assert main(["check", "--touched"]) == 2
-    assert "missing: files that have changed\n  help: `git diff --name-only main...` names them" in capsys.readouterr().out
+    assert "missing: files that have changed\n  help: pass the output of `git diff --name-only main...`" in capsys.readouterr().out

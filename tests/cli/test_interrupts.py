@@ -15,7 +15,7 @@ import pytest
 from editor.language_server import wait_until
 from live.documents import write
 
-SAID = "interrupted; what was written is whole\n"
+SAID = "interrupted; all written files are complete\n"
 
 AT_AN_IMPORT = """\
 import signal, sys

@@ -219,13 +219,13 @@ WRONG = {
     "--mode adrift --pose x": "mode `adrift` of `assemblies/arm.yaml` has no pose `x`\n"
     "  help: known poses: `folded`, `home`, `stretched`, `writing`",
     "--mounts-of hnd.cap": "there is no component `hnd.cap`\n  help: did you mean `hand/cap`?",
-    "--size 640": "--size: expected WIDTHxHEIGHT from 16x16 to 8192x8192, found `640`\n  help: `thingc render --help` shows what it takes",
-    "--size 8x8": "--size: expected WIDTHxHEIGHT from 16x16 to 8192x8192, found `8x8`\n  help: `thingc render --help` shows what it takes",
-    "--azimuth north": "--azimuth: expected degrees from -360 to 360, found `north`\n  help: `thingc render --help` shows what it takes",
-    "--elevation 91": "--elevation: expected degrees from -90 to 90, found `91`\n  help: `thingc render --help` shows what it takes",
-    "--elevation nan": "--elevation: expected degrees from -90 to 90, found `nan`\n  help: `thingc render --help` shows what it takes",
+    "--size 640": "--size: expected WIDTHxHEIGHT from 16x16 to 8192x8192, found `640`\n  help: run `thingc render --help` for usage",
+    "--size 8x8": "--size: expected WIDTHxHEIGHT from 16x16 to 8192x8192, found `8x8`\n  help: run `thingc render --help` for usage",
+    "--azimuth north": "--azimuth: expected degrees from -360 to 360, found `north`\n  help: run `thingc render --help` for usage",
+    "--elevation 91": "--elevation: expected degrees from -90 to 90, found `91`\n  help: run `thingc render --help` for usage",
+    "--elevation nan": "--elevation: expected degrees from -90 to 90, found `nan`\n  help: run `thingc render --help` for usage",
     "-o arm.jpg": "-o: expected the name of a .png file, found `arm.jpg`\n  help: write for example -o arm.png",
-    "-o nowhere/arm.png": "-o: there is no folder `nowhere`\n  help: make the folder, or choose another one",
+    "-o nowhere/arm.png": "-o: there is no folder `nowhere`\n  help: create the folder, or choose another one",
 }
 
 

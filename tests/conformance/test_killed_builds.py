@@ -109,7 +109,7 @@ def test_an_interrupted_build_leaves_nothing(scene: Scene, tmp_path: Path) -> No
     process.send_signal(signal.SIGINT)
     said = process.stderr.read().decode()
     ended(process, scene.mark(tmp_path / "out"))
-    assert (process.returncode, "Traceback" in said) == (130, False) and "interrupted; what was written is whole" in said, said
+    assert (process.returncode, "Traceback" in said) == (130, False) and "interrupted; all written files are complete" in said, said
     assert not (tmp_path / "out" / "rig").exists()
 
 

@@ -96,7 +96,7 @@ def test_what_must_not_change(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     said(capsys, old, new, "--store", shared_store, "--fail-on", "mass", code=1)
     assert "test light" not in said(capsys, old, new, "--store", shared_store, "--no-tests", "--fail-on", "tests")
     err = said(capsys, old, new, "--fail-on", "jionts", code=2)
-    assert "--fail-on: expected what may change, found `jionts`" in err and "did you mean `joints`?" in err
+    assert "--fail-on: expected a kind of change, found `jionts`" in err and "did you mean `joints`?" in err
 
 
 def test_a_comment(tmp_path: Path, capsys: pytest.CaptureFixture[str], shared_store: str) -> None:
@@ -127,7 +127,7 @@ def test_a_side_that_does_not_compile(repository: Path, capsys: pytest.CaptureFi
     (["main", "--", "crain.yaml"], "there is no document `crain.yaml` in main or working tree", "did you mean `robots/crane.yaml`?"),
     (["main", "longer", "HEAD"], "expected two sides, found 3 words", "documents that are compared in two revisions follow `--`"),
     (["main", "--", "crane.yaml", "--format"], "there is no document `--format` in main or working tree", "known documents:"),
-    ([".", "crane.yaml"], "`.` is a folder without a manifest.json: no build", "name a folder that `thingc build` has written"),
+    ([".", "crane.yaml"], "the folder `.` is not a build folder: it has no manifest.json", "name a build folder or a document"),
     (["crane.yaml", "cabin.yaml", "--", "crane.yaml"], "documents behind `--` are those of revisions", "thingc diff OLD.yaml NEW.yaml"),
 ])
 def test_words_that_are_no_sides(
@@ -141,5 +141,5 @@ def test_without_a_repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, c
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
     err = said(capsys, "main", code=2)
-    assert "`main` is no file or folder here, and no revision: fatal: not a git repository" in err
+    assert "`main` is not a file, a folder or a revision: fatal: not a git repository" in err
     assert "name two documents, or run this in a git repository" in err

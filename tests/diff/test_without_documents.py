@@ -104,10 +104,10 @@ def test_build_folders(tmp_path: Path, capsys: pytest.CaptureFixture[str], monke
     assert "not compared: parameters, mates, limits" in capsys.readouterr().out
     monkeypatch.chdir(tmp_path / "old")
     assert main(["diff", "build", "crane.yaml"]) == 2
-    assert "`build` is a folder without a manifest.json: no build" in (said := capsys.readouterr().err)
+    assert "the folder `build` is not a build folder: it has no manifest.json" in (said := capsys.readouterr().err)
     assert "did you mean `build/crane`?" in said
     (build / "manifest.json").write_text("[]")
     assert main(["diff", str(build), str(new)]) == 2
-    assert "manifest.json` is no build of this thingc" in capsys.readouterr().err
+    assert "manifest.json` was not built by this version of thingc" in capsys.readouterr().err
     assert main(["diff", str(build), str(LOCKED / "parts.lock.json")]) == 2
     assert "one is a build folder, the other a lock" in capsys.readouterr().err

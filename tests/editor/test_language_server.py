@@ -53,7 +53,7 @@ def test_part_offers_the_things_in_reach_with_their_docstrings(server: LanguageS
     offered = server.complete(ARM, edited(arm, "  bracket: {part: arm:YawPitchBracket}", "  bracket:\n    part: |"))
     assert said(offered["arm:BasePlate"]).startswith("A square plate with two walls that hold the yaw servo by its sides")
     assert "e-Manual (emanual.robotis.com" in said(offered["thingc_stock.dynamixel:XM430"])
-    assert "a joint's `drive` may name it" in said(offered["thingc_stock.dynamixel:XM430"])
+    assert "use it in `drive` of a joint" in said(offered["thingc_stock.dynamixel:XM430"])
     assert "minchw.leg:Foot" in offered
     assert not any("XSeries" in name for name in offered), "a base class is no part"
 

@@ -100,9 +100,9 @@ def test_every_reference_inside_leads_somewhere(workspace: Path) -> None:
 
 def test_nothing_changed_nothing_written(small: Path, shared_store: str) -> None:
     first = thingc(small, shared_store, "schema")
-    assert first.startswith(".thingc/schema: schemas of 2 documents: 2 written, 0 as they were\n")
+    assert first.startswith(".thingc/schema: schemas of 2 documents: 2 written, 0 unchanged\n")
     files = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in small.rglob("*") if path.is_file()}
-    assert thingc(small, shared_store, "schema") == ".thingc/schema: schemas of 2 documents: 0 written, 2 as they were\n"
+    assert thingc(small, shared_store, "schema") == ".thingc/schema: schemas of 2 documents: 0 written, 2 unchanged\n"
     assert files == {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in small.rglob("*") if path.is_file()}
     shutil.rmtree(small / ".thingc")
     thingc(small, shared_store, "schema")
@@ -177,7 +177,7 @@ def test_a_document_that_is_not_well_formed_keeps_its_last_schema(small: Path, s
     before = (small / ".thingc/schema/small.yaml.json").read_bytes()
     (small / "small.yaml").write_text(PLAIN + "joints: {turn: [\n")
     printed = thingc(small, shared_store, "schema")
-    assert "small.yaml: not well-formed just now; it keeps its last schema" in printed
+    assert "small.yaml: not well-formed; its last schema stays" in printed
     assert (small / ".thingc/schema/small.yaml.json").read_bytes() == before
 
 
@@ -210,7 +210,7 @@ def test_no_model_starts_no_kernel(small: Path, tmp_path_factory: pytest.TempPat
 
 def test_one_document_alone(small: Path, shared_store: str) -> None:
     (small / "other.yaml").write_text(PLAIN.replace("small", "other"))
-    assert thingc(small, shared_store, "schema", "other.yaml") == ".thingc/schema: schemas of 1 document: 1 written, 0 as they were\n"
+    assert thingc(small, shared_store, "schema", "other.yaml") == ".thingc/schema: schemas of 1 document: 1 written, 0 unchanged\n"
     assert not (small / ".thingc/schema/small.yaml.json").exists()
 
 

@@ -98,10 +98,10 @@ def test_losses_are_those_of_the_targets_that_are_asked_for(
 
 
 @pytest.mark.parametrize(("counts", "words"), [
-    ({CARRIED: 4}, "4 things kept in its files as custom data"), ({CARRIED: 1}, "1 thing kept in its files as custom data"),
-    ({"omitted": 1}, "1 thing it cannot say (1 omitted)"),
+    ({CARRIED: 4}, "4 features stored in its files as custom data"), ({CARRIED: 1}, "1 feature stored in its files as custom data"),
+    ({"omitted": 1}, "1 feature it cannot express (1 omitted)"),
     ({"omitted": 1, "approximated": 2, CARRIED: 4},
-     "3 things it cannot say (1 omitted, 2 approximated), 4 kept in its files as custom data"),
+     "3 features it cannot express (1 omitted, 2 approximated), 4 stored in its files as custom data"),
 ])
 def test_what_is_in_the_files_is_counted_apart(counts: dict[str, int], words: str) -> None:
     assert unsaid(counts) == words
@@ -130,7 +130,7 @@ def test_losses_that_are_alike_are_one_line(tmp_path: Path, shared_store: str, c
 
 @pytest.mark.parametrize(("words", "said"), [
     (["--emit", ""], "`--emit` names no target"), (["--emit", ","], "`--emit` names no target"),
-    (["--emit", "urdf", "--compat", "mjx"], "`--compat` is about MuJoCo models, which `--emit` leaves out"),
+    (["--emit", "urdf", "--compat", "mjx"], "`--compat` requires MuJoCo models, but `--emit` does not include `mjcf`"),
 ])
 def test_a_command_line_that_asks_for_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str) -> None:
     (tmp_path / "r.yaml").write_text(SCREW)

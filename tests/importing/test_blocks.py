@@ -66,7 +66,7 @@ def test_what_is_lost_has_its_line_and_its_reason(imported: Imported) -> None:
         (41, "sensor `laser`", "there is no sensor `ray`"),
         (44, '`<gazebo reference="hnad">`', "there is no such link or joint"),
         (45, "`<plugin>` of `<gazebo>`", "it is a program of Gazebo"),
-        (49, "`<mechanicalReduction>` -50", "what drives a joint is told as it is at the joint"),
+        (49, "`<mechanicalReduction>` -50", "drives are specified at the joint"),
         (52, "`<hardware>` of `<ros2_control>`", "it is a program of ROS"),
         (53, "that joint `wrist` is commanded by its position", "the gains are its controller's: it has a motor"),
         (54, "the bounds of what is commanded of joint `wrist`", "its own limits hold"),
@@ -105,7 +105,7 @@ def test_a_joint_that_mimics_none_moves_by_itself_and_is_a_warning(tmp_path: Pat
     path.write_text(re.sub('<mimic joint="', '<mimic joint="no_', text, count=1))
     imported = import_robot(str(path), report)
     assert imported is not None and [(one.code.code, one.span.line) for one in report.diagnostics if one.span] == [("TC955", line)]
-    assert "it moves by itself here" in report.diagnostics[0].message and "did you mean" in (report.diagnostics[0].help or "")
+    assert "it moves independently" in report.diagnostics[0].message and "did you mean" in (report.diagnostics[0].help or "")
     assert [loss.why for loss in imported.losses if "mimics" in loss.what] == ["there is no such joint that moves: it moves by itself"]
     alone = [joint for one in imported.robot.hangings for joint in one.joints if joint.follows is None]
     assert len(alone) == len([joint for one in imported.robot.hangings for joint in one.joints]) - text.count("<mimic") + 1
@@ -126,5 +126,5 @@ def test_what_drives_a_joint_that_is_not_there_is_a_warning_and_a_loss(block: st
         (joint,) = (joint for one in imported.robot.hangings for joint in one.joints)
         warned = [(one.message, one.help, one.span and one.span.line) for one in report.diagnostics]
         found.append((joint.drive is not None, warned, [loss.what for loss in imported.losses if "drives" in loss.what]))
-    said = ("this drives joint `yah`, and there is none", "did you mean `yaw`?", 2)
+    said = ("this drives joint `yah`, which does not exist", "did you mean `yaw`?", 2)
     assert found == [(True, [], []), (False, [said], ["what drives joint `yah`"])]

@@ -86,7 +86,7 @@ def test_those_that_are_not_there_are_said_or_left_out(robot: Path) -> None:
     report = Report()
     assert import_robot(str(robot), report) is None
     assert [(d.code.code, d.span.line, d.message.partition(";")[0]) for d in report.ordered() if d.span is not None] == [
-        ("TC956", 5, "`package://lamp/part.abc` is no mesh that is read: `.stl`, `.obj`, `.dae`, `.ply`, `.glb`"),
+        ("TC956", 5, "`package://lamp/part.abc` is not a supported mesh: `.stl`, `.obj`, `.dae`, `.ply`, `.glb`"),
         ("TC956", 6, "there is no file `../meshes/c/copy.stl`"),
     ]
     report = Report()

@@ -288,7 +288,7 @@ def test_what_mujoco_warns_of_is_judged_by_link(tmp_path: Path) -> None:
         assert import_robot(str(tmp_path / "robot.xml"), report) is None
     assert [
         one.message for one in report.diagnostics
-    ] == ["link `tip` moves, and cannot: its smallest moment of inertia is 4e-15 kg m^2, and simulators want 1e-14"]
+    ] == ["link `tip` moves, and cannot: its smallest moment of inertia is 4e-15 kg m^2, but simulators require 1e-14"]
 
 
 def test_thousands_of_things_take_no_longer_each_than_ten(tmp_path: Path) -> None:

@@ -159,7 +159,7 @@ def test_mesh_root_of_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     ("package:///none.stl", "there is no file `package:///none.stl`; looked for"),
     ("package://..", "`package://..` leads out of the robot's folder"),
     ("package://lamp/a.stl", "there is no package `lamp`; looked for"),
-    ("../meshes", "`../meshes` is no file"),
+    ("../meshes", "`../meshes` is not a file"),
     ("../meshes/none.stl", "there is no file `../meshes/none.stl`; looked for"),
     ("https://example.org/a.stl", "`https://example.org/a.stl` is not a file of this machine"),
 ])

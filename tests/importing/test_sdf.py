@@ -261,7 +261,7 @@ def test_a_screw_closes_no_loop_that_another_joint_can(tmp_path: Path) -> None:
     assert [loop.name for loop in found.robot.loops] == ["l"]
     compiled(found, tmp_path)
     found, report = read(tmp_path, sdf("".join(screws.values())))
-    assert found is None and [one.message for one in report.diagnostics] == ["the loop that joint `m` closes has screws only"]
+    assert found is None and [one.message for one in report.diagnostics] == ["all joints of the loop that joint `m` closes are screws"]
 
 
 def test_what_is_built_of_screws_and_universal_joints_comes_in_again(tmp_path: Path) -> None:
@@ -283,7 +283,7 @@ def test_what_is_built_of_screws_and_universal_joints_comes_in_again(tmp_path: P
 
 
 @pytest.mark.parametrize(("text", "code", "line", "message"), [
-    ("<robot/>", "TC951", 1, "an SDF file begins with `<sdf>`, and this one with `<robot>`"),
+    ("<robot/>", "TC951", 1, "an SDF file begins with `<sdf>`, but this one begins with `<robot>`"),
     (sdf(CHAIN, "2.0"), "TC952", 1, "`version` of `<sdf>`: expected 1.4 to 1.12, found `2.0`"),
     ("<sdf version='1.9'>\n</sdf>", "TC953", 1, "expected one model that is not static, found none"),
     ("<sdf version='1.9'><model name='a'/>\n<model name='b'/></sdf>", "TC953", 2, "expected one model that is not static, found `a`, `b`"),
@@ -296,21 +296,21 @@ def test_what_is_built_of_screws_and_universal_joints_comes_in_again(tmp_path: P
     (sdf(CHAIN + "<include/>"), "TC952", 9, "`<include>` has no `uri`"),
     (sdf(joint("j", "a", "b", "universal") + REST), "TC952", 6, "this joint is `universal` and has no `<axis2>`"),
     (sdf(joint("j", "a", "b", "screw") + REST), "TC952", 6, "`<joint>` has no `screw_thread_pitch`"),
-    (sdf(joint("j", "a", "b", "gearbox") + REST), "TC952", 6, "`gearbox` is no kind of joint that is read"),
-    (sdf(CHAIN + joint("o", "a", "z")), "TC952", 9, "`z` is no link, joint, frame or model here"),
+    (sdf(joint("j", "a", "b", "gearbox") + REST), "TC952", 6, "joints of type `gearbox` are not supported"),
+    (sdf(CHAIN + joint("o", "a", "z")), "TC952", 9, "there is no link, joint, frame or model `z` here"),
     (sdf(joint("j", "a", "b") + joint("k", "b", "c")), "TC953", 5, "the robot has 2 roots, links that hang on no other: `a`, `d`"),
     (sdf(CHAIN + "<frame name='f'><pose relative_to='g'/></frame>\n<frame name='g'><pose relative_to='f'/></frame>"), "TC953", 9,
-     "poses are stated in one another, in a circle: `f` -> `g` -> `f`"),
+     "poses are relative to each other in a cycle: `f` -> `g` -> `f`"),
     (sdf(CHAIN + "<frame name='a'/>"), "TC953", 9, "two of this model are called `a`"),
     (sdf(CHAIN + "<frame name='f'><pose>0 0 nan 0 0 0</pose></frame>"), "TC952", 9,
      "`pose` of `<frame>`: expected 6 numbers with spaces between, all of them finite, found `nan`"),
-    (sdf(joint("j", "a", "b", "hinge") + REST), "TC952", 6, "`hinge` is no kind of joint that SDF has"),
+    (sdf(joint("j", "a", "b", "hinge") + REST), "TC952", 6, "SDF has no joint type `hinge`"),
     (sdf(joint("j", "a", "b", axis="<xyz>0 0 0</xyz>") + REST), "TC952", 6,
-     "the axis of this joint is 0 0 0, which is no direction"),
+     "the axis of this joint is 0 0 0, which is not a direction"),
     (sdf(joint("j", "a", "b", axis="<xyz>0 0 1</xyz><limit><lower>2</lower><upper>1</upper></limit>") + REST),
      "TC952", 6, "`lower` is 2 and above `upper`, 1"),
     (sdf(joint("j", "a", "b", axis="<xyz>0 0 1</xyz><mimic joint='q'/>") + REST), "TC952", 6,
-     "joint `j` mimics `q`, which is no joint that moves"),
+     "joint `j` mimics `q`, which is not a moving joint"),
 ])
 def test_what_is_wrong_is_said_at_its_line(text: str, code: str, line: int, message: str, tmp_path: Path) -> None:
     found, report = read(tmp_path, text)

@@ -65,7 +65,7 @@ def test_one_bound_of_a_limit_changes_alone(lamp: Path, capsys: Said, before: st
         Path("lamp.urdf").write_text(URDF.replace('lower="-1" upper="1"', f'lower="{lower}" upper="{upper}"'))
         capsys.readouterr()
         assert main(["import", "lamp.urdf", "--update"]) == 0
-    assert f"taken over: 1 change of the source\n  joints.lift.limit.{said}\n" in capsys.readouterr().out
+    assert f"merged: 1 change of the source\n  joints.lift.limit.{said}\n" in capsys.readouterr().out
 
 
 def test_another_robot_does_not_take_its_place(lamp: Path, capsys: Said) -> None:
@@ -73,7 +73,7 @@ def test_another_robot_does_not_take_its_place(lamp: Path, capsys: Said) -> None
     Path("desk.urdf").write_text(URDF.replace('name="lamp"', 'name="desk"'))
     assert main(["import", "desk.urdf", "-o", "lamp"]) == 2
     said = capsys.readouterr().err
-    told = "error[TC805]: `lamp` has been imported from another file, `lamp.urdf` with the robot `lamp`\n  help: choose another folder"
+    told = "error[TC805]: `lamp` was imported from another file, `lamp.urdf` with the robot `lamp`\n  help: choose another folder"
     assert told in said
     Path("scene.urdf").write_text(URDF)
     assert main(["import", "scene.urdf"]) == 2 and told in capsys.readouterr().err, "of the same name"
@@ -104,10 +104,10 @@ def test_each_keeps_what_it_has_changed(lamp: Path, capsys: Said) -> None:
     assert "\nmounts:" not in text and "  tip: {root: tip, base: held}\n" in text, "--root is as it was"
     told = capsys.readouterr().out
     assert "taken over: " in told and "  components.upper_arm.mass: 500 g -> 600 g\n" in told and "  joints.lift.limit.lower: " in told
-    assert "yours, and left as they are: 2\n  components.foot.mass\n  modes.flying\n" in told
+    assert "your edits, preserved: 2\n  components.foot.mass\n  modes.flying\n" in told
     assert set(mine.splitlines()) - set(text.splitlines()) < set(mine.splitlines())
     assert main(["check", str(lamp)]) == 0
-    assert main(["import", "lamp.urdf", "--update"]) == 0 and "the source has changed nothing" in capsys.readouterr().out
+    assert main(["import", "lamp.urdf", "--update"]) == 0 and "no changes in the source" in capsys.readouterr().out
     assert lamp.read_text() == text
 
 
@@ -140,18 +140,18 @@ def test_a_document_that_nobody_has_edited_is_written_anew(lamp: Path, capsys: S
     edit(lamp, ("mass: 2 kg", "mass: 2.5 kg"))
     assert main(["import", "lamp.urdf"]) == 2
     said = capsys.readouterr().err
-    assert "what was imported has been changed since, and is left as it is: `lamp/lamp.yaml`\n  help: `--update` merges" in said
+    assert "imported files have changed since and were not overwritten: `lamp/lamp.yaml`\n  help: merge with `--update`" in said
 
 
 def test_meshes_are_merged_by_file(lamp: Path, capsys: Said) -> None:
     mesh = lamp.parent / "meshes" / "arm.stl"
     mesh.write_text(MESH.format(5))
     assert main(["import", "lamp.urdf", "--update"]) == 0
-    assert "yours, and left as they are: 1\n  meshes/arm.stl\n" in capsys.readouterr().out and mesh.read_text() == MESH.format(5)
+    assert "your edits, preserved: 1\n  meshes/arm.stl\n" in capsys.readouterr().out and mesh.read_text() == MESH.format(5)
     Path("arm.stl").write_text(MESH.format(2))
     assert main(["import", "lamp.urdf", "--update"]) == 1
     said = capsys.readouterr()
-    assert "`meshes/arm.stl` was changed here, and in the source: it stays as it is here" in said.err and "changed nothing" not in said.out
+    assert "`meshes/arm.stl` has changed both here and in the source: your version stays" in said.err and "changed nothing" not in said.out
     mesh.write_text(MESH.format(2))
     edit(Path("lamp.urdf"), ('<visual><geometry><mesh filename="arm.stl"/></geometry></visual>', ""))
     assert main(["import", "lamp.urdf", "--update"]) == 0

@@ -89,7 +89,7 @@ def test_check_writes_nothing_and_says_what_would_be_lost(
     monkeypatch.chdir(tmp_path)
     assert main(["import", str(HERE / "robots" / "shapes.urdf"), "--check"]) == 0
     assert capsys.readouterr().out == (
-        "3 links and 1 joint of shapes.urdf would be kept\nshapes.urdf:9: lost: a `<sphere>`: it has no volume\n"
+        "would import 3 links and 1 joint of shapes.urdf\nshapes.urdf:9: lost: a `<sphere>`: it has no volume\n"
     )
     assert main(["import", str(HERE / "wrong" / "inertias.urdf"), "--check", "--repair", "inertia=nearest"]) == 0
     assert "inertias.urdf:3: repaired: the weight of link `arm` (nearest)\n" in capsys.readouterr().out

@@ -62,7 +62,7 @@ def test_an_argument_that_only_yaml_uses(bot: Path) -> None:
     ("arm.xacro", '"${mass}"', '"${mas}"', "name 'mas' is not defined", 5),
     ("arm.xacro", 'link="base"', 'link="bse"', "the parent of joint `left_shoulder` is the link `bse`", 9),
     ("arm.xacro", 'ixx="0.01"', 'ixx="${side}"', "`ixx` of `<inertia>`: expected a number, found `left`", 6),
-    ("arm.xacro", "</inertial>", "", "this is no well-formed XML: mismatched tag", 8),
+    ("arm.xacro", "</inertial>", "", "this is not well-formed XML: mismatched tag", 8),
     ("bot.urdf.xacro", "arm.xacro", "leg.xacro", "no such file or directory", 5),
     ("bot.urdf.xacro", "$(find xacro_bot)/urdf", "$(find other)", "there is no package `other`; looked for", 5),
     ("bot.urdf.xacro", "$(arg arms)", "$(arg legs)", "legs", 10),
@@ -215,6 +215,6 @@ def test_an_include_outside_of_the_robot_is_not_read(bot: Path, tmp_path: Path) 
     bot.write_text(bot.read_text().replace("$(find xacro_bot)/urdf/arm.xacro", str(other)))
     imported, said = read(bot)
     assert imported is None and f"cannot read `{other}`: it is outside the robot's folder and all known packages" in said[0].message
-    assert said[0].help == "`--package NAME=DIR` allows to read a folder" and said[0].span is not None and said[0].span.line == 5
+    assert said[0].help == "to allow reading a folder, use `--package NAME=DIR`" and said[0].span is not None and said[0].span.line == 5
     report = Report()
     assert import_robot(str(bot), report, packages={"theirs": str(other.parent)}) is not None and not report.failed

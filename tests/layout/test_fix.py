@@ -97,7 +97,7 @@ def test_a_slip_is_mended_to_the_last_byte(tmp_path: Path, right: str, wrong: st
         slip = text.replace(right, wrong, 1)
         assert fixed(tmp_path, slip) == (0, text), capsys.readouterr().out
         said = capsys.readouterr().out
-        assert "mended `" in said and "1 place mended, nothing is left" in said
+        assert "fixed `" in said and "1 place fixed, no diagnostics left" in said
 
 
 @pytest.mark.parametrize(("right", "wrong"), [
@@ -177,8 +177,8 @@ def test_what_hides_behind_a_fault_is_mended_in_the_same_run(tmp_path: Path, cap
     said = capsys.readouterr().out
     assert code == 1 and text == ROBOT.replace("gap: 1.5 mm", "gap: 1.5")
     assert said.startswith(
-        "robot.yaml:4: mended `componets` -> `components`\n"
-    ) and "robot.yaml:8: mended `frme` -> `frame`\n" in said and "robot.yaml:13: mended `palte` -> `plate`\n" in said
+        "robot.yaml:4: fixed `componets` -> `components`\n"
+    ) and "robot.yaml:8: fixed `frme` -> `frame`\n" in said and "robot.yaml:13: fixed `palte` -> `plate`\n" in said
     assert "TC206" in said and said.endswith("1 error\n")
 
 
@@ -193,7 +193,7 @@ def test_diff_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert fixed(tmp_path, slip, "--diff") == (0, slip)
     said = capsys.readouterr().out
     assert "\n-  pusher: {frame: true, mass: 12 g, com: 0 0 1 mm, colision: hull, " in said and "\n+  pusher: " in said
-    assert said.endswith("1 place would be mended, 0 diagnostics would be left\n")
+    assert said.endswith("1 place would be fixed, 0 diagnostics would be left\n")
     assert main(["check", "--format", "json", "robot.yaml"]) == 1
     (diagnostic,) = json.loads(capsys.readouterr().out)["diagnostics"]
     assert diagnostic["fixes"] == [{

@@ -307,7 +307,7 @@ def test_an_id_of_a_batch_is_the_variant_of_its_table(here: Path, capsys: pytest
         f"parameters.load: 4 kg -> 2 kg\njoints.lift.limit.upper: 45 deg -> 90 deg\n{_now(capsys, 1)} is what arm.yaml says\n", ""
     )
     assert main(["batch", "sweep.yaml", "--adopt", "sweep_3"]) == 0
-    assert capsys.readouterr().err == "sweep_3 does not keep the rule `mass < 3.5 kg`\n"
+    assert capsys.readouterr().err == "sweep_3 violates the rule `mass < 3.5 kg`\n"
     (here / "arm.yaml").write_text((here / "arm.yaml").read_text().replace("value: 100 mm", "value: 110 mm"))
     before = (here / "arm.yaml").read_text()
     assert main(["batch", "sweep.yaml", "--adopt", ids["sweep_1"]]) == 2

@@ -266,7 +266,7 @@ def test_builds_and_wrong_command_lines(
     code, said = run("view", "wrong.yaml", "--no-open", "--against", "wrong.yaml")  # as it is now is nothing
     assert code == 1 and "TC601" in said and "wrong.yaml:23:16" in said
     code, said = run("view", ".", "--no-open")
-    assert code == 2 and "`.` is a folder without a build" in said and "`robot.yaml`" in said
+    assert code == 2 and "there is no build in the folder `.`" in said and "`robot.yaml`" in said
     assert run("build", "robot.yaml", "--emit", "bom")[0] == 0
     for folder in ("build/robot", "build"):
         code, said = run("view", folder, "--no-open")
@@ -276,14 +276,14 @@ def test_builds_and_wrong_command_lines(
         assert run("view", folder, "--no-open") == (0, "build/robot/html/robot.html\n")
     for words in (("--mode", "bench"), ("--port", "4000"), ("--against", "robot.yaml"), ("-p", "reach=1 m"), ("--editor", "x:{file}")):
         code, said = run("view", "build/robot", "--no-open", *words)
-        assert code == 2 and f"{words[0]} is about documents, and `build/robot` is a build" in said
+        assert code == 2 and f"{words[0]} applies to documents, but `build/robot` is a build" in said
     shutil.copytree(tmp_path / "build/robot", tmp_path / "build/again")
     code, said = run("view", "build", "--no-open")
-    assert code == 2 and "`build` holds 2 builds" in said and "name one of them: known builds: `build/again`, `build/robot`" in said
+    assert code == 2 and "`build` contains 2 builds" in said and "name one of them: known builds: `build/again`, `build/robot`" in said
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         code, said = run("view", "robot.yaml", "--no-open", "--port", str(port))
-        assert code == 2 and f"port {port} cannot be had: Address already in use" in said
+        assert code == 2 and f"cannot use port {port}: Address already in use" in said
     code, said = run("view", "robot.yaml", "--port", "0")
     assert code == 2 and "expected a port from 1 to 65535, found `0`" in said
 

@@ -53,7 +53,7 @@ class Watching:
                 [sys.executable, "-P", "-m", "thingc", "watch", document.name, *words], cwd=self.folder, stdout=stream, stderr=stream,
                 env={**os.environ, "THINGC_STORE": store},
             )
-        assert self.says("Ctrl-C ends it"), self.text()
+        assert self.says("press Ctrl-C to stop"), self.text()
 
     def text(self) -> str:
         return self.printed.read_text()
@@ -74,7 +74,7 @@ def watching(tmp_path: Path, shared_store: str) -> Iterator[Watching]:
 
 def test_lines(watching: Watching) -> None:
     """A build, a save, one that fails, one that mends it, one that means the same; then Ctrl-C."""
-    assert watching.text() == "build/robot: 6 files; 0 parts modelled, 0 reused\nwatching; Ctrl-C ends it\n"
+    assert watching.text() == "build/robot: 6 files; 0 parts modelled, 0 reused\nwatching; press Ctrl-C to stop\n"
     robot = watching.folder / "robot.yaml"
     robot.write_text(ROBOT.replace("120 deg", "125 deg"))
     watching.says(" s\n")
@@ -180,7 +180,7 @@ def test_it_begins_with_a_document_that_is_wrong(tmp_path: Path, shared_store: s
     document.write_text(ROBOT.replace("poses:", "poses: ["))
     watching = Watching(document, shared_store, "--emit", "bom")
     try:
-        assert watching.text().endswith("\n1 error\nnothing is built yet; watching; Ctrl-C ends it\n")
+        assert watching.text().endswith("\n1 error\nnothing is built yet; watching; press Ctrl-C to stop\n")
         document.write_text(ROBOT)
         assert watching.says("build/robot: 3 files; 0 parts modelled, 0 reused")
         assert " robot.yaml: built in " in watching.text()

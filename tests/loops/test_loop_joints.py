@@ -120,7 +120,7 @@ def test_limits_stay_in_the_tree_and_info_says_why_a_loop_is_cut_where_it_is(fou
         "    through drive, which is driven",
         "    through pivot, which has limits",
     ]
-    assert told(fourbar, "other")[1:] == ["    through drive, elbow, wrist: cut where the mode says"]
+    assert told(fourbar, "other")[1:] == ["    through drive, elbow, wrist: cut as the mode specifies"]
     assert mode_data(fourbar.robot("bench"))["loops"] == [
         {"cut": "wrist", "through": {"elbow": "places its child", "drive": "is driven", "pivot": "has limits"}},
     ]

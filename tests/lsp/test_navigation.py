@@ -187,7 +187,7 @@ REFUSED = {
     ("walker.yaml", "as: |k}", "half"): "there is a parameter `half` already",
     ("walker.yaml", "  w|ag:\n", "leg_knee"):  # the pattern `*knee` would fit it
         "`wag` cannot be called `leg_knee`: what is written at walker.yaml:59 would mean something else then",
-    ("walker.yaml", '"str|*"', "x"): "`stretch` only fits the pattern that is written here: rename it where it stands",
+    ("walker.yaml", '"str|*"', "x"): "`stretch` only matches the pattern here: rename it where it is defined",
     ("walker.yaml", "assembly: hea|d.toml", "x"): "`head.toml` is a file: rename it where it is",
     ("walker.yaml", "  wag: {t|ype: joint}", "x"): "there is no name here",
     ("user.yaml", "brackets:W|ide", "x"): "`Wide` is a class: rename it where it is",

@@ -133,7 +133,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
     capsys.readouterr()
     for words, said in {
         ("joints.kne", "x"): "`leg.yaml` has no `joints.kne`\n  help: did you mean `knee`?",
-        ("joints.knee.limit", "x"): "`joints.knee.limit` is no name",
+        ("joints.knee.limit", "x"): "`joints.knee.limit` cannot be renamed",
         ("joints.knee", "origin"): "`origin` is reserved and cannot name a joint",
     }.items():
         assert main(["rename", "leg.yaml", *words]) == 2

@@ -181,7 +181,7 @@ def test_an_unknown_code_brings_those_near_it(word: str, meant: str | None, caps
     assert main(["explain", word]) == 2
     printed = capsys.readouterr()
     assert printed.out == "" and f"there is no code `{word}`" in printed.err
-    assert "`thingc explain` lists all codes" in printed.err or "near it: " in printed.err
+    assert "run `thingc explain` for a list of codes" in printed.err or "near it: " in printed.err
 
 
 def test_explain_alone_lists_every_code_by_section(capsys: pytest.CaptureFixture[str]) -> None:

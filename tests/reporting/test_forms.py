@@ -148,10 +148,10 @@ def test_no_machine_gets_colours(form: str, folder: Path) -> None:
 
 
 @pytest.mark.parametrize(("fault", "help"), [
-    (FileExistsError(17, "File exists", "build"), "move away what is in its place"),
-    (PermissionError(13, "Permission denied", "build"), "allow it to be written, or choose another place"),
-    (OSError(28, "No space left on device", "build"), "make room, or choose another place"),
-    (OSError(30, "Read-only file system", "build"), "allow it to be written, or choose another place"),
+    (FileExistsError(17, "File exists", "build"), "move or delete the existing file"),
+    (PermissionError(13, "Permission denied", "build"), "change the permissions, or choose another folder"),
+    (OSError(28, "No space left on device", "build"), "free disk space, or use another folder"),
+    (OSError(30, "Read-only file system", "build"), "change the permissions, or choose another folder"),
 ])
 def test_what_the_system_refuses_has_a_hint(fault: OSError, help: str) -> None:
     said = of_exception(fault)
@@ -161,8 +161,8 @@ def test_what_the_system_refuses_has_a_hint(fault: OSError, help: str) -> None:
 @pytest.mark.parametrize(("words", "said"), [
     (["add", "part", "Bracket"], "cannot write `parts/bracket.py`: file too large"),
     (["add", "assembly", "leg"], "cannot write `leg.yaml`: file too large"),
-    (["lock"], "what is written has no room: File too large"), (["schema"], "what is written has no room: File too large"),
-    (["check", "--format", "json"], "what is written has no room: File too large"),
+    (["lock"], "cannot write a file: File too large"), (["schema"], "cannot write a file: File too large"),
+    (["check", "--format", "json"], "cannot write a file: File too large"),
 ], ids=lambda value: " ".join(value[:2]) if isinstance(value, list) else "")
 def test_a_full_disk_is_no_defect_of_thingc_and_leaves_nothing(words: list[str], said: str, tmp_path: Path, shared_store: str) -> None:
     """The system refuses every byte of a file (a file size limit: RLIMIT_FSIZE), and does not say which file it was."""
@@ -175,7 +175,7 @@ def test_a_full_disk_is_no_defect_of_thingc_and_leaves_nothing(words: list[str],
         )
     assert done.returncode == 2 and "Traceback" not in done.stderr
     assert done.stderr.splitlines()[-4:] == [
-        f"error[TC805]: {said}", "  help: make room, or choose another place", "", "1 error",
+        f"error[TC805]: {said}", "  help: free disk space, or use another folder", "", "1 error",
     ]
     left = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file())
     assert left == ["printed", "robot.yaml", "thingc.toml"] and not (tmp_path / "parts").exists()

@@ -39,7 +39,7 @@ def test_only_and_mode_choose(rig: Workspace) -> None:
         answer = json.loads(rig.run(document, "--format", "json", *words)[1])
         assert {result["name"] for result in answer["tests"]} == names
     code, out, _ = rig.run(document, "--mode", "hung", "--only", "holds_*")
-    assert code == 0 and out.endswith("rig.yaml: no tests that run in the modes chosen\n")
+    assert code == 0 and out.endswith("rig.yaml: no tests in the selected modes\n")
     code, out, _ = rig.run(document, "--only", "wieght")
     assert code == 2 and "has no test `wieght`" in out and "did you mean `weight`?" in out
     assert rig.run(document, "--mode", "bnch")[0] == 2

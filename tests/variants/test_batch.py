@@ -347,7 +347,7 @@ def test_what_targets_cannot_say_is_counted(tmp_path: Path, shared_store: str) -
     first = batch(here, shared_store, "fast", pictures=0, limit=1)
     assert (first.lossy, first.losses) == (1, {"carried as custom data": 1})
     done = thingc("batch", "fast.yaml", "--resume", "--pictures", "none", cwd=here, env=environment(shared_store))
-    said = "2 variants with targets that cannot say 2 things (2 carried as custom data): see `losses` in the table\n"
+    said = "2 variants with targets that cannot express 2 things (2 carried as custom data): see the column `losses`\n"
     assert done.returncode == 0 and said in done.stderr
     table = rows(here / "build" / "fast")
     assert [(row["status"], row["losses"]) for row in table] == [("built", "1"), ("built", "1")]
@@ -643,5 +643,5 @@ def test_the_drivers_memory_does_not_grow_with_the_variants(tmp_path: Path, shar
 def test_what_cannot_be_asked_for_together(tmp_path: Path, words: tuple[str, ...], first: str, second: str) -> None:
     here = workspace(tmp_path)
     done = thingc("batch", "sweep.yaml", *words, cwd=here, env=environment(str(tmp_path / "store")))
-    assert done.returncode == 2 and f"{first} builds nothing, and {second} asks for something else" in done.stderr
+    assert done.returncode == 2 and f"{first} cannot be combined with {second}" in done.stderr
     assert not (here / "build").exists()

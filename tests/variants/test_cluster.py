@@ -330,6 +330,6 @@ def test_an_interrupt_cancels_the_jobs(tmp_path: Path, shared_store: str, number
     _, err = process.communicate(timeout=60)
     done = len(journal(here))
     again = "thingc batch faults.yaml --cluster slurm:cluster=local --pictures none --jobs 2 --resume"
-    assert err == f"interrupted: {done} of 24 variants are done; go on with: {again}\n"
+    assert err == f"interrupted: {done} of 24 variants are done; to continue, run: {again}\n"
     assert process.returncode == 130 and running
     assert_gone(running)

@@ -151,7 +151,7 @@ def test_an_interrupt_leaves_a_batch_that_can_be_gone_on_with(tmp_path: Path, sh
     assert process.returncode == 130 and out == ""
     done = len(journal(here))
     again = "thingc batch faults.yaml --emit faulty,mjcf --limit 14 --pictures none --verify none --jobs 2 --resume"
-    assert err == f"interrupted: {done} of 14 variants are done; go on with: {again}\n"
+    assert err == f"interrupted: {done} of 14 variants are done; to continue, run: {again}\n"
     assert 4 <= done < 14 and running
     assert_gone(running)
     before = {line["id"]: (here / "build/faults/variants" / str(line["id"]) / "manifest.json").stat().st_mtime_ns for line in journal(here)}

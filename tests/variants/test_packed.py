@@ -97,7 +97,7 @@ def test_an_unpacked_variant_is_the_single_build(here: Path, boards: Path, share
     env = environment(shared_store)
     done = thingc("batch", "boards.yaml", "--layout", "packed", "--pictures", "2", "--jobs", "1", cwd=here, env=env)
     assert done.returncode == 0, done.stderr
-    assert "the variants are packed, 1024 to a file; the folder of one: thingc batch boards.yaml --unpack ID" in done.stderr
+    assert "the variants are packed, 1024 per file; to write the folder of one: thingc batch boards.yaml --unpack ID" in done.stderr
     out = here / "build" / "boards"
     assert len(tree(out / "pictures")) == 2 and not (out / "variants").exists()
     first, second, _ = rows(out)

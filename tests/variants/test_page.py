@@ -228,7 +228,7 @@ def test_of_very_many_variants_there_are_no_pictures_unless_asked(tmp_path: Path
     here = workspace(tmp_path, many=many + "keep: [length < 202 mm]\n")
     env = environment(shared_store)
     done = thingc("batch", "many.yaml", "--verify", "none", "--jobs", "1", cwd=here, env=env)
-    words = "the page of more than 200 variants has no pictures unless they are asked for: "
+    words = "by default, the page of more than 200 variants has no pictures; to draw them: "
     words += "thingc batch many.yaml --page-only --pictures 48\n"
     assert done.returncode == 0 and done.stderr.endswith(words), done.stderr
     assert words not in thingc("batch", "many.yaml", "--verify", "none", "--jobs", "1", "--pictures", "none", cwd=here, env=env).stderr

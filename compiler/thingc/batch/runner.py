@@ -181,7 +181,7 @@ def _said(diagnostics: Iterable[Diagnostic]) -> dict[str, Any]:
 def _raised(task: Task, fault: BaseException) -> Row:
     words = " ".join(str(fault).split())
     return row(
-        task, "failed", code=Code.VARIANT_RAISED.code, message=f"thingc itself failed: {type(fault).__name__}: {words}",
+        task, "failed", code=Code.VARIANT_RAISED.code, message=f"internal error: {type(fault).__name__}: {words}",
         detail="".join(traceback.format_exception(fault)),
     )
 

@@ -1,4 +1,4 @@
-"""`thingc add`: a part, assembly, mode, joint or test to begin with, where it belongs; comments and layout of documents stay."""
+"""`thingc add`: add a stub of a part, assembly, mode, joint or test to a document, preserving comments and layout."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from thingc.tools.cli import console, signals
 from thingc.tools.cli.add_templates import BASES, STUBS, DocumentEdit
 
 EPILOG = """\
-Nothing is written unless all of the document would be right with what is added. It is a stub: change it as you like.
+Adds a stub for you to edit. If the document would have errors, nothing is written.
 
-  thingc add part Bracket --to rover.yaml --on base.top       parts/bracket.py with a class, and a component that is one
-  thingc add part links:Bracket                               only the class, in parts/links.py
+  thingc add part Bracket --to rover.yaml --on base.top       add the class Bracket in parts/bracket.py, and a component
+  thingc add part links:Bracket                               add only the class, in parts/links.py
   thingc add part thingc_stock.servos:MG90S --to rover.yaml --on bracket.top --by flange --name hip
-                                                              a component that is a part which is there
+                                                              add a component of an existing part
   thingc add joint hinge --to rover.yaml --parent base.top --child bracket.bottom
   thingc add mode hung --to rover.yaml --root bracket.top --base held
   thingc add mode on_left --to rover.yaml --standing-on left.sole
   thingc add test light --to rover.yaml --kind mass
-  thingc add assembly leg --to rover.yaml                     leg.yaml, and a component that is one
+  thingc add assembly leg --to rover.yaml                     create leg.yaml, and add a component
   thingc add assembly leg --to rover.yaml --on body.left --by hip --name left --param 'length=80 mm'
-                                                              another one of a document that is there
+                                                              add a component of an existing document
 """
 WHAT = ("part", "assembly", "mode", "joint", "test")
 OPTIONS = {
@@ -46,47 +46,47 @@ OPTIONS = {
     "standing_on": ("mode",), "gravity": ("mode",), "type": ("joint",), "parent": ("joint",),
     "child": ("joint",), "loop": ("joint",), "kind": ("test",),
 }
-"""What each option belongs to."""
+"""Kinds of elements to which each option applies."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `add`."""
+    """Add the options of `add`."""
     parser.epilog = EPILOG
     add = parser.add_argument
-    add("what", type=console.one_of(WHAT), metavar="{" + ",".join(WHAT) + "}", help="what is added")
-    add("name", metavar="NAME", help="its name; of a part its class or MODULE:CLASS, of an assembly its document, there or not")
-    add("--to", metavar="DOC", help="the document that it is added to; a part or an assembly may be for none yet")
-    add("--on", metavar="MOUNT", help="of a part or an assembly: the mount that it is attached to")
-    add("--by", metavar="MOUNT", help="of a part or an assembly: the mount of its own that meets that of --on")
-    add("--at", metavar="MOUNT", help="of a part or an assembly: the frame that its own is laid into, instead of --on")
-    add("--name", metavar="NAME", dest="component", help="of a part or an assembly: what the component is called; as the part unless given")
+    add("what", type=console.one_of(WHAT), metavar="{" + ",".join(WHAT) + "}", help="kind of the new element")
+    add("name", metavar="NAME", help="its name; for a part its class or MODULE:CLASS, for an assembly its document, existing or new")
+    add("--to", metavar="DOC", help="the document to change (optional for parts and assemblies)")
+    add("--on", metavar="MOUNT", help="for parts and assemblies: the mount to attach it to")
+    add("--by", metavar="MOUNT", help="for parts and assemblies: its own mount that meets the mount of --on")
+    add("--at", metavar="MOUNT", help="for parts and assemblies: the frame in which it is placed, instead of --on")
+    add("--name", metavar="NAME", dest="component", help="for parts and assemblies: name of the component (default: from the part)")
     add(
         "--param", metavar="NAME=VALUE", action="append",
-        help="of a part or an assembly: a parameter of it, for example 'length=80 mm' (may be repeated)",
+        help="for parts and assemblies: a parameter, for example 'length=80 mm' (may be repeated)",
     )
-    add("--new", action="store_true", default=None, help="of a part: a class to begin with, also where another one is called nearly so")
-    add("--root", metavar="ROOT", help="of a mode: a component or a mount; that of the first mode unless given")
+    add("--new", action="store_true", default=None, help="for parts: create a new class even if there is one with a similar name")
+    add("--root", metavar="ROOT", help="for modes: a component or a mount (default: root of the first mode)")
     add(
         "--base", type=console.one_of(BASES), metavar="{" + ",".join(BASES) + "}",
-        help="of a mode: the first that no other mode with this root has, unless given",
+        help="for modes: type of the base (default: the first that no other mode with this root has)",
     )
     add(
         "--standing-on", metavar="MOUNT", action="append",
-        help="of a mode: the mount that is its root and is held on the floor; with --base free, or of several, the floor carries them",
+        help="for modes: the mount that is the root and is fixed to the floor; with --base free, or several mounts, they rest on it",
     )
-    add("--pose", metavar="POSE", help="of a mode: where it starts; as the first mode does unless given")
-    add("--gravity", metavar="GRAVITY", help="of a mode: wall, ceiling, or three accelerations; floor unless given")
-    add("--type", type=console.one_of(get_args(JointType)), metavar="TYPE", help="of a joint: its kind; revolute unless given")
-    add("--parent", metavar="MOUNT", help="of a joint: the mount that it is measured from")
-    add("--child", metavar="MOUNT", help="of a joint: the mount that moves; what had placed its component is taken out")
-    add("--loop", action="store_true", default=None, help="of a joint: closes a loop instead of placing the child")
-    add("--kind", metavar="KIND", help="of a test: what it measures, for example mass")
+    add("--pose", metavar="POSE", help="for modes: the start pose (default: pose of the first mode)")
+    add("--gravity", metavar="GRAVITY", help="for modes: wall, ceiling, or three accelerations (default: floor)")
+    add("--type", type=console.one_of(get_args(JointType)), metavar="TYPE", help="for joints: the type (default: revolute)")
+    add("--parent", metavar="MOUNT", help="for joints: the parent mount")
+    add("--child", metavar="MOUNT", help="for joints: the child mount; replaces the placement of its component")
+    add("--loop", action="store_true", default=None, help="for joints: close a loop instead of placing the child")
+    add("--kind", metavar="KIND", help="for tests: what it measures, for example mass")
     console.add_format(parser)
     console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 where it is added."""
+    """Run `add`; exit code 0 if the element has been added."""
     try:
         return _add(arguments, console.options_of(arguments))
     except console.WrongCommandLine as fault:
@@ -99,19 +99,19 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
         if getattr(arguments, option) is not None and what not in owners:
             written = "--name" if option == "component" else "--" + option.replace("_", "-")
             meant = " or ".join(map(_article, owners))
-            raise console.WrongCommandLine(f"{written} is for {meant}, and this is {_article(what)}", "take it out")
+            raise console.WrongCommandLine(f"{written} applies to {meant}, not to {_article(what)}", "take it out")
     if arguments.to is None:
         if what not in ("part", "assembly"):
             help = f"write for example `thingc add {what} {arguments.name} --to robot.yaml`"
-            raise console.WrongCommandLine(f"{_article(what)} belongs to a document", help)
+            raise console.WrongCommandLine(f"{_article(what)} requires a document", help)
         for option in ("on", "at", "by"):
             if getattr(arguments, option) is not None:
-                raise console.WrongCommandLine(f"--{option} places it in the document that --to names", "write --to as well")
+                raise console.WrongCommandLine(f"--{option} requires --to", "write --to as well")
         return _write(arguments, options, None, STUBS[what](arguments, None))
     if arguments.on is not None and arguments.at is not None:
-        raise console.WrongCommandLine("--on and --at both say where it is", "keep one of them: --on attaches a mount, --at lays a frame")
+        raise console.WrongCommandLine("--on cannot be combined with --at", "keep one of them: --on attaches a mount, --at lays a frame")
     if arguments.by is not None and arguments.on is None:
-        raise console.WrongCommandLine("--by names what meets a mount, and which mount is not said", "write --on as well")
+        raise console.WrongCommandLine("--by requires --on", "write --on as well")
     console.require_document(arguments.to)
     memo = Memo()
     documents = opened(arguments.to, options, memo)
@@ -123,7 +123,7 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
 def _write(
     arguments: argparse.Namespace, options: Options, documents: Documents | None, addition: DocumentEdit, memo: Memo | None = None,
 ) -> int:
-    """Write files and document, unless something would be wrong then. `memo` knows the documents. Raises `ReplacementRefused`."""
+    """Write the files and the document, unless there would be errors. `memo` caches the documents. Raises `ReplacementRefused`."""
     with provisional(addition.files) as keep:
         diagnostics: list[Diagnostic] = []
         changes: dict[str, Change] = {}
@@ -148,7 +148,7 @@ def _wrong(diagnostics: Sequence[Diagnostic]) -> bool:
 
 
 def _with_addition(root: Document, addition: DocumentEdit) -> Document:
-    """The document with it; laid out, where it was laid out before. Raises `WrongCommandLine` where that cannot be."""
+    """Return the document with the addition, formatted if it was formatted before. Raises `WrongCommandLine` if it cannot be edited."""
     document = root
     try:
         for keys in addition.placed:
@@ -170,7 +170,7 @@ def _article(what: str) -> str:
 def _say(
     arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], *, done: Sequence[str] = (), texts: Mapping[str, str] | None = None,
 ) -> int:
-    """Print what was added, or why nothing was; `texts` are those of documents as they would be."""
+    """Print what was added, or why nothing was; `texts` are the contents of the changed documents."""
     if arguments.format == "text":
         console.say(*done)
     return console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=texts, added=list(done))

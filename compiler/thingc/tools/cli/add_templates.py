@@ -1,4 +1,4 @@
-"""What `thingc add` begins with: a part, an assembly, a mode, a joint or a test that is right where it is added."""
+"""Stubs of `thingc add`: valid parts, assemblies, modes, joints and tests for a given document."""
 
 from __future__ import annotations
 
@@ -34,14 +34,13 @@ from thingc.tools.cli.set import settings
 from thingc.tools.templates import new_assembly, new_part
 
 BASES: tuple[BaseType, ...] = get_args(BaseType)
-"""What a mode may have for a base."""
+"""Types of bases of modes."""
 NAME = r"[A-Za-z][A-Za-z0-9_]*"
-"""What a name is made of."""
+"""Pattern of valid names."""
 
 
 class DocumentEdit(FrozenStruct, dict=True):
-    """What is added: `values` in the document at their keys, of which `placed` (if any) is taken out before; `files` that are
-    new, or change, by path."""
+    """An addition: new `values` of the document by their keys, keys `placed` to remove first, and new or changed `files` by path."""
 
     values: Mapping[Keys, Written]
     placed: tuple[Keys, ...] = ()
@@ -49,11 +48,11 @@ class DocumentEdit(FrozenStruct, dict=True):
 
 
 def _part(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
-    """A component that is a part: one that is there, or one of a class to begin with."""
+    """Create a component of an existing part, or of a new class."""
     report = Report()
     workspace = Workspace.find(os.path.abspath("document") if documents is None else documents.root.path, report)
     if workspace is None:
-        raise console.WrongCommandLine(report.diagnostics[0].message, "mend the workspace first")
+        raise console.WrongCommandLine(report.diagnostics[0].message, "fix the workspace first")
     told = ":" in arguments.name
     reference = arguments.name if told else _reference(arguments.name)
     module, _, name = reference.partition(":")
@@ -66,20 +65,20 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Documen
                 return _placed_part(arguments, documents, geometry, reference)
             near = closest_name(reference, geometry.catalogue()) if told else None
             if near is not None:
-                help = f"did you mean `{near}`? With --new it is a class to begin with"
+                help = f"did you mean `{near}`? To create a new class, add --new"
                 raise console.WrongCommandLine(f"there is no part `{reference}`", help)
     folder = next(iter(workspace.parts), os.path.join(workspace.root, "parts"))
     path = (place.file if place.workspace else None) or os.path.join(folder, f"{module}.py")
     if not workspace.contains(path):
-        message = f"`{shown_path(path)}` leaves the workspace by a link"
-        raise console.WrongCommandLine(message, "name another module: `thingc add part MODULE:CLASS`")
+        message = f"`{shown_path(path)}` is outside of the workspace (through a symbolic link)"
+        raise console.WrongCommandLine(message, "use another module: `thingc add part MODULE:CLASS`")
     return _new_part(arguments, documents, reference, path)
 
 
 def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geometry: GeometryService, reference: str) -> DocumentEdit:
-    """A component that is a part which is there, or which only `check` can tell what is wrong with."""
+    """Create a component of an existing part. Errors in the part are left to `check`."""
     if documents is None:
-        message = f"`{shortened(reference)}` is no part to begin with, and which document it is for is not said"
+        message = f"`{shortened(reference)}` exists already; to place it, name a document"
         raise console.WrongCommandLine(message, "write --to robot.yaml")
     name = reference.rpartition(":")[2]
     component = arguments.component or (_snake(name) if re.fullmatch(NAME, name) else "part")
@@ -94,26 +93,26 @@ def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geo
         if arguments.on is not None and arguments.by is None:
             mount = _sole_mount(reference, list(record.mounts) or ["origin"], "bottom")
     elif isinstance(answer, PartSchema) and definition is None and arguments.on is not None and arguments.by is None:
-        raise console.WrongCommandLine(f"which mount of `{reference}` meets --on is not said", "name it with --by")
+        raise console.WrongCommandLine(f"`{reference}` has several mounts", "name it with --by")
     return DocumentEdit(values={("components", component): {**value, **_placement_keys(arguments, documents.root, component, mount)}})
 
 
 def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
-    """The mount by which something is attached where none is named: the usual one, or the only one. Raises `WrongCommandLine`."""
+    """Return the default mount for --on: the `usual` one, or the only one. Raises `WrongCommandLine`."""
     if usual in mounts or not mounts:
         return usual
     if len(mounts) > 1:
         help = f"name it with --by ({did_you_mean('', mounts, what='mounts')})"
-        raise console.WrongCommandLine(f"which mount of `{whose}` meets --on is not said", help)
+        raise console.WrongCommandLine(f"`{whose}` has several mounts", help)
     return mounts[0]
 
 
 def _new_part(arguments: argparse.Namespace, documents: Documents | None, reference: str, path: str) -> DocumentEdit:
-    """A class behind what its module has, or in a new one at that path, and a component that is one."""
+    """Add a class to the module at `path`, new or existing, and create a component of it."""
     told, _, given = reference.partition(":")
     module, name = _identifier(told), _class_name(given)
     if keyword.iskeyword(name) or name in _bound(parse_python(new_part("_", None))):
-        raise console.WrongCommandLine(f"`{name}` is no name for a class of parts: it means something else there", "choose another name")
+        raise console.WrongCommandLine(f"`{name}` is not available as the name of a class", "choose another name")
     component = arguments.component or _snake(name)
     placed = None if documents is None else _placement_keys(arguments, documents.root, component, "bottom")
     weight = {"material": "pla"} if documents is None else _weight(documents)
@@ -123,8 +122,8 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
     if os.path.exists(path):
         change = _appended(path, name, text)
     elif keyword.iskeyword(module) or _installed(module):
-        what = "a word of Python" if keyword.iskeyword(module) else "a module that Python has already"
-        raise console.WrongCommandLine(f"`{module}` is {what}", f"name the module yourself: `thingc add part {module}_parts:{name}`")
+        what = "a keyword of Python" if keyword.iskeyword(module) else "an installed Python module"
+        raise console.WrongCommandLine(f"`{module}` is {what}", f"specify a module: `thingc add part {module}_parts:{name}`")
     if documents is None or placed is None:
         return DocumentEdit(values={}, files={path: change})
     value = {"part": f"{module}:{name}", **_params(arguments), **weight, **placed}
@@ -132,7 +131,7 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
 
 
 def _reference(word: str) -> str:
-    """`front_bracket:FrontBracket`, of the name of the class alone."""
+    """Derive the reference from the name of a class: `front_bracket:FrontBracket`."""
     name = _class_name(word)
     return f"{_snake(name)}:{name}"
 
@@ -142,17 +141,17 @@ def _class_name(word: str) -> str:
 
 
 def _snake(name: str) -> str:
-    """`front_bracket` of `FrontBracket`, `mg90s` of `MG90S`."""
+    """Convert the name of a class to snake case: `FrontBracket` to `front_bracket`, `MG90S` to `mg90s`."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Z][a-z])", "_", name).lower()
 
 
 def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
-    """A component that is another document: one that is there, or one to begin with."""
+    """Create a component of another document, existing or new."""
     path = _nested_path(arguments.name, None if documents is None else documents.root.path)
     there = os.path.lexists(path)
     if documents is None and there:
-        hint = "choose another name, or name the document that it is for: --to robot.yaml"
-        raise console.WrongCommandLine(f"`{shown_path(path)}` is there already", hint)
+        hint = "choose another name, or add it to a document: --to robot.yaml"
+        raise console.WrongCommandLine(f"`{shown_path(path)}` exists already", hint)
     name = _identifier(os.path.splitext(os.path.basename(path))[0])
     text = new_assembly(name, ".toml" if path.lower().endswith(".toml") else ".yaml")
     files: dict[str, Change] = {} if there else {path: (None, text.encode())}
@@ -166,8 +165,9 @@ def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Doc
 
 
 def _nested_path(name: str, beside: str | None) -> str:
-    """The document that a name stands for, beside another one, of whose form it is unless there is one of that name in the other form; a
-    path is itself."""
+    """Return the path of a document for a name: in the folder of `beside`, with its suffix unless a file with another suffix exists.
+
+    Names with the suffix of a document are paths already."""
     if name.lower().endswith(DOCUMENT_SUFFIXES):
         return os.path.abspath(name)
     folder, suffix = ("", ".yaml") if beside is None else (os.path.dirname(beside), os.path.splitext(beside)[1])
@@ -176,7 +176,7 @@ def _nested_path(name: str, beside: str | None) -> str:
 
 
 def _own_mount(path: str) -> str:
-    """The mount that a nested document is attached by where none is named. What is wrong with the document is for `check` to say."""
+    """Return the default mount of a nested document. Errors in the document are left to `check`."""
     try:
         with open(path, "rb") as stream:
             tree = read_tree(path, stream.read(), Report())
@@ -194,15 +194,15 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     soles: list[str] = arguments.standing_on or []
     by_sole = len(soles) == 1 and (arguments.base is None or stays(arguments.base))
     if by_sole and arguments.root is not None:
-        message = f"`{soles[0]}` is the root of a mode that stands on it, and --root names another"
-        raise console.WrongCommandLine(message, "leave --root out, or write `--base free`")
+        message = f"`{soles[0]}` is the root of a mode that stands on it, so --root must be omitted"
+        raise console.WrongCommandLine(message, "omit --root, or write `--base free`")
     stands = soles[0] if by_sole else arguments.root or str(first["root"])
     usual: tuple[BaseType, ...] = ("held", "fixed") if by_sole else ("free",) if soles else ("fixed", "held", "free")
     taken = {str(mode.get("base", "fixed")) for mode in (_extended(modes, one) for one in modes) if mode.get("root") == stands}
     base: BaseType = arguments.base or next((one for one in usual if one not in taken), usual[0])
     value: dict[str, Written] = {"root": stands, "base": base}
     if by_sole:
-        pass  # the mount lies on the world's origin, and the robot stands above it
+        pass  # the mount coincides with the origin of the world
     elif stands == first["root"] and stays(base):
         value |= {"at": _format_plain(first["at"])} if "at" in first else {}
     elif _shaped(root):
@@ -216,7 +216,7 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
 
 
 def _format_plain(plain: object) -> Written:
-    """What a document says, as it would say it again."""
+    """Convert plain values of a document to values to write."""
     if isinstance(plain, dict):
         return {key: _format_plain(one) for key, one in plain.items()}
     return [_format_plain(one) for one in plain] if isinstance(plain, list) else str(plain)
@@ -228,7 +228,7 @@ def _joint_edit(arguments: argparse.Namespace, documents: Documents | None) -> D
     name = _new(root, "joints", arguments.name)
     if arguments.parent is None or arguments.child is None:
         help = "write for example `--parent base.top --child bracket.bottom`"
-        raise console.WrongCommandLine("a joint needs --parent and --child, two mounts", help)
+        raise console.WrongCommandLine("a joint requires --parent and --child, two mounts", help)
     kind = KINDS[arguments.type or "revolute"]
     value: dict[str, Written] = {"type": kind.name, "parent": arguments.parent, "child": arguments.child}
     if arguments.loop:
@@ -252,10 +252,10 @@ def _test(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     name = _new(root, "tests", arguments.name)
     if arguments.kind not in kinds():
         known = ", ".join(f"`{kind}`" for kind in kinds())
-        there = "none is here" if arguments.kind is None else f"found `{arguments.kind}`"
+        there = "--kind is missing" if arguments.kind is None else f"found `{arguments.kind}`"
         close = nearest(arguments.kind or "", kinds())
         hint = f"did you mean `{close}`?" if close else "write for example `--kind mass`"
-        raise console.WrongCommandLine(f"a test needs a --kind ({known}); {there}", hint)
+        raise console.WrongCommandLine(f"expected --kind ({known}); {there}", hint)
     mounts = _section(root.tree, "mounts")
     last = list(_section(root.tree, "components"))[-1]
     words = {"$base": f"{_base(root)}.origin", "$mount": next(iter(mounts), f"{last}.origin")}
@@ -268,17 +268,17 @@ STUBS: dict[str, Callable[[argparse.Namespace, Documents | None], DocumentEdit]]
 }
 
 
-# --- what the document has --------------------------------------------------------------------------------------------
+# --- content of the document ------------------------------------------------------------------------------------------
 
 
 def _section(tree: MappingNode | None, section: str) -> dict[str, object]:
-    """A section of a document as it is written, empty where there is none."""
+    """Return a section of a document, empty if missing."""
     node = None if tree is None else node_at(tree, (section,))
     return {key: one.plain() for key, one in node.entries.items()} if isinstance(node, MappingNode) else {}
 
 
 def _extended(modes: Mapping[str, object], name: str, above: tuple[str, ...] = ()) -> dict[str, object]:
-    """The keys of a mode over those of the modes that it extends, as far as these are there; of a circle `check` has its say."""
+    """Return the keys of a mode, merged with those of the modes that it extends. Missing modes and cycles are left to `check`."""
     mode = modes.get(name)
     if not isinstance(mode, dict) or name in above:
         return {}
@@ -286,7 +286,7 @@ def _extended(modes: Mapping[str, object], name: str, above: tuple[str, ...] = (
 
 
 def _base(root: Document) -> str:
-    """The component that nothing places."""
+    """Return the name of the base component, the one without placement."""
     joints = [joint for joint in _section(root.tree, "joints").values() if isinstance(joint, dict) and not joint.get("loop")]
     children = {str(joint.get("child", "")).partition(".")[0] for joint in joints}
     components = _section(root.tree, "components")
@@ -295,8 +295,7 @@ def _base(root: Document) -> str:
 
 
 def _placement_keys(arguments: argparse.Namespace, root: Document, name: str, mount: str) -> dict[str, Written]:
-    """How a new component is placed: by a mount of its own (`mount` unless --by names it) on a mount of the document, in a frame, else
-    beside the base."""
+    """Return the placement of a new component: attached by --by (default: `mount`) to --on, at the frame --at, else above the base."""
     _new(root, "components", name, hint="choose another name with --name")
     if arguments.on is not None:
         return {"attach": {arguments.by or mount: arguments.on}}
@@ -306,13 +305,14 @@ def _placement_keys(arguments: argparse.Namespace, root: Document, name: str, mo
 
 
 def _shaped(root: Document) -> bool:
-    """Whether the document has more than masses at places."""
+    """Return whether the document has components other than frames."""
     return any(isinstance(one, dict) and "frame" not in one for one in _section(root.tree, "components").values())
 
 
 def _weight(documents: Documents) -> dict[str, Written]:
-    """What a part that states neither material nor mass needs: a material that the document has in scope, for a print if there is one,
-    else a mass; nothing where the document states a material by `defaults`."""
+    """Return a material of the document, preferably for prints, else a mass, for a part that has neither.
+
+    Empty if `defaults` of the document specify a material."""
     root = documents.root
     if node_at(root.tree, ("defaults", "component", "material")) is not None:
         return {}
@@ -326,12 +326,12 @@ def _weight(documents: Documents) -> dict[str, Written]:
 
 
 def _params(arguments: argparse.Namespace, key: str = "params") -> dict[str, Written]:
-    """What a part is given, or, as `parameters`, an assembly."""
+    """Return the arguments of a part (key `params`) or an assembly (key `parameters`)."""
     return {key: settings(arguments.param)} if arguments.param else {}
 
 
 def _new(root: Document, section: str, name: str, hint: str = "choose another name") -> str:
-    """A name that the section does not have. Raises `WrongCommandLine`."""
+    """Return the name if the section does not contain it, else raise `WrongCommandLine`."""
     _identifier(name)
     taken = {known.lower(): known for known in _section(root.tree, section)}
     if name.lower() in taken:
@@ -342,25 +342,25 @@ def _new(root: Document, section: str, name: str, hint: str = "choose another na
 
 def _identifier(name: str) -> str:
     if not isinstance(core_value(name), str):
-        raise console.WrongCommandLine(f"`{name}` is no name: YAML means something else by it", "choose another name")
+        raise console.WrongCommandLine(f"`{name}` is not a valid name: YAML reads it as another value", "choose another name")
     if not re.fullmatch(NAME, name):
         near = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
         hint = f"write for example `{near}`" if re.fullmatch(r"[A-Za-z]\w*", near, re.ASCII) else "choose another name"
-        raise console.WrongCommandLine(f"`{name}` is no name: a letter, then letters, digits and `_`", hint)
+        raise console.WrongCommandLine(f"`{name}` is not a valid name: a letter, then letters, digits and `_`", hint)
     return name
 
 
 def _installed(module: str) -> bool:
-    """Whether Python has a module of that name, which one of parts would stand before."""
+    """Return whether Python has a module of that name, which a new module would shadow."""
     spec = None if module in sys.stdlib_module_names else importlib.util.find_spec(module)
     return module in sys.stdlib_module_names or (spec is not None and spec.origin is not None)
 
 
-# --- a class behind others ----------------------------------------------------------------------------------------------
+# --- appending a class to a module --------------------------------------------------------------------------------------
 
 
 def _bound(module: ast.Module) -> set[str]:
-    """What the imports, classes and functions of a module are called in it; `module.*` for a star."""
+    """Return the names that imports, classes and functions of a module define; `module.*` for a star import."""
     names: set[str] = set()
     for node in module.body:
         if isinstance(node, (ast.Import, ast.ImportFrom)):
@@ -372,7 +372,7 @@ def _bound(module: ast.Module) -> set[str]:
 
 
 def _appended(path: str, name: str, text: str) -> Change:
-    """The change of a module that adds the class of `text` behind its own, and the imports that it needs and has not."""
+    """Return the change that appends the class of `text` to a module, with missing imports."""
     with open(path, "rb") as stream:
         data = stream.read()
     before = data.decode()

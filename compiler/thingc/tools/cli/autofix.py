@@ -1,4 +1,4 @@
-"""`thingc check --fix`: mends in the documents what can only have meant one thing, then says what is left."""
+"""`thingc check --fix`: apply unambiguous fixes to documents, then report the rest."""
 
 from __future__ import annotations
 
@@ -24,13 +24,12 @@ ReportOf = Callable[[Environment, Compilation], Report]
 
 
 def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Options, report_of: ReportOf) -> int:
-    """Exit code 0 when nothing is left that is wrong with any of the `documents` (with `--diff`: would be left). `report_of`: what a check
-    says."""
+    """Fix `documents`; exit code 0 if no errors are left (with `--diff`: would be left). `report_of` checks a document."""
     try:
         if not arguments.fix:
-            raise console.WrongCommandLine("--diff belongs to --fix", "write `thingc check --fix --diff`")
+            raise console.WrongCommandLine("--diff requires --fix", "write `thingc check --fix --diff`")
         if arguments.no_code:
-            raise console.WrongCommandLine("--fix and --no-code do not go together", "mend documents that you trust")
+            raise console.WrongCommandLine("--fix cannot be combined with --no-code", "use --fix only for documents that you trust")
     except console.WrongCommandLine as fault:
         return _say(arguments, [fault.diagnostic], [])
     disk = _Disk()
@@ -47,7 +46,7 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
         for file, data in sorted(texts.items()):
             console.say_diff(shown_path(file), *(one.decode("utf-8-sig") for one in (disk.read(file) or b"", data)))
         places = counted(len(mended), "place")
-        console.say(f"{places} would be mended, {counted(len(diagnostics), 'diagnostic')} would be left")
+        console.say(f"{places} would be fixed, {counted(len(diagnostics), 'diagnostic')} would be left")
         return console.exit_code(diagnostics)
     return _say(arguments, diagnostics, mended)
 
@@ -73,13 +72,13 @@ def _autofix(
 
 
 class _Disk:
-    """Files as they were when they were first read."""
+    """A cache of file contents, as of the first read."""
 
     def __init__(self) -> None:
         self.known: dict[str, bytes | None] = {}
 
     def read(self, file: str) -> bytes | None:
-        """The bytes of a file, None where it cannot be read."""
+        """Return the bytes of a file, None if it cannot be read."""
         if file not in self.known:
             self.known[file] = None
             with contextlib.suppress(OSError), open(file, "rb") as stream:
@@ -91,12 +90,12 @@ def _say(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], mende
     rows = [{"file": shown_path(one.file), "line": one.line, "written": one.written, "replacement": one.replacement} for one in mended]
     if arguments.format == "text":
         for one in mended:
-            console.say(f"{shown_path(one.file)}:{one.line}: mended `{one.written}` -> `{one.replacement}`")
+            console.say(f"{shown_path(one.file)}:{one.line}: fixed `{one.written}` -> `{one.replacement}`")
         if not mended and any(d.fixes for d in diagnostics):
-            console.say("nothing is mended: a change is made where it can have meant one thing only and leaves fewer faults")
+            console.say("no fixes applied: a fix must be unambiguous and must reduce the number of errors")
         if diagnostics and (mended or any(d.fixes for d in diagnostics)):
             console.say("")
     console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, mended=rows)
     if arguments.format == "text" and not diagnostics:
-        console.say(f"{counted(len(mended), 'place')} mended, nothing is left")
+        console.say(f"{counted(len(mended), 'place')} fixed, no diagnostics left")
     return console.exit_code(diagnostics)

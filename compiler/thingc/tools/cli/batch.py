@@ -1,4 +1,4 @@
-"""`thingc batch`: every variant of a `variants/1` document, each as `thingc build` would write it."""
+"""`thingc batch`: build every variant of a `variants/1` document, each as `thingc build` does."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from thingc.tools.cli.set import write
 from thingc.tools.cli.signals import INTERRUPTED
 
 EPILOG = """\
-Writes build/NAME/ (or DIR/NAME/): a folder for each variant in variants/, their meshes once in assets/, the tables results.csv and
-results.parquet, and the page index.html. Stopped at any moment, it goes on with --resume. More than 2000 variants are packed: 1024
-of them are a file in chunks/, and --unpack makes a folder of one.
+Writes build/NAME/ (or DIR/NAME/): a folder for each variant in variants/, shared meshes in assets/, the tables results.csv and
+results.parquet, and the page index.html. To continue an interrupted batch, use --resume. More than 2000 variants are packed:
+files in chunks/ contain 1024 variants each, and --unpack writes the folder of one variant.
 
   thingc batch leg_sweep.yaml --dry-run
   thingc batch leg_sweep.yaml
@@ -43,57 +43,57 @@ of them are a file in chunks/, and --unpack makes a folder of one.
   thingc batch leg_sweep.yaml --resume
 """
 VERIFY = {"some": 64, "all": 1, "none": 0}
-"""Of how many models MuJoCo is asked about one, by the words for it."""
+"""Values of `--verify`: MuJoCo compiles every n-th model that differs in numbers only."""
 PAUSE = 30.0
-"""How often [s] progress is said where standard error is no terminal."""
+"""Interval [s] of progress reports if standard error is not a terminal."""
 STATUSES = {"built": "built", "kept_out": "kept out", "refused": "refused", "failed": "failed"}
-"""How statuses are spoken."""
+"""Statuses in output for users."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `batch`."""
+    """Add the options of `batch`."""
     parser.epilog = EPILOG
     add = parser.add_argument
-    add("document", metavar="DOC", help="a document of variants (YAML or TOML)")
+    add("document", metavar="DOC", help="a variants document (YAML or TOML)")
     add("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
     add("--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: those of the document)")
-    add("--limit", metavar="N", type=console.positive, help="only the first N variants")
-    add("--resume", action="store_true", help="go on with a batch that was stopped")
-    add("--retry", action="store_true", help="with --resume: build variants again that failed")
-    add("--adopt", metavar="ID", help="write what one variant says into the assembly document, and build nothing")
-    add("--unpack", metavar="ID", help="write the folder of one variant of a packed batch, and build nothing")
-    add("--dry-run", action="store_true", help="say what would be built, and write nothing")
+    add("--limit", metavar="N", type=console.positive, help="build only the first N variants")
+    add("--resume", action="store_true", help="continue an interrupted batch")
+    add("--retry", action="store_true", help="with --resume: retry failed variants")
+    add("--adopt", metavar="ID", help="write the settings of one variant to the assembly document; build nothing")
+    add("--unpack", metavar="ID", help="write the folder of one variant of a packed batch; build nothing")
+    add("--dry-run", action="store_true", help="show what would be built; write nothing")
     add(
         "--layout", choices=(FOLDERS, PACKED),
-        help="a folder for each variant, or many variants in a file (default: that of the document, else packed for more than 2000)",
+        help="one folder per variant, or packed files (default: layout of the document, else packed for more than 2000 variants)",
     )
-    add("--timeout", metavar="TIME", help="longest time for one variant (default: '10 min')")
-    add("--cluster", metavar="ADDRESS", help="build on other machines: tcp://HOST:8786 (dask) or slurm:partition=NAME,cpus=8")
-    add("--ship", action="store_true", help="with --cluster: its machines share no folder with this one; files go there and back")
+    add("--timeout", metavar="TIME", help="time limit for each variant (default: '10 min')")
+    add("--cluster", metavar="ADDRESS", help="build on a cluster: tcp://HOST:8786 (dask) or slurm:partition=NAME,cpus=8")
+    add("--ship", action="store_true", help="with --cluster: copy files to and from the machines, which share no folder with this one")
     add(
         "--pictures", metavar="N", type=_pictures,
-        help="pictures on the batch's page: so many, `none` or `all` (default: 48, and none of more than 200 variants)",
+        help="number of pictures on the page of the batch, or `none` or `all` (default: 48, none for more than 200 variants)",
     )
-    add("--page-only", action="store_true", help="write the page of a batch anew, and build nothing")
+    add("--page-only", action="store_true", help="rewrite the page of a batch; build nothing")
     add(
         "--verify", choices=tuple(VERIFY), default="some",
-        help="the models that MuJoCo is asked about: all, none, or the first and every 64th of those that differ in numbers only (default)",
+        help="compile models with MuJoCo: all, none, or the first and every 64th of those that differ in numbers only (default)",
     )
     console.add_format(parser)
-    console.add_geometry(parser, jobs="variants built at once")
+    console.add_geometry(parser, jobs="number of variants to build in parallel")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 when every variant was built or kept out by a rule."""
+    """Run `batch`; exit code 0 if every variant has been built or excluded by a rule."""
     try:
         console.require_document(arguments.document)
         options = replace(console.options_of(arguments), progress=None)
         if arguments.ship and arguments.cluster is None:
-            raise console.WrongCommandLine("--ship says how files get to other machines, and there are none", "add --cluster tcp://HOST:8786")
+            raise console.WrongCommandLine("--ship requires --cluster", "add --cluster tcp://HOST:8786")
         exclusive = ("--adopt", "--dry-run", "--page-only", "--unpack", "--resume")
         said = [option for option in exclusive if getattr(arguments, option[2:].replace("-", "_"))]
         if len(said) > 1:
-            raise console.WrongCommandLine(f"{said[0]} builds nothing, and {said[1]} asks for something else", "leave one of them out")
+            raise console.WrongCommandLine(f"{said[0]} cannot be combined with {said[1]}", "omit one of them")
         timeout = None if arguments.timeout is None else console.time_of("--timeout", arguments.timeout)
         targets = _targets(arguments.emit)
         if arguments.adopt is not None:
@@ -113,13 +113,13 @@ def run(arguments: argparse.Namespace) -> int:
     except Interrupted as fault:
         console.say_in_place()
         done = f"{fault.done} of {counted(fault.count, 'variant')} are done"
-        console.say(f"interrupted: {done}; go on with: {_again(arguments)}", stream=sys.stderr)
+        console.say(f"interrupted: {done}; to continue, run: {_again(arguments)}", stream=sys.stderr)
         return INTERRUPTED
     return _answer(arguments, summary)
 
 
 def _again(arguments: argparse.Namespace) -> str:
-    """The command that goes on with a batch: with everything that was said of it."""
+    """Return the command that continues the batch, with the same options."""
     pictures = {ALL: "all", 0: "none"}.get(arguments.pictures, arguments.pictures)
     said = {
         "-o": arguments.output, "--limit": arguments.limit, "--layout": arguments.layout, "--timeout": arguments.timeout,
@@ -133,7 +133,7 @@ def _again(arguments: argparse.Namespace) -> str:
 
 
 def _targets(words: Sequence[str]) -> tuple[str, ...]:
-    """The targets chosen, none where none is named. Raises `WrongCommandLine`."""
+    """Return the targets of `--emit`, empty without this option. Raises `WrongCommandLine`."""
     for _, message, hint in unknown(words):
         raise console.WrongCommandLine(message, hint)
     return chosen(words) if words else ()
@@ -160,13 +160,13 @@ def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, 
 
 
 class _Show:
-    """One line that counts, on a terminal; else a line now and then."""
+    """Progress of a batch: a line that updates in place on a terminal, else a line every `PAUSE` seconds."""
 
     def __init__(self) -> None:
         self.said = time.monotonic()
 
     def __call__(self, progress: Progress) -> None:
-        """Show how far a batch is."""
+        """Show the progress."""
         counts = ", ".join(f"{count} {STATUSES[status]}" for status, count in sorted(progress.counts.items())) or "none yet"
         left = progress.left
         estimate = f", {_time(left)} left" if left is not None else ""
@@ -179,7 +179,7 @@ class _Show:
 
 
 def _draw(done: int, count: int) -> None:
-    """How many pictures are drawn, on a terminal."""
+    """Show the number of drawn pictures, only on a terminal."""
     console.say_in_place(f"{done} of {counted(count, 'picture')}")
 
 
@@ -197,7 +197,7 @@ def _page(arguments: argparse.Namespace, options: Options) -> int:
 
 
 def _pictures(text: str) -> int:
-    """How many pictures `--pictures` asks for."""
+    """Parse the value of `--pictures` (an argparse type)."""
     if text in ("none", "all"):
         return 0 if text == "none" else ALL
     try:
@@ -229,11 +229,11 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     if summary.lossy:
         number = counted(sum(summary.losses.values()), "thing")
         how = console.losses_in_words(summary.losses)
-        lines.append(f"{counted(summary.lossy, 'variant')} with targets that cannot say {number} ({how}): see `losses` in the table")
+        lines.append(f"{counted(summary.lossy, 'variant')} with targets that cannot express {number} ({how}): see the column `losses`")
     where = f" -o {shlex.quote(arguments.output)}" if arguments.output is not None else ""
     command = f"thingc batch {shlex.quote(arguments.document)}{where}"
     if summary.layout == PACKED:
-        lines.append(f"the variants are packed, {CHUNK} to a file; the folder of one: {command} --unpack ID")
+        lines.append(f"the variants are packed, {CHUNK} per file; to write the folder of one: {command} --unpack ID")
     if arguments.pictures is None and summary.count > MANY:
         asked = f"{command} --page-only --pictures {MOST}"
         lines.append(f"the page of more than {MANY} variants has no pictures unless they are asked for: {asked}")
@@ -243,7 +243,7 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
 
 
 def _complaints(folder: str) -> list[str]:
-    """One line for each code with which variants were refused or failed: how many, and what was said of the first."""
+    """Format one line per diagnostic code of refused or failed variants: the number of variants, and the first message."""
     lines = [line for line in in_order(folder) if line["status"] in ("refused", "failed")]
     counts = Counter(line["code"] for line in lines)
     first = {line["code"]: line for line in reversed(lines)}
@@ -271,15 +271,15 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
 
 
 def _unpack(arguments: argparse.Namespace, options: Options) -> int:
-    """Write the folder of one variant, and say where it is."""
+    """Write the folder of one variant, and print its path."""
     planned = plan(arguments.document, options=options)
     folder = planned.folder_in(arguments.output)
-    begun(planned.relative, folder, "build it first, without --unpack")
+    begun(planned.relative, folder, "build the batch first, without --unpack")
     try:
         with locked(folder):
             console.say(shown_path(load(folder)[arguments.unpack].unpack()))
     except FamilyError as fault:
-        raise console.WrongCommandLine(str(fault), "the identifiers stand in results.csv") from fault
+        raise console.WrongCommandLine(str(fault), "see results.csv for identifiers") from fault
     except OSError as fault:
         raise in_words(folder, fault) from fault
     return 0
@@ -290,11 +290,11 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     planned = plan(arguments.document, options=options)
     adopted = find_variant(planned, arguments.adopt, planned.folder_in(arguments.output))
     if adopted is None:
-        help = "the identifiers stand in results.csv, and `--dry-run` says the first of them"
+        help = "see results.csv for identifiers; `--dry-run` shows the first ones"
         raise console.WrongCommandLine(f"`{planned.name}` has no variant `{arguments.adopt}`", help)
     variant, rule = adopted
     if rule is not None:
-        console.say(f"{variant.name} does not keep the rule `{rule}`", stream=sys.stderr)
+        console.say(f"{variant.name} violates the rule `{rule}`", stream=sys.stderr)
     settings = {**variant.parameters, **variant.choices}
     if not settings:
         console.say(f"{variant.id} is what {planned.assembly_relative} says")
@@ -303,7 +303,7 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
 
 
 def _told(planned: Plan, forecast: DryRun) -> list[str]:
-    """A forecast for people."""
+    """Format the result of a dry run."""
     all_of_them = counted(planned.count, "variant")
     some = f"{forecast.count} of {all_of_them}" if forecast.count != planned.count else all_of_them
     lines = [f"{planned.name}: {some} of {planned.assembly_relative}; modes {', '.join(planned.modes)}; "
@@ -319,14 +319,14 @@ def _told(planned: Plan, forecast: DryRun) -> list[str]:
         lines.append(f"{duplicates} more are equal to one of these")
     lines.extend(f"{count} fail the rule `{rule}`" for rule, count in forecast.failing.items())
     if forecast.looked_at < forecast.left:
-        lines.append(f"of {forecast.looked_at}, drawn from the {forecast.left} that are left:")
+        lines.append(f"in a sample of {forecast.looked_at} of the remaining {forecast.left}:")
     for code, count in sorted(forecast.unsound.items()):
         name, wrong = forecast.examples[code]
         lines.append(f"{count} would be refused: {code} ({wrong.code.title}), first `{name}`: {wrong.message}")
     lines.append(f"models {counted(forecast.parts - forecast.known, 'part')}, reuses {forecast.known}")
     for one in forecast.first:
         settings = {**one.parameters, **one.choices}
-        shown = ", ".join(f"{name}={text}" for name, text in settings.items()) or "as the assembly says"
+        shown = ", ".join(f"{name}={text}" for name, text in settings.items()) or "settings of the assembly"
         lines.append(f"  {one.id} {one.name}: {shown}{' (kept out)' if one.failed else ''}")
     if forecast.count > len(forecast.first):
         lines.append("  ...")

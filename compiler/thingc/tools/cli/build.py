@@ -1,4 +1,4 @@
-"""`thingc build`: the whole way, from a document to a folder of artifacts; and the options of builds, which `watch` and `why` have, too."""
+"""`thingc build`: compile a document and write the build folder. Also the build options that `watch` and `why` share."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ EPILOG = """\
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `build`."""
-    about = f"Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. {in_words()}"
+    """Add the options of `build`."""
+    about = f"Writes build/NAME/ (or DIR/NAME/). If the build fails, the folder stays unchanged. {in_words()}"
     parser.epilog = EPILOG.format(about=textwrap.fill(about, 120))
     console.add_document(parser)
     add_building(parser)
     parser.add_argument(
-        "--twice", action="store_true", help="to debug parts: model each two times, whatever the store has; one that differs is an error"
+        "--twice", action="store_true", help="debug parts: model each one twice without the store; differences are errors"
     )
     console.add_format(parser, console.FINDINGS)
     console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 when the folder was written, or already holds what it should."""
+    """Run `build`; exit code 0 if the folder has been written or is up to date."""
     try:
         console.require_document(arguments.document)
         options = console.options_of(arguments)
@@ -74,7 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
-    """What there is to say, and the answer where the build succeeded; from the stamp of an earlier build where nothing has changed.
+    """Build, or return the cached result of an earlier build if nothing has changed: diagnostics, and the result (None if it failed).
+
     Raises `UnknownChoice` and `OutputError`."""
     key = up_to_date.key_of("build", arguments.document, {
         "parameters": dict(options.parameters), "choices": dict(options.choices), "modes": arguments.mode, "targets": targets,
@@ -92,7 +93,7 @@ def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, 
 
 
 def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> BuildRequest:
-    """What the command line wishes the build to be."""
+    """Return the build request of the command line."""
     return BuildRequest(
         targets=targets, modes=arguments.mode, output=arguments.output, strict=arguments.strict,
         deny_loss=arguments.deny_loss, force=arguments.force, twice=getattr(arguments, "twice", False),
@@ -100,7 +101,7 @@ def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> BuildReq
 
 
 def _built(wish: BuildRequest, key: str, environment: Environment) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
-    """Build, write, and remember it under `key`."""
+    """Build and write the folder, and cache the result under `key`."""
     built = build_document.build(environment, wish)
     diagnostics = list(built.diagnostics)
     if built.files is None:
@@ -117,7 +118,7 @@ def _built(wish: BuildRequest, key: str, environment: Environment) -> tuple[list
 
 
 def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
-    """What there is to tell of a build that was written."""
+    """Return the data to report about a written build."""
     targets = dict.fromkeys(loss.target for loss in built.losses)
     lost = {target: counts_of(loss for loss in built.losses if loss.target == target) for target in targets}
     return {
@@ -127,7 +128,7 @@ def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
 
 
 def _stands(answer: Mapping[str, Any], store: Store) -> bool:
-    """Whether the folder that an earlier run wrote is still where it was, and what it wrote, with nothing beside it to be swept away."""
+    """Return whether the folder of an earlier build is unchanged, without temporary files beside it that must be removed."""
     folder = answer["folder"]
     if build_folder(*answer["place"]) != folder or unswept(folder):
         return False
@@ -135,16 +136,16 @@ def _stands(answer: Mapping[str, Any], store: Store) -> bool:
 
 
 def unsaid(counts: Mapping[str, int]) -> str:
-    """`3 things it cannot say (1 omitted, 2 approximated), 4 kept in its files as custom data`: nothing acts on those by itself."""
+    """Format counts of losses: `3 features it cannot express (1 omitted, 2 approximated), 4 stored in its files as custom data`."""
     lost = {how: count for how, count in counts.items() if how != CARRIED}
     carried = counts.get(CARRIED, 0)
-    words = [f"{counted(sum(lost.values()), 'thing')} it cannot say ({console.losses_in_words(lost)})"] if lost else []
-    words += [f"{carried if lost else counted(carried, 'thing')} kept in its files as custom data"] if carried else []
+    words = [f"{counted(sum(lost.values()), 'feature')} it cannot express ({console.losses_in_words(lost)})"] if lost else []
+    words += [f"{carried if lost else counted(carried, 'feature')} stored in its files as custom data"] if carried else []
     return ", ".join(words)
 
 
 def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
-    """What happened, for people, on standard error."""
+    """Print a summary of the build to standard error."""
     if answer.get("twice"):
         console.say(f"{counted(answer['twice'], 'part')} modelled twice: equal", stream=sys.stderr)
     folder = shown_path(answer["folder"])
@@ -160,56 +161,56 @@ def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
         console.say(f"{target}: {unsaid(counts)}: {words}", stream=sys.stderr)
 
 
-# --- options of several commands, and their meaning ---------------------------------------------------------------------
+# --- options of several commands ------------------------------------------------------------------------------------------
 
 
 def in_words() -> str:
-    """Every target of ours, each with what it is."""
+    """List the targets with their descriptions."""
     unasked, asked = ([f"{name} ({one.says})" for name, one in TARGETS.items() if one.unasked == kind] for kind in (True, False))
-    return f"Targets: {', '.join(unasked)}; and, only where they are named, {', '.join(asked)}."
+    return f"Targets: {', '.join(unasked)}; and, only with --emit, {', '.join(asked)}."
 
 
 def add_emit(parser: argparse.ArgumentParser) -> None:
-    """The option `--emit`."""
+    """Add the option `--emit`."""
     asked = [name for name, target in TARGETS.items() if not target.unasked]
     parser.add_argument(
         "--emit", metavar="T", action="append", default=[],
-        help=f"only this target, or `all` (may be repeated; default: those of the workspace, else all but {', '.join(asked)})",
+        help=f"write only this target, or `all` (may be repeated; default: targets of the workspace, else all but {', '.join(asked)})",
     )
 
 
 def add_compat(parser: argparse.ArgumentParser) -> None:
-    """The option `--compat`."""
+    """Add the option `--compat`."""
     parser.add_argument(
         "--compat", metavar="C", action="append", default=[],
-        help=f"have this program read the MuJoCo models, too: {', '.join(CONSUMERS)} (may be repeated; default: those of the workspace)",
+        help=f"also check the MuJoCo models with this program: {', '.join(CONSUMERS)} (may be repeated; default: those of the workspace)",
     )
 
 
 def add_building(parser: argparse.ArgumentParser) -> None:
-    """The options that say what a build folder holds, and where it is."""
+    """Add the options about the content and the place of the build folder."""
     parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
-    parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
+    parser.add_argument("--mode", metavar="M", action="append", default=[], help="build only this mode (may be repeated; default: all)")
     add_emit(parser)
     add_compat(parser)
     parser.add_argument(
-        "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
+        "--force", action="store_true", help="overwrite files in the build folder that thingc did not write or that have changed since"
     )
-    parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error, unless it is allowed")
+    parser.add_argument("--deny-loss", action="store_true", help="treat export losses as errors, unless the document allows them")
 
 
 def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list[Diagnostic]]:
-    """The targets, and what is wrong with those that the workspace names. Raises `WrongCommandLine` for those of the command line."""
+    """Return the targets, and errors about targets of the workspace. Raises `WrongCommandLine` for errors in `--emit` and `--compat`."""
     for _, message, hint in unknown(arguments.emit):
         raise console.WrongCommandLine(message, hint)
     if arguments.emit and not chosen(arguments.emit):
-        raise console.WrongCommandLine("`--emit` names no target", "write for example: --emit mjcf,urdf")
+        raise console.WrongCommandLine("`--emit` names no target", "write for example --emit mjcf,urdf")
     if arguments.emit and arguments.compat and not {"mjcf", "mjz"} & {*chosen(arguments.emit)}:
-        raise console.WrongCommandLine("`--compat` is about MuJoCo models, which `--emit` leaves out", "add `mjcf` to what `--emit` names")
+        raise console.WrongCommandLine("`--compat` requires MuJoCo models, but `--emit` does not include `mjcf`", "add `mjcf` to `--emit`")
     if arguments.emit:
         return chosen(arguments.emit), []
     workspace = Workspace.find(arguments.document, Report())
-    if workspace is None:  # what is wrong with it is said by who reads the document
+    if workspace is None:  # the loader of the document reports errors of the workspace
         return chosen(()), []
     return chosen(workspace.emit), [
         Diagnostic(code=Code.UNKNOWN_CHOICE, severity=Severity.ERROR, message=message, help=hint, span=workspace.span(("emit", index)))

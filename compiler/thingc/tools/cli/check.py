@@ -1,4 +1,4 @@
-"""`thingc check`: everything that is wrong, in one run."""
+"""`thingc check`: report all errors and warnings of documents."""
 
 from __future__ import annotations
 
@@ -18,44 +18,44 @@ from thingc.driver.pipeline import Compilation
 from thingc.tools.cli import console
 
 EPILOG = """\
-Every key, name, unit, reference, limit and mass of the document and of those it uses, for every mode. Parts are looked
-up in the store; those that are not there are modelled first (in a worker of its own).
+Checks every key, name, unit, reference, limit and mass of a document and of the documents that it uses, in every mode.
+Parts are read from the store; missing parts are modelled first, in a worker process.
 
-  thingc check                                           every document below the working folder
-  thingc check assemblies                                every document below a folder
-  thingc check robot.yaml --fix                          mend misspelt names, units and the like
+  thingc check                                           check every document below the working folder
+  thingc check assemblies                                check every document below a folder
+  thingc check robot.yaml --fix                          fix misspelt names, units and similar errors
   thingc check robot.yaml --format json | jq '.diagnostics[].message'
-  thingc check assemblies/*.yaml --format github         annotations of a pull request
+  thingc check assemblies/*.yaml --format github         annotate a pull request
   thingc check assemblies/*.yaml --format sarif > thingc.sarif
 
-`thingc explain CODE` says more about one of the codes.
+Run `thingc explain CODE` for an explanation of a code.
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `check`."""
+    """Add the options of `check`."""
     parser.epilog = EPILOG
     add = parser.add_argument
     add(
         "document", metavar="DOC", nargs="*",
-        help="an assembly, materials or variants document (YAML or TOML), or a folder with all documents below it (default: this one)",
+        help="an assembly, materials or variants document (YAML or TOML), or a folder of documents (default: the working folder)",
     )
-    add("--touched", action="store_true", help="the words are files that have changed: check the documents that they concern")
-    add("--no-code", action="store_true", help="run nothing of the workspace: parts are as parts.lock.json says (see `thingc lock`)")
-    add("--time-limit", metavar="TIME", default="5 s", help="with --no-code: longest computing for one document (default: %(default)s)")
-    add("--fix", action="store_true", help="mend in the documents what can only have meant one thing, then say what is left")
-    add("--diff", action="store_true", help="with --fix: write nothing, show what would be mended")
+    add("--touched", action="store_true", help="treat the arguments as changed files and check the documents that they affect")
+    add("--no-code", action="store_true", help="run no code of the workspace; read parts from parts.lock.json (see `thingc lock`)")
+    add("--time-limit", metavar="TIME", default="5 s", help="with --no-code: limit of CPU time for each document (default: %(default)s)")
+    add("--fix", action="store_true", help="apply unambiguous fixes, then report the rest")
+    add("--diff", action="store_true", help="with --fix: show the fixes, write nothing")
     console.add_format(parser, console.FINDINGS)
     console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 when nothing is wrong with any of the documents."""
+    """Run `check`; exit code 0 if no document has errors."""
     diagnostics: list[Diagnostic] = []
     try:
         options = console.options_of(arguments)
         if not arguments.document and arguments.touched:
-            raise console.WrongCommandLine("missing: files that have changed", "`git diff --name-only main...` names them")
+            raise console.WrongCommandLine("missing: files that have changed", "pass the output of `git diff --name-only main...`")
         arguments.document = arguments.document or ["."]
         trusted = arguments.touched and not arguments.no_code
         documents = arguments.document
@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options: Options) -> tuple[list[Diagnostic], list[str]]:
-    """The findings, and the documents without any, of documents that nobody trusts: each is looked at in a process of its own."""
+    """Check untrusted documents, each in a sandboxed process; return the diagnostics, and the documents without any."""
     from thingc.tools.cli.sandboxed_check import confined
 
     diagnostics: list[Diagnostic] = []
@@ -101,7 +101,9 @@ def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options:
 
 
 def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], list[str]]:
-    """All findings behind `diagnostics`, and the documents without any. An allowance that one document needs is needed."""
+    """Append the diagnostics of all documents to `diagnostics`; return them, and the documents without any.
+
+    An allowance is not reported as unused if one of the documents needs it."""
     needed = {d.span for said in found.values() for d in said if d.code is Code.UNNEEDED and d.severity is Severity.NOTE}
     good: list[str] = []
     for document, said in found.items():
@@ -113,7 +115,7 @@ def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]
 
 
 def findings(environment: Environment, compilation: Compilation, *, strict: bool) -> list[Diagnostic]:
-    """What there is to report about one document, and a note for each allowance that it needs (see `_merged`)."""
+    """Return the diagnostics of one document, and a note for each allowance that it needs (see `_merged`)."""
     report = report_of(environment, compilation)
     needed = sorted((one.where for one in report.needed), key=lambda where: (where.file, where.line, where.column))
     notes = [Diagnostic(code=Code.UNNEEDED, severity=Severity.NOTE, message="is needed", span=where) for where in needed]
@@ -127,7 +129,7 @@ def _concerned_without_code(files: Sequence[str]) -> list[str]:
 
 
 def without_code(document: str, options: Options, *, strict: bool) -> list[Diagnostic]:
-    """What there is to say about one document when nothing of its workspace may run. Bounds are the caller's business."""
+    """Check one document without running code of its workspace. The caller limits time and memory."""
     with Environment(document, replace(options, lock=True, code=False)) as environment:
         return findings(environment, pipeline.check(environment), strict=strict)
 
@@ -137,7 +139,7 @@ def _packed(document: str, options: Options, strict: bool) -> list[dict[str, obj
 
 
 def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: list[str], of: int | None = None) -> int:
-    """Print what was found; `of` is how many documents were found in folders that were named."""
+    """Print the diagnostics and return the exit code; `of` is the number of documents found in the folders of the command line."""
     console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug)
     if arguments.format == "text":
         for document in good:
@@ -148,7 +150,7 @@ def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: 
 
 
 def check(document: str, options: Options, *, strict: bool = False) -> list[Diagnostic]:
-    """What there is to say about one document; from the stamp of an earlier run where nothing has changed."""
+    """Check one document; if nothing has changed since an earlier run, return its cached diagnostics."""
     store = store_of(options)
     key = up_to_date.key_of("check", document, {"parameters": dict(options.parameters), "choices": dict(options.choices), "strict": strict})
     earlier = up_to_date.load(store, key)
@@ -166,7 +168,7 @@ def check(document: str, options: Options, *, strict: bool = False) -> list[Diag
 
 
 def report_of(environment: Environment, compilation: Compilation) -> Report:
-    """What is said of a document that was checked, of variants, too."""
+    """Return the report of a checked document; for a variants document, including its variants."""
     if compilation.documents is None or compilation.documents.root.kind != "variants":
         return compilation.report
     from thingc.batch.variants_document import read_plan

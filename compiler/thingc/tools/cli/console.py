@@ -1,4 +1,4 @@
-"""What commands share: their options, how they print diagnostics, tables and lengths, and the exit code that follows."""
+"""Shared code of commands: options, output of diagnostics and tables, exit codes."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from thingc.driver.environment import Options
 
 USAGE = 2
 FINDINGS = ("text", "json", "github", "sarif")
-"""How `check` and `build` print what they find."""
+"""Output formats for diagnostics."""
 
 
 def error(message: str, help: str | None, code: Code, detail: str | None = None) -> Diagnostic:
-    """An error without a place."""
+    """Create an error without a source location."""
     return Diagnostic(code=code, severity=Severity.ERROR, message=message, help=help, detail=detail)
 
 
 class WrongCommandLine(Exception):
-    """Something on the command line is wrong: exit code 2. `diagnostic` says it."""
+    """The command line is invalid (exit code 2); `diagnostic` is the error to report."""
 
     def __init__(self, message: str, hint: str | None = None, code: Code = Code.COMMAND_LINE) -> None:
         super().__init__(message)
@@ -39,7 +39,7 @@ class WrongCommandLine(Exception):
 
 
 def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly document (YAML or TOML)", metavar: str = "DOC") -> None:
-    """The DOC argument. Where it is left out it is None, and `main` puts in what `document_meant` gives."""
+    """Add the optional argument DOC. If omitted it is None, and `main` replaces it by `document_meant()`."""
     parser.add_argument("document", metavar=metavar, nargs="?", help=f"{what} (default: the only robot of the workspace)")
 
 
@@ -62,13 +62,12 @@ def document_meant() -> str:
     if len(robots) == 1:
         say(f"taking {shown_path(robots[0])}, the only robot here", stream=sys.stderr)
         return shown_path(robots[0])
-    hint = did_you_mean("", map(shown_path, robots), what="robots") if robots else "`thingc new NAME` makes a workspace with a robot"
+    hint = did_you_mean("", map(shown_path, robots), what="robots") if robots else "run `thingc new NAME` to create one"
     raise WrongCommandLine(f"missing: DOC, and there are {len(robots) or 'no'} robots here", hint)
 
 
 def _unnested(assemblies: Sequence[str]) -> list[str]:
-    """Those of the assembly documents that none of the others nests, of one that cannot be read as far as its text tells. Where documents
-    nest each other in a circle all count."""
+    """Return the assembly documents that no other one contains. Documents with errors are searched as text."""
     from thingc.documents.load.documents import load
     from thingc.documents.workspace import Workspace
 
@@ -86,39 +85,39 @@ def _unnested(assemblies: Sequence[str]) -> list[str]:
 
 
 def add_compiling(parser: argparse.ArgumentParser) -> None:
-    """The options of every command that reads a document."""
+    """Add the options of commands that read a document."""
     parser.add_argument(
         "-p", "--parameter", metavar="NAME=VALUE", action="append", default=[],
-        help="set a parameter as a document would, for example -p 'reach=120 mm' (may be repeated)",
+        help="set a parameter of the document, for example -p 'reach=120 mm' (may be repeated)",
     )
     parser.add_argument(
         "--set", metavar="PATH=TEXT", action="append", default=[], dest="choice",
-        help="set a value by its path, --set 'joints.elbow.limit.upper=90 deg', or choose a part, a nested assembly or a material, "
-        "--set components.foot.part=feet:Wide (may be repeated)",
+        help="set a value by its path, for example --set 'joints.elbow.limit.upper=90 deg', or select a part, a nested assembly or a "
+        "material, for example --set components.foot.part=feet:Wide (may be repeated)",
     )
-    parser.add_argument("--strict", action="store_true", help="warnings are errors")
+    parser.add_argument("--strict", action="store_true", help="treat warnings as errors")
     add_geometry(parser)
 
 
-def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "parts modelled at once") -> None:
-    """The options of every command that may model parts; `jobs` is what `--jobs` counts."""
+def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "number of parts to model in parallel") -> None:
+    """Add the options of commands that may model parts; `jobs` is the help text of `--jobs`."""
     parser.add_argument(
         "--store", metavar="DIR",
-        help="where modelled parts are kept, a folder or a URL (default: THINGC_STORE, else the user's cache folder)",
+        help="store of modelled parts, a folder or a URL (default: THINGC_STORE, else the user's cache folder)",
     )
     parser.add_argument("--jobs", metavar="N", type=positive, default=0, help=f"{jobs} (default: one per core)")
-    parser.add_argument("--part-timeout", metavar="TIME", help="longest time for one part, for example '30 s'")
-    parser.add_argument("--debug", action="store_true", help="show the Python traceback of a part that fails")
+    parser.add_argument("--part-timeout", metavar="TIME", help="time limit for each part, for example '30 s'")
+    parser.add_argument("--debug", action="store_true", help="show the Python tracebacks of failed parts")
 
 
 def add_format(parser: argparse.ArgumentParser, choices: Sequence[str] = ("text", "json")) -> None:
-    """The --format option."""
+    """Add the option `--format`."""
     metavar = "{" + ",".join(choices) + "}"
-    parser.add_argument("--format", type=one_of(choices), metavar=metavar, default=choices[0], help="how to print (default: %(default)s)")
+    parser.add_argument("--format", type=one_of(choices), metavar=metavar, default=choices[0], help="output format (default: %(default)s)")
 
 
 def one_of(known: Sequence[str]) -> Callable[[str], str]:
-    """A word out of several, as argparse wants it checked."""
+    """Create an argparse type that accepts only the `known` words."""
     def choice(text: str) -> str:
         if text not in known:
             words = ", ".join(f"`{one}`" for one in known[:-1]) + f" or `{known[-1]}`"
@@ -130,14 +129,14 @@ def one_of(known: Sequence[str]) -> Callable[[str], str]:
 
 
 def positive(text: str) -> int:
-    """A whole number from 1, as argparse wants it checked."""
+    """Parse a positive integer (an argparse type)."""
     if not text.isdigit() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"expected a whole number from 1, found `{text}`")
     return int(text)
 
 
 def parameters(words: Sequence[str]) -> Mapping[str, str]:
-    """`NAME=VALUE` words to a mapping. Raises `WrongCommandLine`."""
+    """Parse `NAME=VALUE` arguments. Raises `WrongCommandLine`."""
     values: dict[str, str] = {}
     for word in words:
         name, equals, value = word.partition("=")
@@ -146,7 +145,7 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
             by_path = "." in name and value != ""
             raise WrongCommandLine(
                 f"expected -p NAME=VALUE, found `{word}`",
-                f"a value is set by its path with --set '{name}={value}'" if by_path else "write for example -p 'reach=120 mm'",
+                f"to set a value by its path, write --set '{name}={value}'" if by_path else "write for example -p 'reach=120 mm'",
             )
         if name in values:
             raise WrongCommandLine(f"-p sets `{name}` twice", "keep one of them")
@@ -155,7 +154,9 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
 
 
 def paths(words: Sequence[str], form: str, example: str, twice: str, name: Callable[[str], str] = str) -> dict[str, str]:
-    """`PATH=TEXT` words to a mapping. Raises `WrongCommandLine` for words of another `form`, and for two paths of one `name`."""
+    """Parse `PATH=TEXT` arguments.
+
+    Raises `WrongCommandLine`, with `form` and `example`, for other arguments, and with `twice` for two paths with the same `name`."""
     texts: dict[str, str] = {}
     for word in words:
         path, equals, text = (piece.strip() for piece in word.partition("="))
@@ -168,14 +169,14 @@ def paths(words: Sequence[str], form: str, example: str, twice: str, name: Calla
 
 
 def refuse_modules_of_others() -> None:
-    """Raises `WrongCommandLine` where Python would look for modules beside documents that nobody trusts."""
+    """Raise `WrongCommandLine` if Python would import modules from the working folder, which is untrusted."""
     if "" in sys.path or os.getcwd() in sys.path and not sys.flags.safe_path:
         message = "Python looks for modules in the working folder, which may be part of the change"
         raise WrongCommandLine(message, "run `thingc`, or `python -I -m thingc`")
 
 
 def time_of(option: str, text: str) -> float:
-    """The time [s] that an option states. Raises `WrongCommandLine`."""
+    """Parse the time [s] of an option. Raises `WrongCommandLine`."""
     from thingc.base.units import TIME, UnitError, parse_quantity
     from thingc.documents.workspace import LONGEST
 
@@ -190,7 +191,7 @@ def time_of(option: str, text: str) -> float:
 
 
 def options_of(arguments: argparse.Namespace) -> Options:
-    """The compile options that the command line states. Raises `WrongCommandLine`."""
+    """Return the compile options of the command line. Raises `WrongCommandLine`."""
     timeout = None if arguments.part_timeout is None else time_of("--part-timeout", arguments.part_timeout)
     choices, example = getattr(arguments, "choice", []), "--set components.foot.part=feet:Wide"
     return Options(
@@ -203,7 +204,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
 
 
 def chosen_compat(words: Sequence[str]) -> tuple[str, ...] | None:
-    """The programs that `--compat` names; None if it names none. Raises `WrongCommandLine`."""
+    """Return the programs of `--compat`, None without this option. Raises `WrongCommandLine`."""
     from thingc.driver.pipeline import UnknownChoice, chosen_consumers
 
     try:
@@ -213,7 +214,7 @@ def chosen_compat(words: Sequence[str]) -> tuple[str, ...] | None:
 
 
 def require_document(path: str) -> None:
-    """Raises `WrongCommandLine` where there is no such file, or one that cannot be a document."""
+    """Raise `WrongCommandLine` if the path is not a regular file with the suffix of a document."""
     from thingc.documents.load.paths import DOCUMENT_SUFFIXES
     from thingc.documents.workspace import OWN_FILE, SHARED_FILE
 
@@ -228,19 +229,18 @@ def require_document(path: str) -> None:
         if name.lower().endswith(DOCUMENT_SUFFIXES) and name not in settings and not name.startswith(".")
     ]
     if is_folder:
-        raise WrongCommandLine(f"`{path}` is a folder, and a document was expected", _document_meant("", folder, near), Code.NO_DOCUMENT)
+        raise WrongCommandLine(f"expected a document, found the folder `{path}`", _document_meant("", folder, near), Code.NO_DOCUMENT)
     if os.path.exists(path) and not is_file:
-        raise WrongCommandLine(f"`{path}` is no file that can be read again", "name a document that is a file", Code.NO_DOCUMENT)
+        raise WrongCommandLine(f"`{path}` is not a regular file", "name a regular file", Code.NO_DOCUMENT)
     if is_file:
-        message = f"`{path}` is no document ({', '.join(DOCUMENT_SUFFIXES)})"
+        message = f"`{path}` is not a document ({', '.join(DOCUMENT_SUFFIXES)})"
         raise WrongCommandLine(message, file_meant(path, near, what="documents"), Code.NO_DOCUMENT)
     meant = _document_meant(path, folder if os.path.isdir(folder) else os.curdir, near)
     raise WrongCommandLine(f"there is no document `{path}`", meant, Code.NO_DOCUMENT)
 
 
 def _document_meant(path: str, folder: str, beside: Sequence[str]) -> str:
-    """What to write for a document that is not there: one `beside` it that is called nearly so, or one elsewhere in the workspace; else
-    those that there are."""
+    """Suggest existing documents for a missing one: one with a similar name, `beside` it or elsewhere in the workspace, else all."""
     from thingc.documents.load.discovery import documents_near
     from thingc.documents.workspace import Workspace
 
@@ -255,8 +255,9 @@ def _document_meant(path: str, folder: str, beside: Sequence[str]) -> str:
 
 
 def expanded(words: Iterable[str]) -> list[str]:
-    """Documents as the command line names them, each once: a folder stands for all documents below it. Raises `WrongCommandLine` for a
-    folder that has none."""
+    """Return the documents of the command line without duplicates; folders are replaced by all documents below them.
+
+    Raises `WrongCommandLine` for a folder without documents."""
     from thingc.documents.load.discovery import documents_in
 
     paths: dict[str, str] = {}
@@ -265,7 +266,7 @@ def expanded(words: Iterable[str]) -> list[str]:
         if os.path.isdir(word):
             inside = [path if os.path.isabs(word) else shown_path(path) for path in documents_in(word)]
             if not inside:
-                help = "a document begins with `thingc: assembly/1` or another kind"
+                help = "begin a document with `thingc: assembly/1` or another kind"
                 raise WrongCommandLine(f"there is no document below `{word}`", help, Code.NO_DOCUMENT)
         for path in inside:
             paths.setdefault(os.path.realpath(path), path)
@@ -273,7 +274,7 @@ def expanded(words: Iterable[str]) -> list[str]:
 
 
 def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator[str]:
-    """Those of the documents that are there; of the others `diagnostics` gets the reason."""
+    """Yield the documents that exist; add an error to `diagnostics` for each of the others."""
     for document in documents:
         try:
             require_document(document)
@@ -284,7 +285,7 @@ def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator
 
 
 def show_progress(what: str, done: int, total: int) -> None:
-    """How far it is, on standard error: one line that counts on a terminal, else one at the start and one at the end."""
+    """Print progress to standard error: a line that updates in place on a terminal, else one at the start and one at the end."""
     if sys.stderr.isatty():
         say_in_place(f"{what} parts: {done} of {total}" if done < total else "")
     elif done in (0, total):
@@ -292,20 +293,20 @@ def show_progress(what: str, done: int, total: int) -> None:
 
 
 def show_printed(part: str, lines: Sequence[str]) -> None:
-    """What a part has printed, on standard error: each line behind the part's name."""
+    """Print the output of a part to standard error, each line prefixed with the name of the part."""
     say_in_place()
     say(*(f"{part} | {line}" for line in lines), stream=sys.stderr)
 
 
 def say_waiting(folder: str) -> None:
-    """That another build of a folder must be waited for, on standard error."""
-    say(f"another build of {shown_path(folder)} is under way; waiting for it", stream=sys.stderr)
+    """Report on standard error that another build of the folder is in progress."""
+    say(f"waiting for another build of {shown_path(folder)}", stream=sys.stderr)
 
 
 def say(*lines: str, stream: TextIO | None = None) -> None:
-    """Lines for people, on standard output unless told otherwise: the one way by which what is no diagnostic gets there.
+    """Print lines of text to `stream`, by default standard output. All output except diagnostics uses this function.
 
-    Whatever a document, a part or a file name has put into a line stays a piece of that line (see `escape_control`).
+    Control characters, for example of file names, are escaped (see `escape_control`).
     """
     stream = stream or sys.stdout
     stream.write("".join(f"{escape_control(line)}\n" for line in lines))
@@ -313,17 +314,17 @@ def say(*lines: str, stream: TextIO | None = None) -> None:
 
 
 def say_lines_of_documents(lines: Iterable[str]) -> None:
-    """`say` for what stands in documents, where tabs stay."""
+    """Print lines of documents like `say`, but keep tabs."""
     sys.stdout.write("".join(f"{shown_line(line)}\n" for line in lines))
 
 
 def say_diff(name: str, before: str, after: str) -> None:
-    """The changed lines of a document, as `diff -u` prints them."""
+    """Print the changes of a document as a unified diff."""
     say_lines_of_documents(difflib.unified_diff(before.splitlines(), after.splitlines(), name, name, lineterm=""))
 
 
 def hand_on(content: bytes | str) -> None:
-    """What has a form of its own (XML, a document, names that end with a NUL), on standard output as it is."""
+    """Write content that another program reads (XML, a document, NUL-terminated names) to standard output, unchanged."""
     if isinstance(content, str):
         sys.stdout.write(content)
     else:
@@ -332,16 +333,16 @@ def hand_on(content: bytes | str) -> None:
 
 
 def say_in_place(line: str = "") -> None:
-    """A line on standard error that the next one replaces, where that is a terminal; else nothing."""
+    """Print a line to standard error that the next one overwrites; only on a terminal."""
     if sys.stderr.isatty():
         sys.stderr.write(f"\r\x1b[K{escape_control(line)}")
         sys.stderr.flush()
 
 
 def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None) -> int:
-    """Print code frames and a closing count, coloured only on a terminal (and never where NO_COLOR is set). Returns the exit code.
+    """Print diagnostics with code frames, and a summary; return the exit code. Colours only on a terminal without NO_COLOR.
 
-    `texts` are those of documents that are in no file, by the name in their spans.
+    `texts` are the contents of documents that are not on disk, by the name in their spans.
     """
     if diagnostics:
         color = stream.isatty() and "NO_COLOR" not in os.environ
@@ -352,12 +353,12 @@ def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool
 
 
 def print_json(diagnostics: Sequence[Diagnostic], **more: object) -> None:
-    """The JSON answer of a command that may find something, alone on standard output."""
+    """Print diagnostics and the keys `more` as one JSON object to standard output."""
     print_data({"diagnostics": as_json(diagnostics), **more})
 
 
 def print_data(value: Mapping[str, object]) -> None:
-    """JSON, alone on standard output."""
+    """Print a JSON object to standard output."""
     import json
 
     sys.stdout.write(json_text(json.dumps(value, indent=2, ensure_ascii=False)) + "\n")
@@ -366,9 +367,9 @@ def print_data(value: Mapping[str, object]) -> None:
 def print_found(
     diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None, **more: object,
 ) -> int:
-    """Print what was found in one of the forms of `FINDINGS`: text to `stream`, the others alone to standard output. Returns the exit code.
+    """Print diagnostics in a format of `FINDINGS`: text to `stream`, the others to standard output. Returns the exit code.
 
-    `more` are further keys of the JSON answer.
+    `more` are further keys of the JSON output.
     """
     if form == "text":
         print_text(diagnostics, stream=stream, debug=debug, texts=texts)
@@ -388,7 +389,7 @@ def print_found(
 
 
 def _documentation() -> str | None:
-    """Where the pages of codes are published, as the installed package says, or None where it does not."""
+    """Return the URL of the documentation in the metadata of the installed package, or None."""
     from importlib.metadata import PackageNotFoundError, metadata
 
     try:
@@ -400,24 +401,23 @@ def _documentation() -> str | None:
 
 
 def losses_in_words(counts: Mapping[str, int]) -> str:
-    """`2 omitted, 1 approximated`."""
+    """Format counts of losses: `2 omitted, 1 approximated`."""
     return ", ".join(f"{count} {how}" for how, count in counts.items())
 
 
 def final(report: Report, *, strict: bool) -> list[Diagnostic]:
-    """The diagnostics in order, warnings made errors where that was asked."""
+    """Return the diagnostics in order; with `strict`, warnings become errors."""
     return report.judged(strict=strict).ordered()
 
 
 def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
-    """0 without errors, 2 where the command line is to blame (a bad `-p`, unexpected files in the folder), else 1."""
+    """Return 0 without errors, 2 if an error has a code of `USAGE_CODES`, else 1."""
     errors = [d for d in diagnostics if d.severity is Severity.ERROR]
     return USAGE if any(d.code in USAGE_CODES for d in errors) else 1 if errors else 0
 
 
 def of_exception(fault: Exception) -> Diagnostic:
-    """What to say of an exception that reached the command line: what was asked for and cannot be, and the system's refusals, in words;
-    else that thingc has failed."""
+    """Convert an exception to an error: errors of the command line and of the operating system, else an internal error of thingc."""
     if isinstance(fault, WrongCommandLine | ReplacementRefused):
         return fault.diagnostic
     from thingc.driver.output import OutputError
@@ -427,27 +427,28 @@ def of_exception(fault: Exception) -> Diagnostic:
     if isinstance(fault, UnknownChoice | OutputError):
         return error(fault.message, fault.hint, fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE)
     if isinstance(fault, FileNotFoundError) and working_folder() is None:
-        help = "somebody has deleted it, or made it anew: `cd` to a folder that is there"
-        return error("the working folder is not there any more", help, Code.WORKING_FOLDER)
+        help = "it was deleted or recreated: `cd` to an existing folder"
+        return error("the working folder no longer exists", help, Code.WORKING_FOLDER)
     if isinstance(fault, StoreUnusable):
-        help = "choose a folder that can be written with --store or THINGC_STORE"
+        help = "choose a writable folder with --store or THINGC_STORE"
         return error(f"the store `{fault.root}` cannot be used: {fault.reason}", help, Code.OUTPUT)
     if isinstance(fault, OSError) and (fault.filename is not None or fault.errno in NO_ROOM):
         kind = PermissionError if fault.errno == errno.EROFS else type(fault)
-        where = "what is written has no room" if fault.filename is None else f"`{shown_path(str(fault.filename))}`"
-        help = "choose a shorter name" if fault.errno == errno.ENAMETOOLONG else _CURES.get(kind, "make room, or choose another place")
+        where = "cannot write a file" if fault.filename is None else f"`{shown_path(str(fault.filename))}`"
+        help = "choose a shorter name" if fault.errno == errno.ENAMETOOLONG else _CURES.get(kind, "free disk space, or use another folder")
         return error(f"{where}: {fault.strerror or fault}", help, Code.OUTPUT)
     import traceback
 
-    message = f"thingc itself failed: {type(fault).__name__}: {' '.join(str(fault).split())}"
-    help = "this is a defect of thingc, not of your document; please report it with what --debug shows"
+    message = f"internal error: {type(fault).__name__}: {' '.join(str(fault).split())}"
+    help = "this is a bug in thingc, not in your document; please report it with the output of --debug"
     return error(message, help, Code.INTERNAL, "".join(traceback.format_exception(fault)))
 
 
 _CURES: Mapping[type[OSError], str] = {
-    FileExistsError: "move away what is in its place", NotADirectoryError: "move away the file that is where a folder is needed",
-    IsADirectoryError: "move away the folder that is in its place", PermissionError: "allow it to be written, or choose another place",
-    FileNotFoundError: "somebody has moved or deleted it meanwhile: run the command again",
+    FileExistsError: "move or delete the existing file", NotADirectoryError: "move or delete the file; a folder is required here",
+    IsADirectoryError: "move or delete the folder; a file is required here",
+    PermissionError: "change the permissions, or choose another folder",
+    FileNotFoundError: "it was moved or deleted during the run: run the command again",
 }
 
 
@@ -458,7 +459,7 @@ USAGE_CODES = frozenset({
 
 
 def table(rows: Sequence[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:
-    """The lines of rows of as many cells each; columns `right` are set to the right."""
+    """Format rows with equal numbers of cells as aligned lines; the columns `right` are right-aligned."""
     rows = [tuple(map(escape_control, row)) for row in rows]
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return [
@@ -468,12 +469,12 @@ def table(rows: Sequence[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[
 
 
 def millimetres(place: Vector) -> str:
-    """A place [m] in mm, to a tenth of a micrometre: `0 120 30.5`."""
+    """Format a position [m] in mm, rounded to 0.1 µm: `0 120 30.5`."""
     return " ".join(f"{round(1000.0 * x, 4) + 0.0:g}" for x in place)
 
 
 def axes(rotation: Matrix) -> str:
-    """The axes x, y, z of a frame, each as the axis of its parent that it lies along, or as a direction in it: `+x, -y, -z`."""
+    """Format the axes x, y, z of a frame as axes of its parent, or as directions in it: `+x, -y, -z`."""
     return ", ".join(_axis((rotation[0][k], rotation[1][k], rotation[2][k])) for k in range(3))
 
 

@@ -1,4 +1,4 @@
-"""`thingc diff`: what a change of documents, or of the code of parts, does to a robot."""
+"""`thingc diff`: show the effect of a change of documents or part code on a robot."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from thingc.tools.diff.snapshot import WHATS
 from thingc.tools.diff.text_report import as_html, as_markdown, as_text
 
 EPILOG = """\
-Meaning, not text: components, joints, mates, parameters, modes, poses, materials, tests, and what follows for masses, geometry,
-mounts, the bill of materials and prints, each with its cause. A new layout of the same robot is no change.
+Compares robots, not text: components, joints, mates, parameters, modes, poses, materials, tests, and the effects on masses, geometry,
+mounts, the bill of materials and prints, each with its cause. Changes of layout are ignored.
 
-  thingc diff HEAD~3                                the working tree with a revision: the documents that the change concerns
-  thingc diff main..HEAD                            two revisions; nothing is checked out
-  thingc diff main -- assemblies/arm.yaml           of one document
-  thingc diff old.yaml new.yaml                     two documents; also build folders, and parts.lock.json
+  thingc diff HEAD~3                                compare the working tree with a revision: all affected documents
+  thingc diff main..HEAD                            compare two revisions, without checking them out
+  thingc diff main -- assemblies/arm.yaml           compare one document
+  thingc diff old.yaml new.yaml                     compare two documents, build folders or parts.lock.json files
   thingc diff main..HEAD --format markdown > comment.md
   thingc diff main..HEAD --html change.html
   thingc diff main..HEAD --fail-on mass,joints,tests
@@ -42,30 +42,30 @@ FORMS = ("text", "json", "markdown")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `diff`."""
+    """Add the options of `diff`."""
     parser.epilog = EPILOG
     parser.set_defaults(behind=[])
     add = parser.add_argument
     add(
         "side", metavar="SIDE", nargs="*",
-        help="the old state, and the new one (default: the working tree): documents, build folders, locks, or revisions of git, also "
-        "OLD..NEW; documents that are compared in both follow --",
+        help="the old and the new state (default: the working tree): documents, build folders, lock files, or Git revisions, also "
+        "OLD..NEW; to compare only some documents, name them after --",
     )
     add(
         "--fail-on", metavar="WHAT", action="append", default=[],
-        help="exit with 1 where something of this kind changes: mass, joints, tests, ... (separated by commas; may be repeated)",
+        help="exit with 1 if changes of this kind are found: mass, joints, tests, ... (separated by commas; may be repeated)",
     )
-    add("--no-tests", action="store_true", help="leave the tests of the documents out")
-    add("--no-code", action="store_true", help="run nothing of the workspace: parts are as parts.lock.json says (see `thingc lock`)")
-    add("--time-limit", metavar="TIME", default="20 s", help="with --no-code: longest computing for one document (default: %(default)s)")
-    add("--html", metavar="FILE", help="also write a page with pictures, and a slider from before to after")
-    add("--pictures", metavar="FOLDER", help="also write pictures: before, after, and what changed in colours")
+    add("--no-tests", action="store_true", help="do not run the tests of the documents")
+    add("--no-code", action="store_true", help="run no code of the workspace; read parts from parts.lock.json (see `thingc lock`)")
+    add("--time-limit", metavar="TIME", default="20 s", help="with --no-code: limit of CPU time for each document (default: %(default)s)")
+    add("--html", metavar="FILE", help="also write a page with pictures and a before/after slider")
+    add("--pictures", metavar="FOLDER", help="also write pictures: before, after, and changes in colour")
     console.add_format(parser, FORMS)
     console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0, or 1 where something changed that must not; 1 where a side does not compile."""
+    """Run `diff`; exit code 1 if a kind of `--fail-on` has changed or one side does not compile, else 0."""
     try:
         watched = fail_on(arguments.fail_on)
         options = console.options_of(arguments)
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     except UnknownComparison as fault:
         raise console.WrongCommandLine(str(fault), fault.hint) from fault
     except NotARepository as fault:
-        raise console.WrongCommandLine(f"git cannot say: {fault}", "run this in a repository, or name two documents") from fault
+        raise console.WrongCommandLine(f"git failed: {fault}", "run this in a repository, or name two documents") from fault
     except NoGraphics as fault:
         raise console.WrongCommandLine(fault.message, fault.hint, Code.NO_GRAPHICS) from fault
     if isinstance(answer, BrokenSide):
@@ -99,7 +99,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str, str], str] | None:
-    """Write the page and the pictures that were asked for; where each picture is, by document and what it shows. Raises OSError."""
+    """Write the page of `--html` and the pictures of `--pictures`. Raises OSError.
+
+    Returns a function from the document and the key of a picture to its path; None without `--pictures`."""
     if arguments.html is not None:
         with open(arguments.html, "w", encoding="utf-8") as page:
             page.write(as_html(answer))
@@ -119,25 +121,25 @@ def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str
 
 
 def fail_on(words: Sequence[str]) -> frozenset[str]:
-    """What `--fail-on` names, in the singular of answers. Raises `WrongCommandLine`."""
+    """Return the kinds of changes of `--fail-on`, in the singular as in `WHATS`. Raises `WrongCommandLine`."""
     known: dict[str, str] = {what: what for what in WHATS}
     known |= {f"{what}es" if what.endswith("s") else f"{what}s": what for what in WHATS}
     named: set[str] = set()
     for word in (one.strip() for text in words for one in text.split(",")):
         if word not in known:
-            message = f"--fail-on: expected what may change, found `{word}`"
+            message = f"--fail-on: expected a kind of change, found `{word}`"
             raise console.WrongCommandLine(message, did_you_mean(word, known if word else WHATS, what="words"))
         named.add(known[word])
     return frozenset(named)
 
 
 def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: Options, stack: ExitStack) -> DiffResult | BrokenSide:
-    """Raises `UnknownComparison`, `NotARepository`, `NoGraphics`, `WrongCommandLine`."""
+    """Compare both sides. Raises `UnknownComparison`, `NotARepository`, `NoGraphics`, `WrongCommandLine`."""
     options = replace(options, lock=arguments.no_code, code=not arguments.no_code)
     names = (wanted.old.name, wanted.new.name)
     tests, draw = not (arguments.no_tests or arguments.no_code), bool(arguments.html or arguments.pictures)
     if draw and options.code:
-        ready()  # before the tests import MuJoCo, which decides then how it draws
+        ready()  # before the tests import MuJoCo, which selects its graphics library at import
     work: Callable[[DocumentPair], Comparison | BrokenSide] = partial(compared, options=options, tests=tests, names=names, draw=draw)
     if arguments.no_code:
         console.refuse_modules_of_others()
@@ -146,7 +148,7 @@ def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: O
 
 
 def _apart(work: Callable[[DocumentPair], Comparison | BrokenSide], seconds: float, both: DocumentPair) -> Comparison | BrokenSide:
-    """A document compared in a bounded process of its own."""
+    """Compare a document in a sandboxed process that may compute for `seconds`."""
     answer = confined(lambda: pack(work(both)), seconds)
     if isinstance(answer, Diagnostic):
         return BrokenSide(name=both.name, diagnostics=(replace(answer, path=both.name),), texts={})

@@ -1,4 +1,4 @@
-"""`thingc explain`: what a code means, how it is cured, and an example of either side."""
+"""`thingc explain`: explain a diagnostic code, with a wrong and a right example."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from thingc.tools.cli import console
 from thingc.tools.reporting.explain import as_page, explained, find, near, sections
 
 EPILOG = """\
-Without CODE it lists all codes.
+Without CODE, all codes are listed.
 
   thingc explain TC302
   thingc explain 302
@@ -16,21 +16,21 @@ Without CODE it lists all codes.
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `explain`."""
+    """Add the options of `explain`."""
     parser.epilog = EPILOG
-    parser.add_argument("code", metavar="CODE", nargs="?", help="a code such as TC302, also without the TC (default: all of them)")
+    parser.add_argument("code", metavar="CODE", nargs="?", help="a code such as TC302 or 302 (default: list all codes)")
     console.add_format(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 when the code is known, else 2."""
+    """Run `explain`; exit code 0 if the code exists, else 2."""
     if arguments.code is None:
         _list(arguments.format)
         return 0
     code = find(arguments.code)
     if code is None:
         close = ", ".join(f"`{one.code}` ({one.title})" for one in near(arguments.code))
-        help = f"near it: {close}" if close else "`thingc explain` lists all codes"
+        help = f"near it: {close}" if close else "run `thingc explain` for a list of codes"
         raise console.WrongCommandLine(f"there is no code `{arguments.code}`", help)
     if arguments.format == "json":
         console.print_data(explained(code))

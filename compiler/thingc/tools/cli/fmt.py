@@ -1,4 +1,4 @@
-"""`thingc fmt`: documents in canonical layout."""
+"""`thingc fmt`: format documents in the canonical layout."""
 
 from __future__ import annotations
 
@@ -17,31 +17,30 @@ from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.tools.cli import console
 
 EPILOG = """\
-Keys in the order of the language reference (names that you choose stay in your order), two spaces for each level, one
-empty line between top-level blocks, one space where one belongs; comments stay where they are. What a document says is
-never changed.
+Sorts keys as in the language reference (your own names keep their order), indents by two spaces, and separates top-level blocks by
+one empty line. Comments stay in place. The meaning of a document never changes.
 
-  thingc fmt assemblies                  every document in a folder
-  thingc fmt --check --diff assemblies   what would change, for CI: exit code 1
-  thingc fmt - < robot.yaml              from standard input to standard output, for editors
+  thingc fmt assemblies                  format every document in a folder
+  thingc fmt --check --diff assemblies   show what would change; exit code 1 for CI
+  thingc fmt - < robot.yaml              format standard input to standard output, for editors
 """
 
 STANDARD_INPUT = "-"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `fmt`."""
+    """Add the options of `fmt`."""
     parser.epilog = EPILOG
     add = parser.add_argument
     add("document", metavar="DOC", nargs="+", help="a document, a folder of documents, or - for standard input")
-    add("--check", action="store_true", help="write nothing, name what would change: exit code 1 if anything would")
+    add("--check", action="store_true", help="write nothing, list files that would change; exit code 1 if there are any")
     add("--diff", action="store_true", help="write nothing, show what would change")
-    add("--modeline", action="store_true", help="name the document's own schema in its first line, for editors without settings")
-    add("--touched", action="store_true", help="the words are files that have changed: those that are no documents are passed over")
+    add("--modeline", action="store_true", help="name the schema in the first line of each document, for editors without settings")
+    add("--touched", action="store_true", help="treat the arguments as changed files and skip those that are not documents")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0; 1 where a document is not well-formed, or with `--check` where one would change."""
+    """Run `fmt`; exit code 1 if a document is not well-formed or, with `--check`, would change, else 0."""
     if arguments.document == [STANDARD_INPUT]:
         return _standard_input(arguments)
     report = Report()
@@ -61,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _documents(arguments: argparse.Namespace) -> Iterator[str]:
-    """The documents that the command line names, each once. Raises `WrongCommandLine`."""
+    """Yield the documents of the command line without duplicates. Raises `WrongCommandLine`."""
     seen: set[str] = set()
     for word in arguments.document:
         if os.path.isdir(word) and not arguments.touched:
@@ -71,7 +70,7 @@ def _documents(arguments: argparse.Namespace) -> Iterator[str]:
             paths = [word] if is_document(word) or os.path.basename(word) == OWN_FILE and os.path.isfile(word) else []
         else:
             if word == STANDARD_INPUT:
-                raise console.WrongCommandLine("`-` stands alone", "name documents, or only `-` for standard input")
+                raise console.WrongCommandLine("`-` cannot be combined with documents", "write documents, or only `-` for standard input")
             console.require_document(word)
             paths = [word]
         for path in paths:
@@ -81,7 +80,7 @@ def _documents(arguments: argparse.Namespace) -> Iterator[str]:
 
 
 def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
-    """Format one document; whether it changes."""
+    """Format one document; return whether it changes."""
     try:
         with open(path, "rb") as stream:
             data = stream.read(10_000_001)
@@ -119,7 +118,7 @@ def _print_diff(path: str, before: bytes, after: bytes) -> None:
 def _standard_input(arguments: argparse.Namespace) -> int:
     data = sys.stdin.buffer.read(10_000_001)
     report = Report()
-    # which format it is stands in its first key: `thingc:` or `thingc =`
+    # the first key shows the format: `thingc:` or `thingc =`
     toml = any(line.replace(b" ", b"").startswith(b"thingc=") for line in data.splitlines())
     name = "<stdin>.toml" if toml else "<stdin>"
     formatted = format_document(name, data, report)

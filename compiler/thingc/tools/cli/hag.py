@@ -1,4 +1,4 @@
-"""`thingc hag`: the assembly graph on standard output."""
+"""`thingc hag`: print the assembly graph."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from thingc.driver.pipeline import compile
 from thingc.tools.cli import console
 
 EPILOG = """\
-Nodes are definitions (a part with its parameters, a document with its parameters): what is used twice is one node. Edges say
-"is a subcomponent of", with the mounts that meet and the joint, if one moves.
+Nodes are definitions: a part or a document with its parameters. A definition that is used twice is one node. Edges mean
+"is a subcomponent of", labelled with the mated mounts and the joint, if any.
 
   thingc hag assemblies/arm.yaml
   thingc hag assemblies/arm.yaml --format mermaid >> README.md
@@ -21,7 +21,7 @@ Nodes are definitions (a part with its parameters, a document with its parameter
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `hag`."""
+    """Add the options of `hag`."""
     parser.epilog = EPILOG
     console.add_document(parser)
     console.add_format(parser, ("text", "dot", "mermaid", "svg", "graphml", "json"))
@@ -29,7 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the graph; diagnostics go to standard error."""
+    """Run `hag`. Diagnostics go to standard error."""
     try:
         console.require_document(arguments.document)
         options = console.options_of(arguments)

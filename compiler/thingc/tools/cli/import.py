@@ -1,4 +1,4 @@
-"""`thingc import`: a robot of another format as a workspace."""
+"""`thingc import`: convert a robot of another format to a workspace."""
 
 from __future__ import annotations
 
@@ -21,49 +21,49 @@ from thingc.tools.importing.three_way_merge import NOTHING
 from thingc.tools.importing.update_import import PreviousImport, Update, earlier_import, update
 
 MOST_SAID = 20
-"""Changes that are printed; `git diff` shows all."""
+"""Maximum number of changes to print; `git diff` shows all."""
 EPILOG = """\
-Writes a document of the robot, which is yours from then on, and `import.json`: what everything was called, and what a document cannot say
-of it, with the line of the source.
+Writes a document that you can edit, and `import.json`, which lists names of the source and everything that the document cannot express,
+with lines of the source.
 
-  thingc import robot.urdf                       into a folder of the robot's name
+  thingc import robot.urdf                       write to a folder with the name of the robot
   thingc import robot.urdf -o robots/arm
   thingc import robot.urdf --repair inertia=nearest
-  thingc import robot.urdf --root left_sole      with a mode that is rooted at that link
-  thingc import robot.urdf --update              again: takes over what the file has changed, and leaves what you have
+  thingc import robot.urdf --root left_sole      add a mode with this link as root
+  thingc import robot.urdf --update              import again: merge changes of the file, preserve your edits
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `import`."""
+    """Add the options of `import`."""
     parser.epilog = EPILOG
     add = parser.add_argument
-    add("file", metavar="FILE", help="a robot: .urdf, .xacro, .sdf, .xml (MJCF)")
-    add("-o", "--output", metavar="DIR", help="the folder that is made (default: called like the robot)")
+    add("file", metavar="FILE", help="the robot: .urdf, .xacro, .sdf or .xml (MJCF)")
+    add("-o", "--output", metavar="DIR", help="output folder (default: the name of the robot)")
     add(
         "--package", metavar="NAME=DIR", action="append", default=[],
-        help="where `package://NAME/...` is (may be repeated; else folders above the file, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
+        help="folder of `package://NAME/...` (may be repeated; default: folders above the file, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
     )
     add(
         "--mesh-root", metavar="DIR", action="append", default=[],
-        help="a folder outside the robot's own whose files may be copied, found by the end of their path (may be repeated)",
+        help="another folder from which files may be copied; they are found by the end of their path (may be repeated)",
     )
-    add("--arg", metavar="NAME=VALUE", action="append", default=[], help="of a xacro file: an argument, `$(arg NAME)` (may be repeated)")
-    add("--no-meshes", action="store_true", help="leave meshes out, each of which is listed then")
-    add("--check", action="store_true", help="write nothing: say what would be kept, repaired and lost")
+    add("--arg", metavar="NAME=VALUE", action="append", default=[], help="argument of a xacro file, `$(arg NAME)` (may be repeated)")
+    add("--no-meshes", action="store_true", help="omit meshes, and list them as losses")
+    add("--check", action="store_true", help="write nothing; show what would be imported, repaired and lost")
     add(
         "--repair", metavar="inertia=HOW", type=_repair,
-        help="change links that cannot move: inertia=nearest (to the nearest inertia that a solid has), or inertia=shapes",
+        help="repair links that cannot be simulated: inertia=nearest (nearest inertia of a solid) or inertia=shapes (from their shapes)",
     )
-    add("--root", metavar="LINK", action="append", default=[], help="a link that gets a mode of its own, rooted at it (may be repeated)")
+    add("--root", metavar="LINK", action="append", default=[], help="add a mode with this link as root (may be repeated)")
     add(
         "--update", action="store_true",
-        help="merge into what the last import wrote: what you have changed stays (exit code 1 where the file has changed it, too)",
+        help="merge with the last import and preserve your edits (exit code 1 if there are conflicts)",
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 where the document is written, 1 where the file is at fault, 2 for a wrong command line."""
+    """Run `import`; exit code 0 if the document has been written, 1 for errors in the file, 2 for an invalid command line."""
     report = Report()
     packages = dict(_package(word) for word in arguments.package)
     given = dict(_argument(word) for word in arguments.arg)
@@ -89,14 +89,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousImport, report: Report) -> dict[str, str]:
-    """Import into a folder that has an import already; the text of the document that is spoken of. Raises `OutputError`."""
+    """Import into the folder of an earlier import; return the text of the document for diagnostics. Raises `OutputError`."""
     if earlier.source != os.path.basename(arguments.file) and not arguments.update:
-        message = f"`{shown_path(earlier.folder)}` has been imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
-        raise OutputError(message, "choose another folder with -o; if it is the same robot, `--update` merges the two")
+        message = f"`{shown_path(earlier.folder)}` was imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
+        raise OutputError(message, "choose another folder with -o; for the same robot, merge with `--update`")
     edited = [shown_path(os.path.join(earlier.folder, name)) for name in earlier.edited()]
     if edited and not arguments.update and not arguments.check:
-        message = f"what was imported has been changed since, and is left as it is: {quoted(edited, 6)}"
-        raise OutputError(message, "`--update` merges the two; or choose another folder with -o")
+        message = f"imported files have changed since and were not overwritten: {quoted(edited, 6)}"
+        raise OutputError(message, "merge with `--update`, or choose another folder with -o")
     now = update(earlier, imported.document, imported.files, report)
     if now is None:
         return {}
@@ -119,24 +119,24 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousI
 
 
 def _faults(document: str, text: str) -> list[Diagnostic]:
-    """What would be wrong with a document of that text."""
+    """Return the diagnostics that a document with this text would have."""
     return [one for one in checked(document, Options(texts={document: text.encode()}))[1] if one.severity is Severity.ERROR]
 
 
 def _merged(now: Update, *, disputed: bool) -> list[str]:
-    """What the source has changed, and what a person has, value by value; `disputed` where it has changed what a person has as well."""
+    """Describe the changes of the source and of the user; `disputed` if there are conflicts."""
     taken = [f"  {dotted(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
     kept = [f"  {name}" for name in (*map(dotted, now.merged.kept), *now.kept)]
-    said = [f"taken over: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else []
+    said = [f"merged: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else []
     if not taken and not disputed:
-        said = ["the source has changed nothing"]
-    return said + ([f"yours, and left as they are: {len(kept)}", *_some(kept)] if kept else [])
+        said = ["no changes in the source"]
+    return said + ([f"your edits, preserved: {len(kept)}", *_some(kept)] if kept else [])
 
 
 def _became(old: str, new: str) -> str:
-    """What stands at a place of the document now, and what stood there."""
+    """Describe the change of a value."""
     if new == NOTHING:
-        return f"taken out, was {old}"
+        return f"removed, was {old}"
     return f"new, {new}" if old == NOTHING else f"{old} -> {new}"
 
 
@@ -145,7 +145,7 @@ def _some(lines: list[str]) -> list[str]:
 
 
 def _repair(text: str) -> str:
-    """How inertias are repaired, as argparse wants it checked."""
+    """Parse the value of `--repair` (an argparse type)."""
     what, _, how = text.partition("=")
     if what != "inertia" or how not in ("nearest", "shapes"):
         raise argparse.ArgumentTypeError(f"expected `inertia=nearest` or `inertia=shapes`, found `{text}`")
@@ -153,7 +153,7 @@ def _repair(text: str) -> str:
 
 
 def _package(word: str) -> tuple[str, str]:
-    """`NAME=DIR`. Raises `WrongCommandLine`."""
+    """Parse `NAME=DIR`. Raises `WrongCommandLine`."""
     name, _, folder = word.partition("=")
     if not name or not os.path.isdir(folder):
         message = f"--package: expected NAME=DIR with a folder, found `{word}`"
@@ -162,14 +162,14 @@ def _package(word: str) -> tuple[str, str]:
 
 
 def _folder(word: str) -> str:
-    """The absolute path of a folder. Raises `WrongCommandLine`."""
+    """Return the absolute path of a folder. Raises `WrongCommandLine`."""
     if not os.path.isdir(word):
         raise console.WrongCommandLine(f"--mesh-root: expected a folder, found `{word}`", "write --mesh-root ../meshes")
     return os.path.abspath(word)
 
 
 def _argument(word: str) -> tuple[str, str]:
-    """`NAME=VALUE`. Raises `WrongCommandLine`."""
+    """Parse `NAME=VALUE`. Raises `WrongCommandLine`."""
     name, equals, value = word.partition("=")
     if not name or not equals:
         raise console.WrongCommandLine(f"--arg: expected NAME=VALUE, found `{word}`", "write --arg prefix=left_")
@@ -177,9 +177,9 @@ def _argument(word: str) -> tuple[str, str]:
 
 
 def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
-    """What would become of the robot: what is kept, what was repaired, and every loss at its line."""
+    """Describe the result of an import: its content, repairs, and all losses with their lines."""
     source = os.path.basename(arguments.file)
-    said = [f"{_read(arguments, imported)} would be kept"]
+    said = [f"would import {_read(arguments, imported)}"]
     said += [f"{source}:{one.link.where.line}: repaired: the weight of link `{one.link.name}` ({one.how})" for one in imported.repaired]
     return said + [f"{source}:{one.where.line}: lost: {one.what}: {one.why}" for one in imported.losses]
 
@@ -195,7 +195,7 @@ def _read(arguments: argparse.Namespace, imported: Imported) -> str:
 
 
 def _told(arguments: argparse.Namespace, imported: Imported, folder: str, changes: list[str]) -> list[str]:
-    """What was read, what became of it, and what to type next."""
+    """Describe the import, and the next commands."""
     robot, here = imported.robot, shown_path(folder)
     said = [f"{here}: {_read(arguments, imported)}", *changes]
     if imported.renamed:
@@ -208,12 +208,13 @@ def _told(arguments: argparse.Namespace, imported: Imported, folder: str, change
         said += [f"  {one.what}: {one.why}" for one in imported.losses if one.what.startswith("the indices of")]
     document = shlex.quote(os.path.join(here, imported.document))
     steps = [
-        (f"thingc check {document}", "is it right?"), (f"thingc view {document}", "the robot in your browser; it follows every save"),
-        (f"thingc build {document} --emit mjcf,urdf", "models of every mode"),
+        (f"thingc check {document}", "report errors and warnings"),
+        (f"thingc view {document}", "show the robot in your browser, updated after every save"),
+        (f"thingc build {document} --emit mjcf,urdf", "write models of every mode"),
     ]
     if not arguments.root:
         end = next((link.name for link in reversed(robot.links) if link.name != robot.root), None)
         if end is not None:
-            said.append("another root: `--root LINK`, or a line under `modes:` in the document")
+            said.append("for another root, use `--root LINK`, or add a mode to the document")
     width = max(len(command) for command, _ in steps)
     return [*said, "", *(f"  {command:{width}}   {what}" for command, what in steps)]

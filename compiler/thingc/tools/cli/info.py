@@ -1,4 +1,4 @@
-"""`thingc info`: what a robot consists of, what it weighs, and where each number comes from."""
+"""`thingc info`: show the components and the masses of a robot, and the source of each number."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ if TYPE_CHECKING:
     from thingc.targets.networkx_export import Loop
 
 EPILOG = """\
-Masses are exact integrals over the geometry times density, or what the document or the part states; every one says which
-(`derived`, `estimated (layers)` for prints with an infill, `measured`, `vendor`, `stated`).
+Masses are exact integrals of the geometry times density, or values of the document or the part. The source of each one is shown:
+`derived`, `estimated (layers)` for prints with an infill, `measured`, `vendor` or `stated`.
 
   thingc info assemblies/arm.yaml
-  thingc info assemblies/arm.yaml --mates                 which mount meets which, and which axes lie along which
+  thingc info assemblies/arm.yaml --mates                 show which mounts and axes coincide
   thingc info assemblies/arm.yaml -p 'reach=120 mm' --format json | jq .mass
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `info`."""
+    """Add the options of `info`."""
     parser.epilog = EPILOG
     console.add_document(parser)
-    parser.add_argument("--mates", action="store_true", help="also print how mounts meet: which child axis lies along which parent axis")
+    parser.add_argument("--mates", action="store_true", help="also show mated mounts: which child axis lies along which parent axis")
     console.add_format(parser)
     console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the answer; in text, diagnostics go to standard error."""
+    """Run `info`. In text format, diagnostics go to standard error."""
     console.require_document(arguments.document)
     compilation = attempted(arguments.document, console.options_of(arguments), compile)
     diagnostics = console.final(compilation.report, strict=arguments.strict)
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
-    """The JSON answer: whole robot at q = 0 in the base component's frame, SI."""
+    """Return the data for JSON output: the whole robot at q = 0 in the frame of the base component, in SI units."""
     whole = assembly.properties
     return {
         "name": assembly.name, "mass": whole.mass, "centre": list(whole.centre), "inertia": [list(row) for row in whole.inertia],
@@ -71,7 +71,7 @@ def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
 
 
 def mode_data(robot: Robot) -> dict[str, object]:
-    """Of one mode: root, base, where it puts the root link, and the names of its links and joints, root first."""
+    """Return the data of a mode: root, base, pose of the root link, and the names of its links and joints, root first."""
     return {
         "root": robot.mode.root.path, "base": robot.base, "X_world_root": [list(row) for row in robot.bodies[0].X_PL.rows()],
         "links": [robot.assembly.links[body.link].name for body in robot.bodies],
@@ -81,7 +81,7 @@ def mode_data(robot: Robot) -> dict[str, object]:
 
 
 def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
-    """The same for people, line by line: grams and millimetres."""
+    """Return the same data as lines of text, in grams and millimetres."""
     whole = assembly.properties
     lines = [
         f"{assembly.name}: {_grams(whole.mass)} in {counted(len(assembly.occurrences), 'occurrence')}, "
@@ -124,12 +124,12 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
 
 
 def _source(occurrence: Occurrence) -> str:
-    """Where a mass is from, and for one with an infill how it was estimated: `estimated (layers)`."""
+    """Format the source of a mass; for a print with infill, including the method: `estimated (layers)`."""
     return occurrence.mass_source + (f" ({occurrence.estimate})" if occurrence.estimate is not None else "")
 
 
 def _loops(robot: Robot) -> list[str]:
-    """What a mode stands on, its loops, and how well they close in its poses."""
+    """Describe the supports of a mode, its loops, and their residuals in its poses."""
     names = [robot.assembly.links[body.link].name for body in robot.bodies]
     lines = [f"  stands on {foot.mount.path} (friction {foot.friction:g})" for foot in robot.mode.feet]
     loops = _cut(robot)
@@ -156,9 +156,9 @@ def _cut(robot: Robot) -> tuple[Loop, ...]:
 
 
 def _why_cut(loop: Loop, robot: Robot) -> list[str]:
-    """Which joints a loop goes through, and why it is cut where it is."""
+    """Describe the joints of a loop, and why it is cut at that joint."""
     if any(one.joint == loop.cut for one in robot.mode.cut):
-        return [f"    through {', '.join(loop.through)}: cut where the mode says"]
+        return [f"    through {', '.join(loop.through)}: cut as the mode specifies"]
     return [f"    through {path}, which {reason}" if reason else f"    through {path}" for path, reason in loop.through.items()]
 
 
@@ -171,7 +171,7 @@ def _shares(assembly: Assembly) -> str:
 
 
 def mates_text(assembly: Assembly) -> list[str]:
-    """Line by line, how mounts meet, and which axis of the child lies along which axis of the parent at q = 0."""
+    """Return lines of text about mated mounts, with the parent axis along each child axis at q = 0."""
     rows = [("child", "mount", "on", "mount", "by", "child x, y, z along parent")]
     for mate in assembly.mates:
         parent, child = assembly.occurrences[mate.parent], assembly.occurrences[mate.child]
@@ -182,7 +182,7 @@ def mates_text(assembly: Assembly) -> list[str]:
 
 
 def _grams(mass: float) -> str:
-    """To a hundredth of a gram; what is lighter, to two digits: it is not nothing."""
+    """Format a mass [kg] in grams with two decimals; smaller masses with two significant digits."""
     if 0.0 < mass < 1e-5:
         return f"{1000.0 * mass:.2g} g"
     return f"{1000.0 * mass:.2f} g" if mass < 1.0 else f"{mass:.4f} kg"

@@ -1,4 +1,4 @@
-"""`thingc lock`: what the parts of a workspace take and are, written down, so that documents can be checked without their code."""
+"""`thingc lock`: write the properties of the parts of a workspace, to check documents without running part code."""
 
 from __future__ import annotations
 
@@ -28,31 +28,31 @@ from thingc.tools.cli import console
 
 EPILOG = """\
 Writes parts.lock.json at the root of the workspace: parameters with units, defaults and bounds, mounts, volumes, masses and a hash of
-the code, of every Thing in the part folders and of every part that a document uses. Keep it with the documents. It runs the
-code of the parts (in a worker of its own); `thingc check --no-code` then needs none of it, and no CAD kernel.
+the code, for every Thing in the part folders and every part that a document uses. Commit the file with the documents. This command
+runs the code of parts in a worker process; `thingc check --no-code` then needs neither that code nor a CAD kernel.
 
   thingc lock
-  thingc lock --check          is it current? for a pipeline that trusts the code
+  thingc lock --check          check that the file is up to date, in a pipeline that trusts the code
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `lock`."""
+    """Add the options of `lock`."""
     parser.epilog = EPILOG
-    parser.add_argument("folder", metavar="FOLDER", nargs="?", default=".", help="the workspace of this folder (default: the current one)")
-    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 where the lock is not what would be written")
+    parser.add_argument("folder", metavar="FOLDER", nargs="?", default=".", help="a folder of the workspace (default: the working folder)")
+    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if the file is not up to date")
     console.add_format(parser, console.FINDINGS)
     console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 when the lock was written, or, with --check, when it is current."""
+    """Run `lock`; exit code 0 if the file has been written or, with --check, is up to date."""
     report = Report()
     written = None
     try:
         options = console.options_of(arguments)
         if not os.path.isdir(arguments.folder):
-            raise console.WrongCommandLine(f"`{arguments.folder}` is no folder", "name the folder of a workspace")
+            raise console.WrongCommandLine(f"`{arguments.folder}` is not a folder", "name the folder of a workspace")
         written = _lock(arguments.folder, options, report, check=arguments.check)
         diagnostics = report.ordered()
     except console.WrongCommandLine as fault:
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str | None:
-    """Write the lock, or compare it; the closing words, None where something is wrong (reported)."""
+    """Write or compare the lock file; return a summary, None after an error, which is reported."""
     workspace = Workspace.find(os.path.join(folder, "thingc.toml"), report)
     if workspace is None:
         return None
@@ -102,7 +102,7 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
 def _used(
     workspace: Workspace, geometry: GeometryService, options: Options, report: Report,
 ) -> tuple[list[str], list[PartDefinition], dict[str, set[Slicing]]]:
-    """What the assembly documents of a workspace use: `module:Class`, definitions, and how these are sliced, by their text."""
+    """Return what the assembly documents of a workspace use: references `module:Class`, definitions, and slicings by definition."""
     references: dict[str, None] = {}
     definitions: dict[str, PartDefinition] = {}
     slicings: dict[str, set[Slicing]] = {}
@@ -119,9 +119,9 @@ def _used(
                 for text, ways in slicings_of(model, geometry.realize(list(used.values()))).items():
                     slicings.setdefault(text, set()).update(ways)
         if environment.report.failed or own.failed:
-            message = f"`{shown_path(document)}` has errors: what it uses may be missing from `{LOCK_FILE}`"
+            message = f"`{shown_path(document)}` has errors: some of its parts may be missing from `{LOCK_FILE}`"
             report.warn(Code.LOCK_DOCUMENT, message, line_of(document), help=f"run `thingc check {shown_path(document)}`")
-    # A part that is not there is the fault of the document, which has been said.
+    # Missing parts have been reported as errors of the document.
     known = {reference for reference, answer in geometry.describe(list(references)).items() if not isinstance(answer, PartFailure)}
     return sorted(known), list(definitions.values()), slicings
 
@@ -129,11 +129,11 @@ def _used(
 def _say(failure: PartFailure, called: str, report: Report) -> None:
     span = None if failure.file is None else line_of(failure.file, failure.line or 1)
     message = f"`{called}` cannot be locked: {failure.message}"
-    report.add(Code.PART_UNREADABLE, message, span, path=failure.subject, help="mend the part file", detail=failure.detail)
+    report.add(Code.PART_UNREADABLE, message, span, path=failure.subject, help="fix the part file", detail=failure.detail)
 
 
 def _line(path: str, lines: list[str], key: str) -> Span:
-    """The line of the lock on which a key stands; its first where it does not."""
+    """Return the line of a key in the lock file, the first line if it is missing."""
     word = json_text(json.dumps(key, ensure_ascii=False))
     for number, line in enumerate(lines, 1):
         if line.lstrip().startswith(word + ":"):

@@ -1,4 +1,4 @@
-"""`thingc lsp`: a language server, for editors."""
+"""`thingc lsp`: run the language server for editors."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from msgspec.structs import replace
 from thingc.tools.cli import console, signals
 
 EPILOG = """\
-An editor starts it; it speaks the Language Server Protocol over standard input and output.
+Editors start this command and use the Language Server Protocol over standard input and output.
 
   pip install 'thingc[lsp]'
 
-Nothing of a workspace is run unless the editor says that it is trusted: `initializationOptions: {trusted: true}`. Until then parts are as
-parts.lock.json says, as for `thingc check --no-code`.
+Code of a workspace runs only if the editor sends `initializationOptions: {trusted: true}`. Otherwise parts are read from parts.lock.json,
+as with `thingc check --no-code`.
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `lsp`."""
+    """Add the options of `lsp`."""
     parser.epilog = EPILOG
-    parser.add_argument("--stdio", action="store_true", help="what it does anyway; editors say so")
+    parser.add_argument("--stdio", action="store_true", help="use standard input and output (the default; some editors pass this option)")
     console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 when the editor has left, 1 where it went without a word; 2 where the extra is not installed."""
+    """Run `lsp`; exit code 0 after shutdown, 1 if the editor disconnects without it, 2 if the extra is not installed."""
     from importlib.util import find_spec
 
     if find_spec("pygls") is None:
@@ -39,5 +39,5 @@ def run(arguments: argparse.Namespace) -> int:
 
     signals.leave_at_once()
     protocol = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # whatever is printed is no message of the protocol
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # printed text must not mix with messages of the protocol
     return 0 if serve(options, __version__, console.of_exception, sys.stdin.buffer, protocol) else 1

@@ -1,4 +1,4 @@
-"""`thingc`: reads the command line and hands on to one module per command (imported only when it is asked for)."""
+"""The entry point of `thingc`: parse the command line and run one command. Only the module of that command is imported."""
 
 from __future__ import annotations
 
@@ -13,44 +13,44 @@ from typing import NoReturn
 from thingc.tools.cli.signals import INTERRUPTED, has_come
 
 COMMANDS = {
-    "new": "make a workspace that builds at once, with a robot to change",
-    "import": "write a robot of another format (URDF, xacro, MJCF, SDF) as a document, and what that cannot say of it",
+    "new": "create a workspace with a robot that builds",
+    "import": "convert a robot of another format (URDF, xacro, MJCF, SDF) to a document, and list what is lost",
     "build": "write simulation models and manufacturing files of a robot",
-    "watch": "build a robot again after every save, with the CAD kernel loaded",
-    "view": "show a robot in the browser, as its document stands after every save",
-    "batch": "build every variant of a document of variants",
-    "check": "say everything that is wrong with documents, and write nothing",
-    "add": "put a part, assembly, mode, joint or test where it belongs, to begin with; comments and layout stay",
-    "set": "write values into a document, at their paths; comments and layout stay",
-    "rename": "give something another name in all documents that use it, and in the Python of parts",
-    "fmt": "write documents in canonical layout; comments stay",
-    "test": "run the tests that a document states of its robot",
-    "diff": "what a change of documents does to a robot: its parts, masses, joints, tests, prints",
-    "info": "masses, links and joints of a robot, and where each number comes from",
+    "watch": "build a robot after every save, with the CAD kernel loaded",
+    "view": "show a robot in the browser and update it after every save",
+    "batch": "build every variant of a variants document",
+    "check": "report all errors and warnings of documents, and write nothing",
+    "add": "add a part, assembly, mode, joint or test to a document; preserves comments and layout",
+    "set": "set values in a document by their paths; preserves comments and layout",
+    "rename": "rename an element in all documents that use it, and in the Python code of parts",
+    "fmt": "format documents; preserves comments",
+    "test": "run the tests in a document",
+    "diff": "show the effect of a change on a robot: parts, masses, joints, tests, prints",
+    "info": "show masses, links and joints of a robot, and the source of each number",
     "render": "draw a picture of a robot in one of its poses",
     "hag": "print the assembly graph (text, DOT, Mermaid, SVG, GraphML or JSON)",
-    "lock": "write down what the parts take and are, so that checking needs none of their code",
-    "parts": "list every part in reach, with its parameters and mounts",
-    "schema": "write, for editors, a JSON Schema per document that knows its parts, mounts and names",
-    "lsp": "answer an editor: what is wrong, as you type (a language server)",
-    "explain": "what a code such as TC302 means, with a wrong and a right example",
-    "touched": "name the documents that a change concerns",
-    "why": "why a part was modelled or reused, and what a target could not say",
+    "lock": "write the properties of parts to parts.lock.json, to check documents without running their code",
+    "parts": "list the available parts, with their parameters and mounts",
+    "schema": "write a JSON Schema for each document, with its parts, mounts and names, for editors",
+    "lsp": "run the language server for editors: diagnostics as you type, fixes and completion",
+    "explain": "explain a code such as TC302, with a wrong and a right example",
+    "touched": "list the documents that a change affects",
+    "why": "show why a part was modelled or reused, or what a target cannot express",
 }
 
 EPILOG = """\
-A first look:
-  thingc check assemblies/arm.yaml           is it right?
-  thingc build assemblies/arm.yaml           models, meshes, print files, bill of materials in build/arm/
+Examples:
+  thingc check assemblies/arm.yaml           report errors and warnings
+  thingc build  assemblies/arm.yaml           models, meshes, print files, bill of materials in build/arm/
   thingc build assemblies/arm.yaml -p 'reach=120 mm' --mode bench --emit mjcf
-  thingc info assemblies/arm.yaml            what it weighs, and how thingc knows
+  thingc info assemblies/arm.yaml            masses, and the source of each number
 
-`thingc COMMAND --help` tells more about one command.
+Run `thingc COMMAND --help` for the arguments and options of a command.
 """
 
 
 class WrongUsage(Exception):
-    """Words that are no command line of ours: the message says which, `hint` what to type."""
+    """The command line is invalid; `hint` is the help text of the diagnostic."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -58,17 +58,18 @@ class WrongUsage(Exception):
 
 
 class Parser(argparse.ArgumentParser):
-    """Leaves it to `main` to say what is wrong, in the form of all diagnostics."""
+    """A parser that raises `WrongUsage`, which `main` reports as a diagnostic, instead of exiting."""
 
     def error(self, message: str) -> NoReturn:
-        """Raises `WrongUsage`."""
+        """Raise `WrongUsage` with the message of argparse."""
         message = re.sub(r"^argument (\{.*?\}: )?", "", message).replace("the following arguments are required: ", "missing: ")
-        raise WrongUsage(message, f"`{self.prog} --help` shows what it takes")
+        raise WrongUsage(message, f"run `{self.prog} --help` for usage")
 
 
 def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Parser | None]:
-    """The parser, with the options of one command only (the others need not be imported), and that command's own. Unless it is `alone`
-    it stands among the others, which the parser's help lists."""
+    """Return the main parser and the parser of `command`, the only one with options, because only its module is imported.
+
+    `alone` leaves out the other commands, which the main help lists."""
     own: Parser | None = None
     parser = Parser(
         prog="thingc",
@@ -93,18 +94,18 @@ def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Par
 
 
 def parsed(words: Sequence[str]) -> argparse.Namespace | None:
-    """The command line understood; None where only help was wanted, which has been printed. Raises `WrongUsage`."""
+    """Parse the command line; None if help or the version has been printed. Raises `WrongUsage`, and `SystemExit` without a command."""
     command = next((word for word in words if not word.startswith("-")), None)
     if command is not None and command not in COMMANDS:
         from thingc.base.suggestions import near_hint
 
-        raise WrongUsage(f"there is no command `{command}`", near_hint(command, COMMANDS) or "`thingc --help` lists them")
+        raise WrongUsage(f"there is no command `{command}`", near_hint(command, COMMANDS) or "run `thingc --help` for a list of commands")
     empty = next((word for word in words if re.fullmatch(r"-\w--|--[\w-]+=--", word)), None)
-    if empty is not None:  # argparse would hand on a list
+    if empty is not None:  # argparse would return a list
         raise WrongUsage(f"`{empty}`: expected a value, found `--`", "write `./--` for a file or folder of that name")
     parser, own = parser_for(command, alone=command is not None and words[0] == command)
     behind: Sequence[str] | None = None
-    if own is not None and own.get_default("behind") is not None and "--" in words:  # argparse would take them for more of the others
+    if own is not None and own.get_default("behind") is not None and "--" in words:  # argparse would add them to other arguments
         words, behind = words[: words.index("--")], words[words.index("--") + 1 :]
     try:
         options, unknown = parser.parse_known_args(words)
@@ -122,10 +123,10 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
         of = f" of `thingc {command}`" if command is not None else ""
         known = {name.lstrip("-"): name for action in (own or parser)._actions for name in action.option_strings}
         if command is not None and word in known.values() and words.index(unknown[0]) < words.index(command):
-            raise WrongUsage(f"`{word}` is an option of `thingc {command}`, not of `thingc`", f"write it behind `{command}`")
+            raise WrongUsage(f"`{word}` is an option of `thingc {command}`, not of `thingc`", f"write it after `{command}`")
         close = nearest(word.lstrip("-"), known) if what == "option" else None
-        help = f"did you mean `{known[close]}`?" if close else f"`{(own or parser).prog} --help` shows what it takes"
-        raise WrongUsage(f"there is no {what} `{word}`{of}" if what == "option" else f"`{word}` is one word too many", help)
+        help = f"did you mean `{known[close]}`?" if close else f"run `{(own or parser).prog} --help` for usage"
+        raise WrongUsage(f"there is no {what} `{word}`{of}" if what == "option" else f"unexpected argument `{word}`", help)
     if options.version:
         from thingc import __version__
         from thingc.tools.cli import console
@@ -139,14 +140,14 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit code: 0 good, 1 errors in documents or parts, 2 a wrong command line."""
+    """Run one command and return the exit code: 0 success, 1 errors in documents or parts, 2 invalid command line, 130 interrupted."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     options: argparse.Namespace | None = None
     try:
         options = parsed(words)
         if options is None:
             return 0
-        os.getcwd()  # raises where the folder is gone, which every command would stumble over somewhere
+        os.getcwd()  # raises FileNotFoundError if the working folder is deleted
         if getattr(options, "document", "") is None:
             from thingc.tools.cli import console
 
@@ -160,7 +161,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except WrongUsage as fault:
         return _refuse(fault, words)
     except BrokenPipeError:
-        # `thingc info ... | head`: the reader has what it wants; without this Python complains while it shuts down.
+        # `thingc info ... | head`: without this, Python prints an error when it flushes standard output at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:
@@ -174,33 +175,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             code = console.print_found([diagnostic], _form(getattr(options, "format", "text")), stream=sys.stderr, debug=debug)
             sys.stdout.flush()
-        except OSError:  # standard output is what cannot be written
+        except OSError:  # standard output cannot be written
             code = console.print_text([diagnostic], stream=sys.stderr, debug=debug)
     return code
 
 
 def _interrupted() -> int:
-    """Say that an interrupt has ended the command."""
+    """Report that the command was interrupted; return the exit code."""
     from thingc.tools.cli import console
 
-    console.say("interrupted; what was written is whole", stream=sys.stderr)
+    console.say("interrupted; all written files are complete", stream=sys.stderr)
     return INTERRUPTED
 
 
 def _refuse(fault: WrongUsage, words: Sequence[str]) -> int:
-    """Say what is wrong with the command line."""
+    """Report an error in the command line, in the requested format; return the exit code."""
     from thingc.tools.cli import console
 
     diagnostics = [console.WrongCommandLine(str(fault), fault.hint).diagnostic]
     asked = [after for word, after in zip(words, words[1:]) if word == "--format"]
     asked += [word.removeprefix("--format=") for word in words if word.startswith("--format=")]
-    # Who asks for a form that the command has not, is told so in text.
+    # An unsupported format is itself reported as text.
     form = _form(asked[-1]) if asked and not str(fault).startswith("--format") else "text"
     return console.print_found(diagnostics, form, stream=sys.stderr, debug=False)
 
 
 def _form(asked: str) -> str:
-    """The form in which diagnostics are printed where `asked` is one of theirs or of a command's own."""
+    """Return the format for diagnostics: `asked` if it is in `FINDINGS`, else text."""
     from thingc.tools.cli import console
 
     return asked if asked in console.FINDINGS else "text"

@@ -1,4 +1,4 @@
-"""`thingc parts`: every Thing in reach, what it takes and where it can be held."""
+"""`thingc parts`: list the available parts with their parameters and mounts."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from thingc.geometry.service import GeometryService
 from thingc.tools.cli import console
 
 EPILOG = """\
-The Things of the workspace of this folder: of its part folders, and of the packages that it allows. Of those that are named, the
-frames of their mounts, too, for the default parameters: x, y and z of a mount lie along these axes of the part. Named can be whatever a
-document may name, also shapes and functions, and the classes of packages that are merely installed.
+Lists the Things of the workspace: those of its part folders and of the packages that it allows. For parts that you name, the frames of
+their mounts are shown too, for default parameters: the axes of the part along x, y and z of the mount. You can name everything that a
+document can use, including shapes, functions, and classes of other installed packages.
 
   thingc parts
   thingc parts thingc_stock bd_warehouse.fastener:SocketHeadCapScrew
@@ -31,22 +31,22 @@ document may name, also shapes and functions, and the classes of packages that a
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `parts`."""
+    """Add the options of `parts`."""
     parser.epilog = EPILOG
-    parser.add_argument("part", metavar="PART", nargs="*", help="only these, as module:Class, module or package")
-    parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="the workspace of this folder (default: the current one)")
+    parser.add_argument("part", metavar="PART", nargs="*", help="list only these: module:Class, module or package")
+    parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="a folder of the workspace (default: the working folder)")
     console.add_format(parser)
     console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the list; a part that cannot be described is a diagnostic, and the others are listed all the same."""
+    """Run `parts`. Parts that cannot be described are reported as errors; the others are listed."""
     report = Report()
     listed: list[tuple[PartSchema, PartRecord | None]] = []
     try:
         options = console.options_of(arguments)
         if not os.path.isdir(arguments.workspace):
-            raise console.WrongCommandLine(f"`{arguments.workspace}` is no folder", "name the folder of a workspace")
+            raise console.WrongCommandLine(f"`{arguments.workspace}` is not a folder", "name the folder of a workspace")
         workspace = Workspace.find(os.path.join(arguments.workspace, "thingc.toml"), report)
         if workspace is not None:
             with geometry_of(workspace, options) as geometry:
@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
             whole = bool(arguments.part)
             console.say(*[line for schema, record in listed for line in ("", *_as_text(schema, record, whole=whole))][1:])
         elif not diagnostics:
-            console.say("no parts in reach; they are looked for in the `parts` folders of the workspace", stream=sys.stderr)
+            console.say("no parts found in the `parts` folders of the workspace", stream=sys.stderr)
     return console.exit_code(diagnostics)
 
 
@@ -73,7 +73,7 @@ def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> lis
     report_hidden(geometry, ((reference, None) for reference in references), report)
     schemas: list[PartSchema] = []
     answers = geometry.describe(references)
-    for reference in references:  # answers are in the order in which they came
+    for reference in references:  # results are in order of completion
         answer = answers[reference]
         if isinstance(answer, PartSchema):
             if answer.kind == "thing" or wanted:
@@ -90,8 +90,7 @@ def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> lis
 
 
 def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
-    """The parts that are called so, that are in a module called so, or in a module of a package called so: whatever a document may name.
-    Raises `WrongCommandLine` for a word that calls none."""
+    """Return the parts for names of parts, modules and packages. Raises `WrongCommandLine` for an unknown name."""
     references = geometry.catalogue()
     installed = installed_modules(geometry.part_code.sources, geometry.workspace.packages)
     for module in {word.partition(":")[0] for word in words} & installed.keys():
@@ -100,14 +99,14 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
     for word in words:
         named = [one for one in references if word in (one, one.partition(":")[0]) or one.startswith(f"{word}.")]
         if not named and ":" in word and not isinstance(geometry.part_code.code(word), PartFailure):
-            named = [word]  # a function, or what an installed package takes from elsewhere
+            named = [word]  # a function, or a class that a package imports from elsewhere
         modules = [module for module in installed if module.startswith(f"{word}.")]
         if not named and modules:
-            help = f"name modules of it, or classes in them: {', '.join(f'`{module}`' for module in modules)}"
-            raise console.WrongCommandLine(f"`{word}` is a package of {len(modules)} modules, more than is listed at once", help)
+            help = f"name some of its modules, or classes in them: {', '.join(f'`{module}`' for module in modules)}"
+            raise console.WrongCommandLine(f"`{word}` is a package of {len(modules)} modules, too many to list", help)
         if not named:
             known = {*references, *(one.partition(":")[0] for one in references), *installed}
-            raise console.WrongCommandLine(f"there is no part `{word}` in reach", did_you_mean(word, known, what="parts"))
+            raise console.WrongCommandLine(f"there is no part `{word}`", did_you_mean(word, known, what="parts"))
         chosen.update(dict.fromkeys(named))
     return sorted(chosen)
 
@@ -116,7 +115,7 @@ def _failed(reference: str, failure: PartFailure) -> Diagnostic:
     span = None if failure.file is None else line_of(failure.file, failure.line or 1)
     return Diagnostic(
         code=Code.PART_UNREADABLE, severity=Severity.ERROR, message=f"`{reference}` cannot be described: {failure.message}",
-        span=span, path=reference, help="mend the part file", detail=failure.detail,
+        span=span, path=reference, help="fix the part file", detail=failure.detail,
     )
 
 
@@ -138,7 +137,7 @@ def _as_data(schema: PartSchema, record: PartRecord | None) -> dict[str, object]
 
 
 def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> list[str]:
-    """A part for people, its mounts by name alone or, with `whole`, each with its frame."""
+    """Format a part as lines of text; with `whole`, mounts with their frames, else only their names."""
     lines = [schema.reference]
     first = schema.doc.strip().partition("\n")[0]
     if first:
@@ -146,11 +145,11 @@ def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> l
     for p in schema.parameters:
         lines.append(f"  {p.name}: {_kind(p)}{_range(p)}" + (f"  {p.doc}" if p.doc else ""))
     if schema.material:
-        lines.append(f"  material: {schema.material} unless the document says otherwise")
+        lines.append(f"  material: {schema.material} by default")
     if schema.actuator:
-        lines.append("  has an actuator: a joint's `drive` may name it")
+        lines.append("  has an actuator: use it in `drive` of a joint")
     if record is None:
-        lines.append("  mounts: not known for its default parameters")
+        lines.append("  mounts: unknown for its default parameters")
     elif record.mounts and whole:
         lines += [f"  {line}" for line in _mounts(record.mounts)]
     elif record.mounts:
@@ -159,7 +158,7 @@ def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> l
 
 
 def _mounts(mounts: Mapping[str, MountRecord]) -> list[str]:
-    """A table of mounts by name: where they are, which way they look, and their interfaces, if any has one."""
+    """Format a table of mounts: positions, axes, and interfaces, if any."""
     rows = [("mount", "at [mm]", "x, y, z along", "interface")]
     rows += [
         (name, console.millimetres(mount.pose.translation), console.axes(mount.pose.rotation), mount.interface or "")
@@ -169,7 +168,7 @@ def _mounts(mounts: Mapping[str, MountRecord]) -> list[str]:
 
 
 def _in_order(name: str) -> tuple[str, int]:
-    """`hole_10` comes after `hole_9`."""
+    """Return a sort key that orders `hole_9` before `hole_10`."""
     stem, _, index = name.rpartition("_")
     return (stem, int(index)) if stem and index.isdecimal() else (name, -1)
 
@@ -188,7 +187,7 @@ def _range(p: ParameterSchema) -> str:
 
 
 def _runs(names: Iterable[str]) -> list[str]:
-    """Mount names, with the members of a list (`hip_0`, `hip_1`, ...) as one."""
+    """Merge names of mounts that are members of a list (`hip_0`, `hip_1`, ...)."""
     lists: dict[str, int] = {}
     plain: list[str] = []
     for name in names:

@@ -1,4 +1,4 @@
-"""`thingc rename`: gives something in a document another name, wherever it is written."""
+"""`thingc rename`: rename an element of a document, and all references to it."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from thingc.documents.workspace import Workspace
 from thingc.tools.cli import console, signals
 
 EPILOG = """\
-What is renamed is named by its path. Documents that use it, tests, variants, and the Python of parts follow; where something would
-mean something else then, nothing is written.
+Also updates documents that use the element, tests, variants, and the Python code of parts. If a reference would change its meaning,
+nothing is written.
 
   thingc rename assemblies/arm.yaml components.hand gripper
-  thingc rename assemblies/arm.yaml joints.yaw turn --diff      show it, and write nothing
+  thingc rename assemblies/arm.yaml joints.yaw turn --diff      show the change, write nothing
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `rename`."""
+    """Add the options of `rename`."""
     parser.epilog = EPILOG
     parser.add_argument("document", metavar="DOC", help="an assembly or materials document (YAML or TOML)")
-    parser.add_argument("path", metavar="PATH", help="what is renamed: components.hand, joints.yaw, components.hand.mounts.tip")
-    parser.add_argument("name", metavar="NAME", help="what it is called then")
+    parser.add_argument("path", metavar="PATH", help="path of the element: components.hand, joints.yaw, components.hand.mounts.tip")
+    parser.add_argument("name", metavar="NAME", help="its new name")
     parser.add_argument("--diff", action="store_true", help="write nothing, show what would change")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 where it is renamed (with `--diff`: could be)."""
+    """Run `rename`; exit code 0 if the element has been renamed (with `--diff`: could be)."""
     report = Report()
     try:
         console.require_document(arguments.document)
         workspace = Workspace.find(os.path.abspath(arguments.document), report)
         if workspace is None:
             return console.print_text(report.ordered(), stream=sys.stdout, debug=False)
-        sight = index_workspace(workspace, {}, disk=cache(on_disk))  # of each file one state is read
+        sight = index_workspace(workspace, {}, disk=cache(on_disk))  # each file is read once
         declared = _named(sight, arguments.document, arguments.path)
         done = rename_edits(sight, declared, arguments.name)
     except console.WrongCommandLine as fault:
@@ -66,16 +66,16 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _named(sight: WorkspaceIndex, document: str, path: str) -> Name:
-    """What a document declares at a path. Raises `common.WrongCommandLine`."""
+    """Return the name that a document declares at a path. Raises `WrongCommandLine`."""
     keys = tuple(path.split("."))
     written = sight.documents.get(os.path.abspath(document))
     if written is None:
-        raise console.WrongCommandLine(f"`{document}` cannot be read", f"`thingc check {document}` says why")
+        raise console.WrongCommandLine(f"`{document}` cannot be read", f"run `thingc check {document}`")
     names = entries_of(node_at(written.document.tree, keys[:-1]))
     if keys[-1] not in names:
         raise console.WrongCommandLine(f"`{document}` has no `{path}`", did_you_mean(keys[-1], names, what="names") if names else "")
     span = written.document.span(keys, key=True)
     place = sight.index.at(written.path, span.line, span.column + 1)
     if place is None or not span.holds(place.span) or place.role != "declared":
-        raise console.WrongCommandLine(f"`{path}` is no name", "name for example `components.NAME` or `joints.NAME`")
+        raise console.WrongCommandLine(f"`{path}` cannot be renamed", "name for example `components.NAME` or `joints.NAME`")
     return place.name

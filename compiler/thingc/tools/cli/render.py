@@ -1,4 +1,4 @@
-"""`thingc render`: a picture of a robot, in a mode and a pose, without a screen."""
+"""`thingc render`: draw a picture of a robot in a mode and a pose, without a screen."""
 
 from __future__ import annotations
 
@@ -27,45 +27,45 @@ if TYPE_CHECKING:
     from thingc.targets.render.frames import Mark
 
 EPILOG = """\
-The robot stands on a bright floor (z = 0 of its world; upright on the wall where its mode has gravity along the floor) and fills the
-picture. It is drawn by MuJoCo with EGL, which needs neither a screen nor a graphics card.
+The robot fills the picture. The floor is the plane z = 0 of the world, shown as a wall if gravity in the mode is parallel to it.
+MuJoCo draws the picture with EGL, which requires neither a screen nor a graphics card.
 
-  thingc render assemblies/arm.yaml                                   the first mode in its own pose: arm_bench_home.png
+  thingc render assemblies/arm.yaml                                   first mode in its start pose: arm_bench_home.png
   thingc render assemblies/arm.yaml --mode drawing --pose writing -o writing.png
-  thingc render assemblies/arm.yaml --joints --root                   with the axes of its joints, and the frame of its root
-  thingc render assemblies/arm.yaml --mounts-of hand                  where the mounts of its hand are: x red, y green, z blue
+  thingc render assemblies/arm.yaml --joints --root                   with joint axes, and the frame of the root
+  thingc render assemblies/arm.yaml --mounts-of hand                  with the mounts of the hand: x red, y green, z blue
   thingc render assemblies/arm.yaml --azimuth 90 --elevation -10 --size 1920x1080
 """
 
 LARGEST = 8192
-"""Pixels along a side."""
+"""Largest width and height [pixels]."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `render`."""
+    """Add the options of `render`."""
     parser.epilog = EPILOG
     console.add_document(parser)
     add = parser.add_argument
-    add("--mode", metavar="M", help="in this mode (default: the first)")
-    add("--pose", metavar="P", help="in this pose (default: the mode's own)")
-    add("-o", "--output", metavar="PNG", help="the file to write (default: NAME_MODE_POSE.png in this folder)")
-    add("--size", metavar="WxH", type=_size, default=Shot().size, help="in pixels (default: 1280x960)")
+    add("--mode", metavar="M", help="mode to show (default: the first)")
+    add("--pose", metavar="P", help="pose to show (default: pose of the mode)")
+    add("-o", "--output", metavar="PNG", help="output file (default: NAME_MODE_POSE.png in the working folder)")
+    add("--size", metavar="WxH", type=_size, default=Shot().size, help="size in pixels (default: 1280x960)")
     add(
         "--azimuth", metavar="DEG", type=_degrees(360.0),
-        help="look along this direction: 0 along x, 90 along y; on a wall 0 looks at it (default: 140; on a wall 40)",
+        help="view direction: 0 along x, 90 along y; on a wall, 0 faces it (default: 140; on a wall 40)",
     )
-    add("--elevation", metavar="DEG", type=_degrees(90.0), help="look up by this, down if negative (default: -22; at a ceiling 16)")
-    add("--mounts", action="store_true", help="draw the mounts that something sits on, or that the document shows or adds")
+    add("--elevation", metavar="DEG", type=_degrees(90.0), help="view angle upwards; negative looks down (default: -22; at a ceiling 16)")
+    add("--mounts", action="store_true", help="draw mounts with attached components, and those that the document exports or adds")
     add("--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of this component, such as hand.cap")
-    add("--joints", action="store_true", help="draw the axes of the joints, with arrows the way that coordinates grow")
-    add("--root", action="store_true", help="draw the frame of the mode's root")
+    add("--joints", action="store_true", help="draw joint axes, with arrows in the positive direction")
+    add("--root", action="store_true", help="draw the frame of the root")
     console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 when the picture was written; diagnostics go to standard error."""
+    """Run `render`; exit code 0 if the picture has been written. Diagnostics go to standard error."""
     console.require_document(arguments.document)
-    options = replace(console.options_of(arguments), compat=())  # a picture is of MuJoCo's own model
+    options = replace(console.options_of(arguments), compat=())  # pictures need only the model for MuJoCo itself
     _check_output(arguments.output)
     try:
         diagnostics = attempted(arguments.document, options, partial(_render, arguments))
@@ -75,18 +75,18 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check_output(path: str | None) -> None:
-    """Raises `WrongCommandLine` for a file that is no picture's, or whose folder is not there."""
+    """Raise `WrongCommandLine` unless the path is a .png file in an existing folder."""
     if path is None:
         return
     if not path.lower().endswith(".png"):
         raise console.WrongCommandLine(f"-o: expected the name of a .png file, found `{path}`", "write for example -o arm.png")
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder):
-        raise console.WrongCommandLine(f"-o: there is no folder `{folder}`", "make the folder, or choose another one", Code.OUTPUT)
+        raise console.WrongCommandLine(f"-o: there is no folder `{folder}`", "create the folder, or choose another one", Code.OUTPUT)
 
 
 def _render(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
-    """What there is to say; the picture is written where that is no error. Raises `UnknownChoice` and `NoGraphics`."""
+    """Write the picture unless there are errors; return the diagnostics. Raises `UnknownChoice` and `NoGraphics`."""
     compilation = pipeline.compile(environment, [arguments.mode] if arguments.mode is not None else [])
     diagnostics = console.final(compilation.report, strict=arguments.strict)
     if console.exit_code(diagnostics):
@@ -122,7 +122,7 @@ def _render(arguments: argparse.Namespace, environment: Environment) -> list[Dia
 
 
 def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) -> list[Mark]:
-    """What is to be drawn over the picture at `q`, each thing once. Raises `UnknownChoice`."""
+    """Return the marks to draw over the picture at `q`, without duplicates. Raises `UnknownChoice`."""
     if not (arguments.mounts or arguments.mounts_of or arguments.joints or arguments.root):
         return []
     from thingc.tools.cli import render_overlay
@@ -135,8 +135,9 @@ def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) 
 
 
 def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:
-    """The keyframe to show: the one asked for, else the mode's own, else the first; None where the mode has none. Raises
-    `UnknownChoice`."""
+    """Return the keyframe to show: the requested one, else that of the mode, else the first; None if there are none.
+
+    Raises `UnknownChoice`."""
     known = [frame.name for frame in robot.keyframes]
     if wanted is None:
         return known[0] if known else None
@@ -147,7 +148,7 @@ def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:
 
 
 def _write(path: str, data: bytes) -> None:
-    """The file as a whole or not at all: written beside, then renamed. Raises `WrongCommandLine` where the system refuses."""
+    """Write a file atomically, through a temporary file. Raises `WrongCommandLine` if it cannot be written."""
     try:
         write_whole(path, data)
     except OSError as fault:
@@ -164,7 +165,7 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _degrees(bound: float) -> Callable[[str], float]:
-    """The type of an option that takes degrees up to `bound` either way."""
+    """Create an argparse type for degrees from -`bound` to `bound`."""
     def degrees(text: str) -> float:
         try:
             value = float(text.removesuffix("deg").strip())

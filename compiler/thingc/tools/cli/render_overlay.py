@@ -1,4 +1,4 @@
-"""What `thingc render` draws over a picture: mounts, joints and the root of a robot in one mode."""
+"""Overlays of `thingc render`: mounts, joints and the root of a robot in a mode."""
 
 from __future__ import annotations
 
@@ -15,12 +15,11 @@ from thingc.model.robot.types import Robot
 from thingc.targets.render.frames import Frame, JointAxis, Mark
 
 ROOT_SIZE = 1.6
-"""How much longer the axes of the root are than those of a mount."""
+"""Length of the axes of the root relative to those of a mount."""
 
 
 def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
-    """The mounts that another component sits on, that the document shows, or that it adds, each once. What sits there has its own
-    mount in the same place."""
+    """Yield the mounts with attached components, and those that the document exports or adds, without duplicates."""
     assembly = robot.assembly
     named = [(mate.parent, mate.parent_mount) for mate in assembly.mates]
     named += [(one.occurrence, one.mount) for one in assembly.exported]
@@ -29,8 +28,7 @@ def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
 
 
 def mounts_of(robot: Robot, q: Mapping[str, float], wanted: Sequence[str]) -> Iterator[Mark]:
-    """All mounts of these components (`hand/cap`, `hand.cap`, or `hand` for all that is in it), and their own frames. Raises
-    `UnknownChoice`."""
+    """Yield all mounts and the frames of components (`hand/cap`, `hand.cap`, or `hand` for everything in it). Raises `UnknownChoice`."""
     assembly = robot.assembly
     for name in wanted:
         path = name.replace(".", "/")
@@ -43,19 +41,18 @@ def mounts_of(robot: Robot, q: Mapping[str, float], wanted: Sequence[str]) -> It
 
 
 def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
-    """The axis of every coordinate of every joint, as its documents mean it: in the parent's mount, as the coordinates before it have
-    moved that at `q` [rad or m by path]."""
+    """Yield the axis of every coordinate of every joint at `q` [rad or m, by path], after the motion of the coordinates before it."""
     for mate in robot.assembly.mates:
         body, pose = _on_body(robot, q, mate.parent, mate.X_PJ)
         for number, joint in enumerate(mate.joints):
             label = _dotted(mate.name or joint.path) + (f"[{number}]" if len(mate.joints) > 1 else "")
             yield JointAxis(label=label, body=body, pose=pose @ _along(joint.twist.axis), slides=not joint.twist.turns)
-            if not joint.kind.at_once:  # what turns at once turns about axes that stay
+            if not joint.kind.at_once:  # exponential coordinates have fixed axes
                 pose = pose @ joint.twist.exponential(q.get(joint.path, 0.0) + joint.offset)
 
 
 def root(robot: Robot) -> Iterator[Mark]:
-    """The frame of the root, which the mode puts somewhere."""
+    """Yield the frame of the root of the mode."""
     choice = robot.mode.root
     body, pose = _on_body(robot, {}, choice.occurrence, robot.assembly.occurrences[choice.occurrence].mounts[choice.mount].pose)
     yield Frame(label=f"root {_dotted(choice.path)} ({robot.base})", body=body, pose=pose, size=ROOT_SIZE)
@@ -68,8 +65,7 @@ def _mount(robot: Robot, q: Mapping[str, float], occurrence: int, name: str) -> 
 
 
 def _on_body(robot: Robot, q: Mapping[str, float], occurrence: int, pose: Pose) -> tuple[str, Pose]:
-    """The link of an occurrence, and a pose of the occurrence's frame in that of the link; of a link that only joins two joints, which is
-    no body of the model, the one before it, in whose frame it is by `q`."""
+    """Return the body of an occurrence, and `pose` in its frame. Massless intermediate links use the body before them, at `q`."""
     assembly, number = robot.assembly, robot.assembly.link_of[occurrence]
     body = next(body for body in robot.bodies if body.link == number)
     pose = in_link(assembly)[occurrence] @ pose
@@ -80,7 +76,7 @@ def _on_body(robot: Robot, q: Mapping[str, float], occurrence: int, pose: Pose) 
 
 
 def _along(axis: Vector) -> Pose:
-    """A frame whose z is a unit vector."""
+    """Return a rotation whose z axis is the unit vector `axis`."""
     if axis == (0.0, 0.0, 1.0):
         return NO_POSE
     across = cross((0.0, 0.0, 1.0), axis)
@@ -95,5 +91,5 @@ def _dotted(path: str) -> str:
 
 
 def _ends(path: str) -> list[int]:
-    """Where the names of a path end."""
+    """Return the indices at which the names of a path end."""
     return [*(at for at, letter in enumerate(path) if letter == "/"), len(path)]

@@ -1,7 +1,9 @@
-"""Work on documents that nobody trusts: in a child process with bounds on time and memory, which starts no process, opens no
-connection, writes nothing, and whose death, whatever the cause, is one diagnostic.
+"""Run work on untrusted documents in a sandboxed child process.
 
-The passes have bounds of their own; these are the last line of defence, against what nobody thought of.
+The child has limits of time and memory, and can start no process, open no connection and write no file. If it ends early for any reason,
+the result is one diagnostic.
+
+The passes have limits of their own; the sandbox is the last line of defence.
 """
 
 from __future__ import annotations
@@ -20,9 +22,9 @@ from thingc.driver.up_to_date import packed, unpacked
 from thingc.tools.cli import console
 
 MEMORY = 900_000_000
-"""Bytes of address space that the child may have beyond what it begins with, so that all of it stays below a gigabyte."""
+"""Address space [bytes] that the child may allocate in addition to that of its parent; the total stays below 1 GB."""
 PATIENCE = 20.0
-"""Seconds without any computing that are allowed for each second of it: a machine may be busy, a read may hang for ever."""
+"""Idle time allowed per second of the limit of CPU time: the machine may be busy, but a read may also hang forever."""
 _REFUSED = (
     "os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.startfile", "os.system", "pty.spawn", "socket.", "subprocess.Popen",
     "os.remove", "os.rename", "os.rmdir", "os.mkdir", "os.link", "os.symlink", "os.chmod", "os.chown", "os.truncate", "os.kill",
@@ -32,14 +34,15 @@ _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
 class SandboxRefusal(Exception):
-    """Something that work on untrusted documents never does: a defect of thingc, stopped before it happens."""
+    """An operation that checks of untrusted documents must never do; a bug in thingc."""
 
 
 def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -> Any | Diagnostic:
-    """What `work` answers (JSON values), done in a child process that may compute for `seconds` and have `memory` bytes; or a
-    diagnostic of how the child ended before it was done.
+    """Run `work` in a child process limited to `seconds` of CPU time and `memory` bytes; return its result (JSON values).
 
-    Where the system knows no such processes (Windows), `work` is done here, without bounds.
+    If the child ends early, the result is a diagnostic. Without `os.fork` (Windows), `work` runs in this process, without limits.
+
+
     """
     if not hasattr(os, "fork"):
         return _done(work)
@@ -63,8 +66,7 @@ def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -
 
 
 def _collected(reading: int, child: int, patience: float) -> tuple[bytes, bool]:
-    """What the child writes until it ends, and whether it did: it is given up when for `patience` [s] it has neither said nor computed
-    anything. How long it may compute the system sees to."""
+    """Read the output of the child until it ends; return it, and False if the child neither wrote nor computed for `patience` [s]."""
     pieces: list[bytes] = []
     computed = _computed(child)
     with os.fdopen(reading, "rb", buffering=0) as stream:
@@ -81,7 +83,7 @@ def _collected(reading: int, child: int, patience: float) -> tuple[bytes, bool]:
 
 
 def _computed(child: int) -> int:
-    """The processor time of a process so far, in ticks of the system; 0 where the system does not say."""
+    """Return the CPU time of a process in clock ticks, 0 if unknown."""
     try:
         with open(f"/proc/{child}/stat", "rb") as stream:
             fields = stream.read().rpartition(b")")[2].split()
@@ -93,18 +95,18 @@ def _computed(child: int) -> int:
 def _costly(in_time: bool, status: int, seconds: float, memory: int) -> Diagnostic:
     ended_by = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
     if not in_time:
-        message = f"the check has hung: after {seconds * PATIENCE:g} s in which it did nothing it was ended"
-        help = "see whether the machine is busy, or a file of the workspace cannot be read"
+        message = f"the check was stopped: it did nothing for {seconds * PATIENCE:g} s"
+        help = "check whether the machine is busy, or a file of the workspace cannot be read"
     elif ended_by == signal.SIGPROF:
-        message = f"the check was not done after {seconds:g} s of computing and was ended"
+        message = f"the check was stopped: it needs more than {seconds:g} s of CPU time"
         help = "make the documents smaller, or allow more time with --time-limit"
     elif os.WIFEXITED(status) and os.WEXITSTATUS(status) == _OUT_OF_MEMORY:
-        message = f"the check needed more than {memory // 1_000_000} MB and was ended"
+        message = f"the check was stopped: it needs more than {memory // 1_000_000} MB of memory"
         help = "make the documents smaller"
     else:
         how = f"by {signal.Signals(ended_by).name}" if ended_by is not None else f"with status {os.WEXITSTATUS(status)}"
-        message = f"the check ended {how} before it was done"
-        help = "take the documents for hostile until they are understood; please report how they do this"
+        message = f"the check ended early, {how}"
+        help = "treat the documents as hostile, and please report this"
     return console.error(message, help, Code.TOO_COSTLY)
 
 
@@ -112,7 +114,7 @@ _OUT_OF_MEMORY = 91
 
 
 def _in_child(work: Callable[[], Any], seconds: float, memory: int, writing: int) -> NoReturn:
-    """Never returns, whatever happens: two processes must not both go on."""
+    """Do the work in the child and exit; never return to the code of the parent."""
     code = 1
     try:
         sys.dont_write_bytecode = True
@@ -147,14 +149,14 @@ def _bound(seconds: float, memory: int) -> None:
     with contextlib.suppress(OSError, ValueError), open("/proc/self/statm", "rb") as stream:
         memory += int(stream.read().split()[0]) * resource.getpagesize()
     for kind, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CORE, 0)):
-        with contextlib.suppress(ValueError, OSError):  # a lower bound than ours is there already
+        with contextlib.suppress(ValueError, OSError):  # a lower limit is set already
             resource.setrlimit(kind, (most, most))
     signal.signal(signal.SIGPROF, signal.SIG_DFL)
-    signal.setitimer(signal.ITIMER_PROF, seconds)  # of computing; RLIMIT_CPU knows whole seconds only
+    signal.setitimer(signal.ITIMER_PROF, seconds)  # CPU time; RLIMIT_CPU is limited to whole seconds
 
 
 def _refuse(event: str, arguments: tuple[Any, ...]) -> None:
-    """The audit hook of the child: refuses what no check ever does."""
+    """The audit hook of the child: raise `SandboxRefusal` for operations that no check does."""
     if event == "open":
         _, mode, flags = arguments
         if isinstance(flags, int) and flags & _WRITING or isinstance(mode, str) and set(mode) & set("wax+"):

@@ -1,4 +1,4 @@
-"""`thingc schema`: for editors, a JSON Schema per document that knows its parts, mounts, joints and names."""
+"""`thingc schema`: write a JSON Schema for each document, with its parts, mounts, joints and names, for editors."""
 
 from __future__ import annotations
 
@@ -19,33 +19,33 @@ from thingc.tools.cli import console
 from thingc.tools.schemas.refresh_schemas import SCHEMAS, Schemas
 
 EPILOG = """\
-Writes .thingc/schema/<document>.json for every document of the workspace. To use one without `thingc lsp`, name it in the first line of the
-document, relative to it:
+Writes .thingc/schema/<document>.json for every document of the workspace. If your editor does not use `thingc lsp`, add the path of the
+schema to the first line of the document:
 
   # yaml-language-server: $schema=.thingc/schema/arm.yaml.json     YAML
   #:schema .thingc/schema/arm.toml.json                            TOML
 
-  thingc schema                         the workspace of this folder
+  thingc schema                         all documents of the workspace
   thingc schema assemblies/arm.yaml     only this document
 """
-REMOVED = "`thingc lsp` keeps up with every save; without it, run `thingc schema` again and name the schemas in the documents (see --help)"
+REMOVED = "use `thingc lsp`, which follows every save, or run `thingc schema` again and name the schemas in the documents (see --help)"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `schema`."""
+    """Add the options of `schema`."""
     parser.epilog = EPILOG
     parser.add_argument(
         "place", metavar="FOLDER|DOC", nargs="*", default=["."],
-        help="every document of the workspace of this folder, or only this document (default: the current folder)",
+        help="a document, or a folder of a workspace for all its documents (default: the working folder)",
     )
     for removed in ("--watch", "--no-wire"):
         parser.add_argument(removed, action="append_const", dest="removed", const=removed, help=argparse.SUPPRESS)
-    parser.add_argument("--no-model", action="store_true", help="do not start the CAD kernel: use only what is known about parts")
+    parser.add_argument("--no-model", action="store_true", help="do not start the CAD kernel; use only cached parts")
     console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the schemas. Wrong documents get the schema of their sound rest."""
+    """Run `schema`. For documents with errors, the schema covers the valid rest."""
     for option in arguments.removed or ():
         raise console.WrongCommandLine(f"`{option}` was removed", REMOVED)
     report = Report()
@@ -56,14 +56,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
-    """Each workspace that is named, with the documents that are named of it (None: all). Raises `WrongCommandLine`."""
+    """Return workspaces with the selected documents (None: all). Raises `WrongCommandLine`."""
     by_root: dict[str, tuple[Workspace, list[str] | None]] = {}
     for place in places:
         if not os.path.isdir(place):
             console.require_document(place)
             if not is_document(place):
-                help = "its first line is for example `thingc: assembly/1`"
-                raise console.WrongCommandLine(f"`{place}` does not begin as a document does", help, Code.NO_DOCUMENT)
+                help = "begin the first line with, for example, `thingc: assembly/1`"
+                raise console.WrongCommandLine(f"`{place}` is not a document", help, Code.NO_DOCUMENT)
         workspace = Workspace.find(os.path.join(place, OWN_FILE) if os.path.isdir(place) else place, report)
         if workspace is None:
             continue
@@ -80,9 +80,9 @@ def _write(workspace: Workspace, only: list[str] | None, no_model: bool, options
         outcome = Schemas(workspace, geometry).write(only)
     folder = shown_path(os.path.join(workspace.root, SCHEMAS))
     same = len(outcome.documents) - len(outcome.written) - len(outcome.kept)
-    said = [f"{len(outcome.written)} written", f"{same} as they were"]
+    said = [f"{len(outcome.written)} written", f"{same} unchanged"]
     said += [f"{len(outcome.removed)} removed"] if outcome.removed else []
     console.say(f"{folder}: schemas of {counted(len(outcome.documents), 'document')}: {', '.join(said)}")
     for name in outcome.kept:
         document = shown_path(os.path.join(workspace.root, name))
-        console.say(f"{document}: not well-formed just now; it keeps its last schema")
+        console.say(f"{document}: not well-formed; its last schema stays")

@@ -1,4 +1,4 @@
-"""`thingc set`: writes values into a document, at their paths; its comments and layout stay."""
+"""`thingc set`: set values in a document by their paths, preserving comments and layout."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from thingc.driver.environment import Options
 from thingc.tools.cli import console
 
 EPILOG = """\
-A value is named as by --set of the other commands, by its path; a parameter of the document by its name, or as parameters.NAME.
-Nothing is written unless all of the document would be right with all of the values.
+Paths are those of the option --set of other commands. For a parameter of the document, write its name, or parameters.NAME.
+If the document would have errors, nothing is written.
 
   thingc set assemblies/arm.yaml 'joints.elbow.limit.upper=90 deg' 'reach=120 mm'
   thingc set robot.yaml components.foot.part=feet:Wide
-  thingc set robot.yaml 'components.plate.mass=82 g' --diff      show it, and write nothing
+  thingc set robot.yaml 'components.plate.mass=82 g' --diff      show the change, write nothing
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `set`."""
+    """Add the options of `set`."""
     parser.epilog = EPILOG
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
-    parser.add_argument("value", metavar="PATH=VALUE", nargs="+", help="a path, or the name of a parameter, and what shall stand there")
+    parser.add_argument("value", metavar="PATH=VALUE", nargs="+", help="a path or the name of a parameter, and its new value")
     parser.add_argument("--diff", action="store_true", help="write nothing, show what would change")
     console.add_format(parser)
-    parser.add_argument("--strict", action="store_true", help="warnings are errors")
+    parser.add_argument("--strict", action="store_true", help="treat warnings as errors")
     console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 where the values are written (with `--diff`: could be)."""
+    """Run `set`; exit code 0 if the values have been written (with `--diff`: could be)."""
     try:
         console.require_document(arguments.document)
         options = console.options_of(arguments)
@@ -47,13 +47,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def settings(words: Sequence[str]) -> dict[str, str]:
-    """`PATH=VALUE` words to a mapping. Raises `WrongCommandLine`."""
+    """Parse `PATH=VALUE` arguments. Raises `WrongCommandLine`."""
     return console.paths(words, "PATH=VALUE", "'joints.elbow.limit.upper=90 deg'", "`{}` is set twice", named)
 
 
 def write(document: str, given: Mapping[str, str], options: Options, arguments: argparse.Namespace, *, diff: bool = False) -> int:
-    """Write values (paths or names of parameters to texts) into a document, unless something would be wrong with it then; says what.
-    Of the `arguments` only `format` and `debug`, and `strict` if it is there, are looked at. The exit code."""
+    """Write values (texts by paths or names of parameters) to a document, unless it would have errors. Returns the exit code.
+
+    Uses only `format`, `debug` and, if present, `strict` of `arguments`."""
     typed = {named(path): f"{path}={text}" for path, text in given.items()}
     outcome = write_values(document, given, options, strict=getattr(arguments, "strict", False), dry=diff)
     root, text = outcome.root, outcome.text
@@ -67,7 +68,7 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
 
 
 def _as_typed(diagnostic: Diagnostic, typed: Mapping[str, str]) -> Diagnostic:
-    """What is said of a value as of an option of other commands (`-p`, `--set`), said of the words that were typed here."""
+    """Replace the option (`-p`, `--set`) in the place of a diagnostic by the argument as typed."""
     option = next((option for option in OPTIONS if diagnostic.path is not None and diagnostic.path.startswith(option)), None)
     if option is None or diagnostic.path is None:
         return diagnostic
@@ -79,7 +80,7 @@ def _say(
     arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], *, done: Sequence[tuple[str, str | None, str]] = (),
     texts: Mapping[str, str] | None = None,
 ) -> int:
-    """Print what was found and done; `texts` are those of documents as they would be."""
+    """Print diagnostics and changes; `texts` are the contents of the changed documents. Returns the exit code."""
     if arguments.format == "text":
         for path, old, new in done:
             console.say(f"{path}: {'' if old is None else old + ' -> '}{new}")

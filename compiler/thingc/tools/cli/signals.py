@@ -1,4 +1,4 @@
-"""Ctrl-C, and SIGTERM as `kill` and supervisors send it: what a command has begun is cleared away, and it ends with one exit code."""
+"""Handling of Ctrl-C and SIGTERM: commands clean up and exit with `INTERRUPTED`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 from contextlib import contextmanager
 
 TYPE_CHECKING = False
-"""That of `typing`: until `heed` is called an interrupt prints a traceback, so little is imported before."""
+"""Defined here to avoid importing `typing`: until `heed` is called, an interrupt prints a traceback."""
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from typing import NoReturn
 
 INTERRUPTED = 130
-"""The exit code of who was interrupted (128 and the number of SIGINT)."""
+"""Exit code after an interrupt (128 + SIGINT)."""
 
 SOON = 0.001
-"""After how long [s] an interrupt that would be lost comes again."""
+"""Delay [s] before a lost interrupt is sent again."""
 
 IMPORTING = "<frozen importlib._bootstrap>"
-"""Where the code lies that imports modules."""
+"""File name of the code of the import system."""
 
 
 def heed(*, ignored: bool = False) -> None:
-    """From here on both signals raise `KeyboardInterrupt`, those that come while modules are imported as soon as that is done; one that
-    this process was begun to ignore only where it is `ignored` no more: a shell has its background jobs ignore SIGINT, and some of them
-    end by nothing else."""
+    """Raise `KeyboardInterrupt` for both signals; while modules are being imported, only after that.
+
+    Signals that the parent process has set to be ignored stay ignored, unless `ignored`: shells ignore SIGINT in background jobs."""
     sys.unraisablehook = _dropped
     signal.signal(signal.SIGALRM, _interrupt)
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -38,15 +38,15 @@ def heed(*, ignored: bool = False) -> None:
 
 
 def leave_at_once() -> None:
-    """From here on both signals end the process where it stands: one that has nothing to clear away, and waits where no exception gets
-    through, as an event loop does for its threads."""
+    """Exit at once on both signals. Use it in processes that have nothing to clean up, and wait where exceptions do not arrive."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, lambda *_: os._exit(INTERRUPTED))
 
 
 def spare_the_child_of_glfw() -> None:
-    """glfw, which MuJoCo imports, looks at its library in a Python process of its own, a tenth of that import, and Ctrl-C has that print a
-    traceback. Where it is told its library it does not; this is the one that it brings with it on Linux, and would take."""
+    """Set PYGLFW_LIBRARY to the bundled library of glfw (Linux).
+
+    Without it, glfw, which MuJoCo imports, starts a Python process to find the library, which prints a traceback on Ctrl-C."""
     from thingc.base.installed_packages import package_folder
 
     folder = package_folder("glfw") if sys.platform == "linux" else None
@@ -60,7 +60,7 @@ def spare_the_child_of_glfw() -> None:
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Meanwhile no interrupt gets through: files that belong together are written. It comes afterwards."""
+    """Delay interrupts until the end of the context, while files that belong together are written."""
     global _held, _late
     _held = True
     try:
@@ -73,7 +73,7 @@ def held() -> Iterator[None]:
 
 
 def has_come() -> bool:
-    """Whether an interrupt has been raised: another exception after that may be what code in C or Rust has made of it."""
+    """Return whether an interrupt has been raised. Code in C or Rust may have converted it to another exception."""
     return _come
 
 
@@ -81,8 +81,7 @@ _held = _late = _come = False
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """Raise it, but for a module that is being imported: what is written in C and Rust prints it there, makes an error of itself of it, or
-    goes on without."""
+    """The signal handler: raise `KeyboardInterrupt`, but not during an import, where modules in C and Rust would swallow or convert it."""
     global _late
     if _held:
         _late = True
@@ -102,7 +101,7 @@ def _raise() -> NoReturn:
 
 
 def _dropped(dropped: UnraisableHookArgs) -> None:
-    """Python drops what is raised where a weak reference dies, and only prints it."""
+    """The hook for exceptions that Python ignores, for example in callbacks of weak references: repeat interrupts."""
     if issubclass(dropped.exc_type, KeyboardInterrupt):
         _come_again()
     else:

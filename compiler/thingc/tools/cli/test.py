@@ -1,4 +1,4 @@
-"""`thingc test`: run the tests that a document states of its robot."""
+"""`thingc test`: run the tests in a document."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from thingc.model.assembly.types import Assembly
 
 EPILOG = """\
-The tests of the document named, not those of the documents nested in it. Each failure is an error at the value that it
-contradicts. The exit code is 0 when every test passed.
+Runs the tests of the document, not those of nested documents. Each failure is reported as an error at the value that it
+contradicts. The exit code is 0 if all tests pass.
 
   thingc test assemblies/arm.yaml
   thingc test assemblies/arm.yaml --only weight --only 'holds_*'
@@ -33,22 +33,22 @@ contradicts. The exit code is 0 when every test passed.
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `test`."""
+    """Add the options of `test`."""
     parser.epilog = EPILOG
     console.add_document(parser)
     parser.add_argument(
-        "--only", metavar="NAME", action="append", default=[], help="only tests of this name, patterns allowed (may be repeated)",
+        "--only", metavar="NAME", action="append", default=[], help="run only tests with this name or pattern (may be repeated)",
     )
     parser.add_argument(
         "--mode", metavar="M", action="append", default=[],
-        help="of tests that run in modes only these (may be repeated; default: the modes of each test)",
+        help="run tests only in this mode (may be repeated; default: the modes of each test)",
     )
     console.add_format(parser, ("text", "json", "junit"))
     console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 when every test that was meant has passed."""
+    """Run `test`; exit code 0 if all selected tests pass."""
     results: list[Result] = []
     name = "thingc"
     try:
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace, results: list[Result], environment: Environment) -> tuple[list[Diagnostic], str]:
-    """Compile and run; what there is to say, and the robot's name. Raises `UnknownChoice`."""
+    """Compile the document and run its tests; return diagnostics and the name of the robot. Raises `UnknownChoice`."""
     results.clear()
     compilation = pipeline.compile(environment)
     diagnostics = console.final(compilation.report, strict=arguments.strict)
@@ -85,7 +85,7 @@ def _run(arguments: argparse.Namespace, results: list[Result], environment: Envi
 
 
 def _selection(arguments: argparse.Namespace, assembly: Assembly) -> Selection:
-    """What the command line asks for. Raises `UnknownChoice` where that is nothing."""
+    """Return the selection of tests. Raises `UnknownChoice` for an unknown test or mode."""
     from thingc.driver.testing.test_runner import Selection
 
     selection = Selection(only=tuple(arguments.only), modes=tuple(arguments.mode))
@@ -101,14 +101,14 @@ def _selection(arguments: argparse.Namespace, assembly: Assembly) -> Selection:
 
 
 def _line(result: Result, width: int) -> str:
-    """One result for people."""
+    """Format a result as a line of text."""
     where = f"[{result.where}] " if result.where else ""
     verdict = "passed" if result.passed else "FAILED"
     return f"{verdict}  {result.name.ljust(width)}  {where}{result.outcome.said}  {result.seconds:.2f} s"
 
 
 def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], diagnostics: Sequence[Diagnostic]) -> None:
-    """The answer in the form that was asked for, apart from the lines that were printed on the way."""
+    """Print the results in the requested format, except lines that have been printed already."""
     if arguments.format == "json":
         console.print_json(diagnostics, tests=[_data(result) for result in results])
         return
@@ -126,12 +126,12 @@ def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], d
     if results:
         console.say(f"{counted(len(results), 'test')}: {passed} passed, {len(results) - passed} failed")
     elif not console.exit_code(list(diagnostics)):
-        chosen = " that run in the modes chosen" if arguments.mode else ""
+        chosen = " in the selected modes" if arguments.mode else ""
         console.say(f"{shown_path(arguments.document)}: no tests{chosen}")
 
 
 def _data(result: Result) -> dict[str, object]:
-    """One result of the JSON answer; numbers in SI."""
+    """Return a result for JSON output; numbers in SI units."""
     return {
         "name": result.name, "kind": result.kind, "mode": result.mode, "pose": result.pose, "passed": result.passed,
         "measured": dict(result.outcome.measured), "expected": dict(result.outcome.expected), "said": result.outcome.said,

@@ -1,4 +1,4 @@
-"""`thingc view`: a robot in the browser, as its document stands after every save."""
+"""`thingc view`: show a robot in the browser and update it after every save."""
 
 from __future__ import annotations
 
@@ -33,42 +33,42 @@ from thingc.tools.live.server import Server, findings_of
 EDITOR = "vscode://file{file}:{line}"
 
 KEY = 32
-"""Bytes of the key that gives a document the same address again."""
+"""Length [bytes] of the key from which the address of a document is derived."""
 
 OF_DOCUMENTS = {
     "mode": "--mode", "against": "--against", "port": "--port", "editor": "--editor", "parameter": "-p", "choice": "--set",
     "strict": "--strict", "store": "--store", "jobs": "--jobs", "part_timeout": "--part-timeout",
 }
-"""What does nothing to a build that is opened as it is."""
+"""Options that have no effect on an existing build."""
 
 EPILOG = """\
-Serves the page on this machine alone, under an address that nobody can guess, and shows it in a browser; every save is shown there in its
-turn, with what `thingc check` says on top. Nothing is written. A build folder with a page, or a page, is opened as it is.
+Serves the page on this machine only, under a secret address, and opens it in a browser. The page updates after every save and shows the
+diagnostics of `thingc check`. Nothing is written. An existing build folder with html/, or its page, is opened without a server.
 
   thingc view assemblies/arm.yaml
   thingc view assemblies/arm.yaml --mode bench --no-open
-  thingc view assemblies/arm.yaml --against assemblies/arm.yaml      what an edit changes
+  thingc view assemblies/arm.yaml --against assemblies/arm.yaml      show the effect of an edit
   thingc view build/arm
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `view`."""
+    """Add the options of `view`."""
     parser.epilog = EPILOG
     console.add_document(parser, what="an assembly document (YAML or TOML), a build folder with html/, or its page", metavar="DOC|BUILD")
-    parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
-    parser.add_argument("--against", metavar="DOC", help="a second document, or this one as it is now, to be seen through the robot")
-    parser.add_argument("--port", metavar="N", type=_port, default=0, help="the port to listen on (default: a free one)")
-    parser.add_argument("--no-open", action="store_true", help="only print the address")
+    parser.add_argument("--mode", metavar="M", action="append", default=[], help="show only this mode (may be repeated; default: all)")
+    parser.add_argument("--against", metavar="DOC", help="show a second document, or the current state of this one, as an overlay")
+    parser.add_argument("--port", metavar="N", type=_port, default=0, help="port of the server (default: a free port)")
+    parser.add_argument("--no-open", action="store_true", help="print the address, do not open a browser")
     parser.add_argument(
         "--editor", metavar="URL", default=EDITOR,
-        help="what links to documents and part files open, with {file} and {line} (default: %(default)s)",
+        help="URL of links to documents and part files, with {file} and {line} (default: %(default)s)",
     )
     console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 after Ctrl-C, or when a build is opened; 2 where there is nothing to show."""
+    """Run `view`; exit code 0 after Ctrl-C or if a build has been opened, 2 if there is nothing to show."""
     if os.path.isdir(arguments.document) or _is_page(arguments.document):
         return _open_build(arguments)
     console.require_document(arguments.document)
@@ -98,28 +98,27 @@ def run(arguments: argparse.Namespace) -> int:
         if made.number == 1 and not hopeless(made):
             console.say(server.address)
             if not arguments.no_open and not webbrowser.open(server.address):
-                console.say("no browser could be started: open that address in one", stream=sys.stderr)
+                console.say("cannot start a browser: open the address in your browser", stream=sys.stderr)
 
     with server, nullcontext() if beside is None else beside.followed(server):
         return until_interrupted(live, hear)
 
 
 def _shown(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list[dict[str, object]]]:
-    """A round, its page (None where it has errors), and what the page takes of what is said."""
+    """Return the rebuild, its page (None if it has errors), and the diagnostics for the page."""
     environment = live.environment
     assert environment is not None
     page = None
     if made.good and made.built is not None:
         try:
             page = page_of(pipeline.request_of(environment, made.built.compilation))
-        except Exception as fault:  # the next save may mend it
+        except Exception as fault:  # the next save may fix it
             made = replace(made, good=False, diagnostics=(*made.diagnostics, console.of_exception(fault)))
     return made, page, findings_of(made.diagnostics, environment.workspace)
 
 
 class _Beside:
-    """The document whose robot is seen through the one that is shown, in all its modes; followed in a thread of its own, in which it is
-    compiled while it has its `turn`."""
+    """The document of the overlay, in all its modes. A thread watches it, and compiles it while it has the lock `turn`."""
 
     def __init__(self, arguments: argparse.Namespace, options: Options, turn: threading.Lock) -> None:
         self._turn = turn
@@ -130,7 +129,7 @@ class _Beside:
 
     @contextmanager
     def followed(self, server: Server) -> Iterator[None]:
-        """Meanwhile a server is told of every round."""
+        """Send every rebuild to the server while the context is active."""
         thread = threading.Thread(target=self._follow, args=(server,), daemon=True)
         with self._live:
             thread.start()
@@ -151,7 +150,7 @@ class _Beside:
 
 
 def _page(environment: Environment) -> tuple[Page | None, list[Diagnostic]]:
-    """The page of a document as it stands, None where it has errors; and what is said of it."""
+    """Return the page of a document (None if it has errors), and its diagnostics."""
     compilation = pipeline.compile(environment)
     diagnostics = console.final(compilation.report, strict=False)
     return None if compilation.report.failed else page_of(pipeline.request_of(environment, compilation)), diagnostics
@@ -165,11 +164,11 @@ def _server(arguments: argparse.Namespace) -> Server:
         return Server(arguments.port, editor, arguments.document, _key())
     except OSError as fault:
         reason = fault.strerror or str(fault)
-        raise console.WrongCommandLine(f"port {arguments.port} cannot be had: {reason}", "leave --port out: a free one is taken") from fault
+        raise console.WrongCommandLine(f"cannot use port {arguments.port}: {reason}", "omit --port to use a free port") from fault
 
 
 def _key() -> bytes | None:
-    """Random bytes that this user alone can read, the same every time; None where they cannot be kept so."""
+    """Return random bytes that are the same for every run of this user, and readable by nobody else; None if they cannot be stored."""
     path = os.path.join(cache_root(), "view.key")
     try:
         os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
@@ -185,17 +184,19 @@ def _key() -> bytes | None:
 
 
 def _open_build(arguments: argparse.Namespace) -> int:
-    """Show the page of a finished build, or of the only one in a folder. Raises `WrongCommandLine` where there is none, and for options of
-    documents."""
+    """Open the page of a build, or of the only build in a folder.
+
+    Raises `WrongCommandLine` if there is none, or for options that have no effect.
+    """
     folder = Path(arguments.document) if _is_page(arguments.document) else _build_meant(arguments.document)
     pages = [folder] if folder.is_file() else sorted(folder.glob("html/*.html"))
     if not pages:
         message = f"the build `{shown_path(str(folder))}` has no page"
-        raise console.WrongCommandLine(message, "build it with `--emit html`, or name its document", Code.NO_DOCUMENT)
+        raise console.WrongCommandLine(message, "build it with `--emit html`, or view its document", Code.NO_DOCUMENT)
     given = [name for key, name in OF_DOCUMENTS.items() if getattr(arguments, key) not in ([], 0, None, False, EDITOR)]
     if given:
-        message = f"{given[0]} is about documents, and `{shown_path(str(folder))}` is a build"
-        raise console.WrongCommandLine(message, "name its document, or leave the option out")
+        message = f"{given[0]} applies to documents, but `{shown_path(str(folder))}` is a build"
+        raise console.WrongCommandLine(message, "view its document, or omit the option")
     for page in pages:
         console.say(shown_path(str(page)))
         if not arguments.no_open:
@@ -204,12 +205,12 @@ def _open_build(arguments: argparse.Namespace) -> int:
 
 
 def _is_page(name: str) -> bool:
-    """Whether it is the page of a build, which may have gone elsewhere by mail."""
+    """Return whether the file is the page of a build (it may have been copied out of its folder)."""
     return name.lower().endswith(".html") and os.path.isfile(name)
 
 
 def _build_meant(name: str) -> Path:
-    """The build that a folder is, or the only one that it holds. Raises `WrongCommandLine` with what to type."""
+    """Return the folder if it is a build, or the only build in it. Raises `WrongCommandLine`."""
     folder = Path(name)
     if (folder / MANIFEST).is_file():
         return folder
@@ -219,14 +220,14 @@ def _build_meant(name: str) -> Path:
         return builds[0]
     if builds:
         hint = did_you_mean("", [shown_path(str(one)) for one in builds], what="builds")
-        raise console.WrongCommandLine(f"`{name}` holds {len(builds)} builds", f"name one of them: {hint}", Code.NO_DOCUMENT)
+        raise console.WrongCommandLine(f"`{name}` contains {len(builds)} builds", f"name one of them: {hint}", Code.NO_DOCUMENT)
     robots = [shown_path(path) for path in documents_near(name, None) if is_document(path, "assembly/")]
-    hint = did_you_mean("", robots, what="robots") if robots else "name a document, or a build with html/"
-    raise console.WrongCommandLine(f"`{name}` is a folder without a build", hint, Code.NO_DOCUMENT)
+    hint = did_you_mean("", robots, what="robots") if robots else "view a document, or a build folder with html/"
+    raise console.WrongCommandLine(f"there is no build in the folder `{name}`", hint, Code.NO_DOCUMENT)
 
 
 def _port(text: str) -> int:
-    """A port, as argparse wants it checked."""
+    """Parse a port number (an argparse type)."""
     if not text.isdigit() or not 0 < int(text) < 65536:
         raise argparse.ArgumentTypeError(f"expected a port from 1 to 65535, found `{text}`")
     return int(text)

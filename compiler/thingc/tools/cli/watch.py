@@ -1,4 +1,4 @@
-"""`thingc watch`: builds a document again after every save, until Ctrl-C."""
+"""`thingc watch`: build a document after every save, until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from thingc.tools.cli.build import add_building, answer_of, chosen_targets, tell
 from thingc.tools.live.rebuild_loop import Rebuild, RebuildLoop
 
 EPILOG = """\
-Whatever the build depends on is watched: documents, part modules and the files that they read, materials, thingc.toml. A save with errors
-shows them, and the last good build stays. The CAD kernel is loaded once.
+Watches all inputs of the build: documents, part modules and the files that they read, materials, thingc.toml. If a save has errors,
+they are reported and the last good build stays. The CAD kernel is loaded once.
 
   thingc watch assemblies/arm.yaml
   thingc watch assemblies/arm.yaml --mode bench --emit mjcf
-  thingc watch assemblies/arm.yaml --format json      a line of JSON for each build
+  thingc watch assemblies/arm.yaml --format json      print a line of JSON for each build
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `watch`."""
+    """Add the options of `watch`."""
     parser.epilog = EPILOG
     console.add_document(parser)
     add_building(parser)
@@ -42,7 +42,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 0 after Ctrl-C; 2 where there is nothing to watch."""
+    """Run `watch`; exit code 0 after Ctrl-C, 2 if there is nothing to watch."""
     try:
         live = live_of(arguments)
     except console.WrongCommandLine as fault:
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def live_of(arguments: argparse.Namespace) -> RebuildLoop:
-    """What the command line wants built after every save. Raises `WrongCommandLine`."""
+    """Return the rebuild loop of the command line. Raises `WrongCommandLine`."""
     console.require_document(arguments.document)
     options = console.options_of(arguments)
     targets, _ = chosen_targets(arguments)
@@ -68,7 +68,7 @@ def live_of(arguments: argparse.Namespace) -> RebuildLoop:
 
 
 def until_interrupted(live: RebuildLoop, hear: Callable[[Rebuild], None]) -> int:
-    """Go through the rounds until Ctrl-C or SIGTERM; nothing of them is alive then."""
+    """Run rebuilds until Ctrl-C or SIGTERM, then stop their processes. Returns the exit code."""
     signals.heed(ignored=True)
     with contextlib.suppress(KeyboardInterrupt), live:
         for made in live.rounds(threading.Event()):
@@ -80,12 +80,12 @@ def until_interrupted(live: RebuildLoop, hear: Callable[[Rebuild], None]) -> int
 
 
 def hopeless(made: Rebuild) -> bool:
-    """Whether nothing is followed after this round: the first one, where the command line is to blame, and no save mends that."""
+    """Return whether to stop after this rebuild: the first one, with an error in the command line, which no save can fix."""
     return made.number == 1 and console.exit_code(made.diagnostics) == console.USAGE
 
 
 def say_json(made: Rebuild) -> None:
-    """A round as one line of JSON on standard output: what `thingc build --format json` says, and what is of a round alone."""
+    """Print a rebuild as one line of JSON: the keys of `thingc build --format json`, and those of rebuilds."""
     folder = made.folder or ""
     _say_line({
         "diagnostics": as_json(made.diagnostics),
@@ -106,8 +106,9 @@ def _say_line(value: Mapping[str, object]) -> None:
 
 
 class Lines:
-    """What is said of rounds, on standard error: what is wrong as `thingc build` says it, unless it has just been said, then one line.
-    `of` is the document that they are of, where it is not the one that the command is about."""
+    """Reports rebuilds on standard error: diagnostics, unless they are the same as before, then one line.
+
+    `of` is the name of the document if it is not the document of the command."""
 
     def __init__(self, arguments: argparse.Namespace, doing: str = "watching", of: str | None = None) -> None:
         self._doing = doing
@@ -117,7 +118,7 @@ class Lines:
         self._built = False
 
     def say(self, made: Rebuild) -> None:
-        """Say what came of a save."""
+        """Report the outcome of a rebuild."""
         console.say_in_place()
         known = made.good and made.diagnostics == self._said
         if not known:
@@ -133,11 +134,11 @@ class Lines:
             tell(answer_of(made.built, made.folder), self._arguments)
         self._built = self._built or made.good
         if made.number == 1 and self._of is None and not hopeless(made):
-            console.say(f"{'' if made.good else 'nothing is built yet; '}{self._doing}; Ctrl-C ends it", stream=sys.stderr)
+            console.say(f"{'' if made.good else 'nothing is built yet; '}{self._doing}; press Ctrl-C to stop", stream=sys.stderr)
 
 
 def _outcome(made: Rebuild) -> str:
-    """What a save has changed, in words."""
+    """Describe the changes of a rebuild."""
     if made.built is None or not made.good:
         return f"not built ({made.seconds:.2f} s); {'the last good build stays' if made.kept else 'there is no good build yet'}"
     modelled = sorted(made.modelled.values())

@@ -1,4 +1,4 @@
-"""`thingc why`: why a part was modelled or reused, and what targets could not say."""
+"""`thingc why`: show why a part was modelled or reused, or what targets cannot express."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ from thingc.tools.cli import console
 from thingc.tools.cli.build import add_compat, add_emit, chosen_targets
 
 EPILOG = """\
-  thingc why assemblies/arm.yaml hand/cap       would it be modelled again, and what has changed since last time?
-  thingc why assemblies/arm.yaml --losses       what a target cannot say, and what became of it
+  thingc why assemblies/arm.yaml hand/cap       show whether the part must be modelled again, and what has changed
+  thingc why assemblies/arm.yaml --losses       show what targets cannot express, and the consequences
 """
 
 _NUMBER = re.compile(r"(?<![\w.^])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.])")
-"""A number in the words of a loss."""
+"""Pattern of numbers in texts of losses."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """The options of `why`."""
+    """Add the options of `why`."""
     parser.epilog = EPILOG
     console.add_document(parser)
     parser.add_argument("occurrence", metavar="OCCURRENCE", nargs="?", help="the path of a part, such as hand/cap")
-    parser.add_argument("--losses", action="store_true", help="list what each target cannot say")
+    parser.add_argument("--losses", action="store_true", help="list what each target cannot express")
     add_emit(parser)
     add_compat(parser)
     console.add_compiling(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the reason; exit code 2 for an occurrence that is not there."""
+    """Run `why`; exit code 2 for an unknown occurrence."""
     if (arguments.occurrence is None) != arguments.losses:
-        help = "write for example: thingc why assemblies/arm.yaml hand/cap"
-        raise console.WrongCommandLine("`why` wants an occurrence, or --losses", help)
+        help = "write for example `thingc why assemblies/arm.yaml hand/cap`"
+        raise console.WrongCommandLine("missing: OCCURRENCE, or --losses", help)
     console.require_document(arguments.document)
     diagnostics = attempted(arguments.document, console.options_of(arguments), partial(_answered, arguments))
     return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
 
 
 def _answered(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
-    """Print the answer; what there is to say."""
+    """Print the answer; return the diagnostics."""
     compilation = pipeline.compile(environment)
     diagnostics = console.final(compilation.report, strict=arguments.strict)
     if console.exit_code(diagnostics):
@@ -76,7 +76,7 @@ def _reason(compilation: Compilation, wanted: str) -> None:
     occurrence = by_path[path]
     text = occurrence.definition.text
     if text not in compilation.decisions:
-        console.say(f"{path} is a frame: there is nothing to model")
+        console.say(f"{path} is a frame, which has no geometry")
         return
     decision = compilation.decisions[text]
     console.say(f"{path} is {occurrence.definition.label}", f"{'reused' if decision.reused else 'modelled'}: {decision.reason}")
@@ -91,11 +91,11 @@ def _losses(environment: Environment, compilation: Compilation, targets: Sequenc
     for alike in _alike(losses):
         console.say(_in_words(alike))
     if not losses and not console.exit_code(console.final(compilation.report, strict=False)):
-        console.say("every target says everything")
+        console.say("no losses")
 
 
 def _alike(losses: Iterable[Loss]) -> Iterable[list[Loss]]:
-    """Losses of one target that are the same but for where they are, and for numbers. Of modes all that have it count as alike."""
+    """Group losses of the same target that differ only in their places, numbers and modes."""
     groups: dict[tuple[str, str | None, str, str], list[Loss]] = {}
     for loss in losses:
         mode = None if loss.mode == loss.path else loss.mode
@@ -104,7 +104,7 @@ def _alike(losses: Iterable[Loss]) -> Iterable[list[Loss]]:
 
 
 def _in_words(alike: Sequence[Loss]) -> str:
-    """One line for losses that are alike, with the place of the first; numbers that differ are left out."""
+    """Format a group of losses as one line, with the place of the first; numbers that differ are replaced by `...`."""
     first = alike[0]
     place = f"{shown_path(first.span.file)}:{first.span.line}: " if first.span is not None else ""
     of_modes = first.mode == first.path

@@ -81,21 +81,21 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
 
 
 def _sides(word: str) -> list[Side]:
-    """The side that a word is, or the two that it names: `main..HEAD`, and from where `main...HEAD` parted."""
+    """Parse an argument to one side, or to two: `main..HEAD`, or from the merge base: `main...HEAD`."""
     if os.path.isfile(word):
         if os.path.basename(word).endswith(LOCK_FILE):
             return [Side(kind="lock", name=word, place=os.path.abspath(word))]
         if word.lower().endswith(DOCUMENTS):
             return [Side(kind="document", name=word, place=os.path.abspath(word))]
-        message = f"`{word}` is no document ({', '.join(DOCUMENTS)}), build folder or lock"
-        raise UnknownComparison(message, f"a lock is called `{LOCK_FILE}`")
+        message = f"`{word}` is not a document ({', '.join(DOCUMENTS)}), build folder or lock file"
+        raise UnknownComparison(message, f"the name of a lock file is `{LOCK_FILE}`")
     if os.path.isdir(word):
         if os.path.isfile(os.path.join(word, MANIFEST)):
             return [Side(kind="build", name=word.rstrip("/"), place=os.path.abspath(word))]
         inner = [name for name in listing(word) if os.path.isfile(os.path.join(word, name, MANIFEST))]
-        hint = "name a folder that `thingc build` has written, or a document"
+        hint = "name a build folder or a document"
         hint = f"did you mean `{os.path.join(word, inner[0])}`?" if inner else hint
-        raise UnknownComparison(f"`{word}` is a folder without a {MANIFEST}: no build", hint)
+        raise UnknownComparison(f"the folder `{word}` is not a build folder: it has no {MANIFEST}", hint)
     between = "..." if "..." in word else ".." if ".." in word else None
     if between is None or os.sep in word.partition(between)[2][:1]:
         return [_revision(word)]
@@ -116,7 +116,7 @@ def _revision(word: str) -> Side:
             names = [os.path.join(folder, name) for name in listing(folder or ".") if name.lower().endswith(DOCUMENTS)]
             raise UnknownComparison(f"there is no document `{word}`", did_you_mean(word, names, what="documents")) from None
         if isinstance(fault, NotARepository):
-            message = f"`{word}` is no file or folder here, and no revision: {fault}"
+            message = f"`{word}` is not a file, a folder or a revision: {fault}"
             raise UnknownComparison(message, "name two documents, or run this in a git repository") from fault
         hint = did_you_mean(word, [*fault.names, "HEAD"], what="revisions")
         raise UnknownComparison(f"there is no revision, document or build folder `{word}`", hint) from None

@@ -38,7 +38,7 @@ def snapshot_of_build(folder: str) -> Snapshot:
     try:
         return _of_build(manifest, modes, rows)
     except (KeyError, TypeError, AttributeError) as fault:
-        raise UnreadableSide(f"`{folder}` is no build of this thingc: {type(fault).__name__}: {fault}") from fault
+        raise UnreadableSide(f"`{folder}` was not built by this version of thingc: {type(fault).__name__}: {fault}") from fault
 
 
 def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[Any]) -> Snapshot:
@@ -172,5 +172,5 @@ def _json(folder: str, name: str, kind: type, otherwise: Any = None) -> Any:
     except (OSError, ValueError) as fault:
         raise UnreadableSide(f"`{path}` cannot be read: {fault}") from fault
     if not isinstance(value, kind):
-        raise UnreadableSide(f"`{path}` is no build of this thingc")
+        raise UnreadableSide(f"`{path}` was not built by this version of thingc")
     return value

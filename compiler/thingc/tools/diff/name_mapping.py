@@ -106,7 +106,7 @@ class NameMapping:
         self._paths[old.what].setdefault(old.path, new.path)
 
     def _renamed(self, what: What, olds: dict[str, SnapshotElement], news: dict[str, SnapshotElement]) -> None:
-        """What has another name and says the same; joints also that connect the same."""
+        """Match renamed elements with the same content, and joints that connect the same components."""
         tests = [(self._says_the_same, "it says the same", False)]
         if what == "joint":
             tests.insert(0, (self._connects_the_same, "it connects the same", False))

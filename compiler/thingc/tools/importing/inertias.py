@@ -1,11 +1,11 @@
-"""Whether the links of a robot that was read can move, and what is done about those that cannot.
+"""Check the inertias of an imported robot, and repair those that no solid has.
 
-Judged is what moves: links that joints do not separate are one body, whose inertias add up. What no solid has is refused, or repaired by
-name, link by link: `nearest` is the nearest inertia that a solid of that mass has, `shapes` that of the link's shapes.
+Links without joints between them form one body, and its total inertia is checked. Invalid inertias are errors, or are repaired link by
+link: `nearest` takes the nearest inertia of a solid of that mass, `shapes` computes the inertia of the shapes of the link.
 
-Nearest: of the pseudo-inertia about the centre of mass, `diag(S, m)` with `S = tr(I)/2 1 - I`, the second moments of mass, negative
-principal values are raised to a floor; that is the nearest in Frobenius' norm (Wensing, Kim and Slotine, "Linear Matrix Inequalities for
-Physically-Consistent Inertial Parameter Identification", 2018, equation 17).
+`nearest` raises negative principal values of the pseudo-inertia about the centre of mass, `diag(S, m)` with the second moments of mass
+`S = tr(I)/2 1 - I`, to a lower bound. The result is the nearest in the Frobenius norm (Wensing, Kim and Slotine, "Linear Matrix
+Inequalities for Physically-Consistent Inertial Parameter Identification", 2018, equation 17).
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from thingc.tools.importing.tree import by_parent
 
 Repair = Literal["nearest", "shapes"]
 Matter = Callable[[SourceShape], MassProperties | None]
-"""Of the shape of a mesh, what it holds at density 1, in its own frame; None where its surface is open, or the mesh cannot be read."""
+"""Function from the shape of a mesh to its mass properties at density 1, in its own frame; None if the surface is open or unreadable."""
 LEAST = 1e-6
-"""Mass [kg] that is given to what weighs nothing, and the square [m^2] of the least radius of gyration: 1 mm."""
+"""Mass [kg] of repaired massless links, and the square [m^2] of the smallest radius of gyration (1 mm)."""
 
 
 class RepairedLink(FrozenStruct):
-    """A link whose weight was changed: what it was (None: nothing), what it is, and how."""
+    """A link with changed mass properties: the old ones (None: massless), the new ones, and the method."""
 
     link: SourceLink
     new: MassProperties
@@ -42,8 +42,9 @@ class RepairedLink(FrozenStruct):
 def repaired(
     robot: SourceRobot, roots: Sequence[str], how: Repair | None, report: Report, matter: Matter = lambda _: None,
 ) -> tuple[SourceRobot, tuple[RepairedLink, ...]]:
-    """The robot with every link that moves as a solid can, in the mode `source` and rooted at each of `roots`, and no other inertia that no
-    solid has; what could not be, or was not asked for, is reported at its line. `matter` is what a mesh holds."""
+    """Return the robot with valid inertias in the mode `source` and in the modes with these `roots`, and the repaired links.
+
+    Inertias that cannot be repaired, or all invalid ones without `how`, are reported. `matter` returns the mass properties of a mesh."""
     between = _between(robot)
     bodies, done = _bodies(robot), dict[str, RepairedLink]()
     head = {link.name: body for body, members in bodies.items() for link, _ in members}
@@ -69,7 +70,7 @@ def repaired(
 
 
 def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
-    """What joints separate, by the name of its first link: its links, each with its pose in the first one."""
+    """Return the bodies by the name of the first link: the links of each, with their poses in the first one."""
     links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
     bodies: dict[str, list[tuple[SourceLink, Pose]]] = {robot.root: [(links[robot.root], NO_POSE)]}
     waiting = [(robot.root, robot.root, NO_POSE)]
@@ -83,7 +84,7 @@ def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
 
 
 def _between(robot: SourceRobot) -> set[str]:
-    """Links that stand between two joints and are nothing else: with those, what is behind them hangs by several."""
+    """Return the massless intermediate links between two joints."""
     links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
     return {
         one.child for one in robot.hangings
@@ -92,7 +93,7 @@ def _between(robot: SourceRobot) -> set[str]:
 
 
 def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
-    """Why a body cannot move, in words."""
+    """Return why a body cannot be simulated if it moves; None if it can."""
     whole = _whole(members)
     if whole.mass <= LEAST_MASS:
         return "it weighs nothing"
@@ -101,12 +102,12 @@ def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
         return "it has no inertia"
     fault = physical_fault(whole.inertia)
     if fault is None and moments[0] < LEAST_MOMENT:
-        return f"its smallest moment of inertia is {moments[0]:.3g} kg m^2, and simulators want {LEAST_MOMENT:g}"
+        return f"its smallest moment of inertia is {moments[0]:.3g} kg m^2, but simulators require {LEAST_MOMENT:g}"
     return fault
 
 
 def _misstated(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
-    """Why a body that never moves, which may weigh nothing, has an inertia that is none, in words; that of a document is asked alike."""
+    """Return why the inertia of a static body is invalid; None if it is valid or the body is massless. Documents have the same check."""
     stated = [link.weight.properties.inertia for link, _ in members if link.weight is not None]
     if all(one == ZERO or physical_fault(one) is None for one in stated):
         return None
@@ -138,7 +139,7 @@ def _with(one: RepairedLink) -> SourceLink:
 
 
 def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> RepairedLink | None:
-    """A link that a solid of its mass can be; None where nothing says how."""
+    """Return the repaired link; None if it cannot be repaired with this method."""
     old = MassProperties(mass=0.0) if link.weight is None else link.weight.properties
     if how is None:
         return None
@@ -150,8 +151,9 @@ def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> RepairedLin
 
 
 def nearest(inertia: Matrix, mass: float) -> Matrix:
-    """The nearest inertia [kg m^2] about the centre that a solid of that mass [kg] has, with a radius of gyration of 1 mm at least, and
-    moments that simulators accept."""
+    """Return the nearest inertia [kg m^2] about the centre of mass of a solid of this mass [kg].
+
+    Its radii of gyration are at least 1 mm, and its moments are accepted by simulators."""
     moments, axes = principal_axes(inertia)
     half = (moments[0] + moments[1] + moments[2]) / 2.0
     second = [max(half - moment, mass * LEAST, LEAST_MOMENT) for moment in moments]
@@ -161,20 +163,20 @@ def nearest(inertia: Matrix, mass: float) -> Matrix:
 
 
 def _solid(shapes: Sequence[SourceShape], matter: Matter) -> MassProperties | None:
-    """Of shapes of density 1, those that touch if there are any; None without shapes whose volume is known."""
+    """Return the mass properties of shapes at density 1, only of collision shapes if there are any; None if no volume is known."""
     chosen = [shape for shape in shapes if shape.use == "collision"] or list(shapes)
     bodies = [one for shape in chosen if (one := _volume(shape) if shape.kind != "mesh" else _held(shape, matter)) is not None]
     return total(bodies) if bodies and len(bodies) == len(chosen) else None
 
 
 def _held(shape: SourceShape, matter: Matter) -> MassProperties | None:
-    """What a mesh holds, in the frame of its link."""
+    """Return the mass properties of a mesh at density 1 in the frame of its link; None if unknown."""
     held = matter(shape)
     return None if held is None else held.seen_from(shape.pose)
 
 
 def _volume(shape: SourceShape) -> MassProperties:
-    """A primitive of density 1, in the frame of its link."""
+    """Return the mass properties of a primitive at density 1 in the frame of its link."""
     assert shape.kind != "mesh"
     match shape.kind:
         case "sphere" | "ellipsoid":
@@ -191,7 +193,7 @@ _ALIKE = 0.01
 
 
 def warn_of_mirror_pairs(robot: SourceRobot, report: Report) -> None:
-    """A warning for each two links that are called left and right, and differ by more than 1 % in mass or moments of inertia."""
+    """Warn of each pair of left and right links, by name, whose masses or moments of inertia differ by more than 1 %."""
     links = {link.name: link for link in robot.links}
     for link in robot.links:
         for left, right in _MIRRORED:
@@ -206,7 +208,7 @@ def warn_of_mirror_pairs(robot: SourceRobot, report: Report) -> None:
                 report.warn(
                     Code.SOURCE_DOUBT, f"`{link.name}` and `{other.name}` have different {what}", other.weight.where,
                     notes=[Note(message=f"`{link.name}` is here", span=link.weight.where)],
-                    help="mend one of them, if they are mirror images",
+                    help="if they are mirror images, correct one of them",
                 )
 
 

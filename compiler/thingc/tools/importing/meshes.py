@@ -1,4 +1,4 @@
-"""Meshes of a robot, gathered into `meshes/`: one file for each content, called as it was."""
+"""Collect the meshes of a robot in `meshes/`: one file for each content, with its original name."""
 
 from __future__ import annotations
 
@@ -26,14 +26,15 @@ from thingc.tools.importing.xml_source import Losses
 READ = (".stl", ".obj", ".dae", ".ply", ".glb")
 FOLDER = "meshes"
 SUSPECT, LARGE = 100.0, 5.0
-"""How many times further than its joints a mesh may reach, and how far [m] in any case."""
+"""Thresholds of the warning about units: ratio of the size of a mesh to the distance of joints, and absolute size [m]."""
 SAMPLE = 1000
-"""Triangles that are looked at for that."""
+"""Number of triangles that this check reads."""
 
 
 def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | None]:
-    """What meshes hold at density 1, in their own frames [m], by their shapes; None of those that are open, or cannot be read. What is read
-    is in the store then, where the first build finds it."""
+    """Return a function from the shape of a mesh to its mass properties at density 1 [m]; None for open or unreadable meshes.
+
+    Meshes that it reads are cached in the store for the first build."""
 
     def matter(shape: SourceShape) -> MassProperties | None:
         from thingc.geometry.store.shared_store import opened
@@ -49,8 +50,9 @@ def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | No
 
 
 def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping[str, str], report: Report) -> None:
-    """A warning for the first mesh that is so much larger than every step from a joint to the next that its numbers will be millimetres.
-    `files` are the meshes by their paths, and `paths` these by what the source calls them."""
+    """Warn of the first mesh that is so much larger than the distances between joints that it is probably in millimetres.
+
+    `files` are the meshes by path, `paths` the paths by the URIs of the source."""
     reach = max((dist(one.pose.translation, (0.0, 0.0, 0.0)) for one in robot.hangings), default=0.0)
     for shape in (shape for link in robot.links for shape in link.shapes if shape.mesh in paths):
         size = _corner(files.get(paths[shape.mesh or ""], b""), paths[shape.mesh or ""]) * max(map(abs, shape.size))
@@ -63,7 +65,7 @@ def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping
 
 
 def _corner(data: bytes, path: str) -> float:
-    """The largest coordinate of the first corners of an STL or OBJ file; 0 of others."""
+    """Return the largest coordinate of the first vertices of an STL or OBJ file; 0 for other files."""
     numbers: list[float] = []
     if path.endswith(".stl") and not data[:SAMPLE].lstrip().startswith(b"solid"):
         whole = (len(data) - 84) // 50
@@ -76,8 +78,7 @@ def _corner(data: bytes, path: str) -> float:
 
 
 def _stem(uri: str) -> str:
-    """What a mesh is called, without what models of ours add to that: `meshes.trunk-5fb32a19.stl.obj` in them is `meshes/trunk.stl` at
-    some scale."""
+    """Return the name of a mesh without the hash and suffix that thingc adds: `meshes.trunk-5fb32a19.stl.obj` is `meshes/trunk.stl`."""
     stem = os.path.splitext(os.path.basename(uri))[0]
     while os.path.splitext(stem)[1].lower() in READ:
         stem = os.path.splitext(stem)[0]
@@ -88,8 +89,9 @@ def _stem(uri: str) -> str:
 def gathered(
     robot: SourceRobot, packages: Packages | None, report: Report,
 ) -> tuple[Mapping[str, str], dict[str, bytes], tuple[SourceLoss, ...]]:
-    """The path in the workspace of every mesh that shapes of the robot name, and the files by it. What cannot be found is reported at its
-    first place; without `packages` all meshes are losses."""
+    """Return the paths in the workspace by mesh URI, the contents by path, and losses.
+
+    Missing meshes are reported at their first use; without `packages` all meshes are losses."""
     named = [(shape.mesh, shape) for link in robot.links for shape in link.shapes if shape.mesh is not None]
     lost = Losses()
     if packages is None:
@@ -105,18 +107,18 @@ def gathered(
             continue
         try:
             if os.path.splitext(uri)[1].lower() not in READ:
-                raise NotFound(f"`{uri}` is no mesh that is read: {', '.join(f'`{one}`' for one in READ)}", "`--no-meshes` leaves it out")
+                raise NotFound(f"`{uri}` is not a supported mesh: {', '.join(f'`{one}`' for one in READ)}", "use `--no-meshes`")
             contents[uri] = packages.read(uri)[1]
             bounded(os.path.splitext(uri)[1].lower(), contents[uri])
         except BadMesh as fault:
-            report.add(Code.SOURCE_FILE, f"`{uri}` {fault}", shape.where, help="export it anew, or leave all meshes out with `--no-meshes`")
+            report.add(Code.SOURCE_FILE, f"`{uri}` {fault}", shape.where, help="export it again, or omit all meshes with `--no-meshes`")
         except NotFound as fault:
             report.add(Code.SOURCE_FILE, str(fault), shape.where, help=fault.help)
     digests = {uri: hashlib.sha256(content).hexdigest() for uri, content in contents.items()}
     first = {digest: uri for uri, digest in reversed(digests.items())}
     uris = list(dict.fromkeys(first[digest] for digest in digests.values()))
     names: dict[str, str] = {}
-    for uri in uris:  # meshes of one name, in two folders, are two
+    for uri in uris:  # meshes of the same name in different folders are different
         stem, taken = _stem(uri), [os.path.splitext(name)[0] for name in names.values()]
         names[uri] = f"{distinct([stem], 'mesh', taken)[stem]}{os.path.splitext(uri)[1].lower()}"
     paths = {uri: f"{FOLDER}/{names[first[digest]]}" for uri, digest in digests.items()}
@@ -127,7 +129,7 @@ def gathered(
 
 
 def _copy_libraries(uri: str, shape: SourceShape, packages: Packages, files: dict[str, bytes], lost: Losses) -> None:
-    """Add the `.mtl` files of an OBJ mesh to `files`, under the names that the mesh has for them. Those that cannot be added are `lost`."""
+    """Add the `.mtl` files of an OBJ mesh to `files`, with the names in the mesh. Those that cannot be added are noted in `lost`."""
     for name in libraries(packages.find(uri)):
         path = f"{FOLDER}/{name}"
         try:

@@ -23,7 +23,7 @@ _NAME_OF = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
 
 
 class NotFound(Exception):
-    """A file that is not there, or may not be read: why, and what to do, in words."""
+    """A file is missing or must not be read; with the text of the error and a help text."""
 
     def __init__(self, message: str, help: str | None = None) -> None:
         super().__init__(message)
@@ -56,7 +56,7 @@ class Packages:
         scheme, _, rest = uri.rpartition("://")
         if scheme not in ("", "file", "package", "model"):
             raise NotFound(f"`{uri}` is not a file of this machine", "write `package://NAME/...`, or a path relative to the robot's file")
-        name, _, inside = rest.lstrip("/").partition("/")  # some files have three slashes
+        name, _, inside = rest.lstrip("/").partition("/")  # some URIs have three slashes
         places: list[str] = []
         if scheme in ("package", "model") and inside and name != "..":
             places = self._folders(name)
@@ -93,7 +93,7 @@ class Packages:
             raise NotFound(f"cannot read `{uri}`: {(fault.strerror or str(fault)).lower()}") from None
 
     def package(self, name: str) -> str:
-        """The absolute path of a package. Raises `NotFound`."""
+        """Return the absolute path of a package. Raises `NotFound`."""
         for place in self._folders(name):
             return place
         raise self._unknown(name)
@@ -103,21 +103,21 @@ class Packages:
         return NotFound(f"there is no package `{name}`; looked for {looked}", f"specify its folder: `--package {name}=DIR`")
 
     def _folders(self, name: str) -> list[str]:
-        """The folders that may be the package of that name, the best first."""
+        """Return the candidate folders for a package, best first."""
         return [place for place in dict.fromkeys(self._places(name)) if os.path.isdir(place)]
 
     def _above(self) -> Iterator[str]:
-        """The folder of the file, and those above it."""
+        """Yield the folder of the file and its parents."""
         folder = Path(self.folder)
         return map(str, (folder, *folder.parents))
 
     def readable(self) -> list[str]:
-        """The folders that expressions in the file may read: its own, known packages, and packages beside it or a folder above it."""
+        """Return the folders that expressions in the file may read: its own, known packages, and packages beside it or its parents."""
         beside = (found for folder in self._above() for found in glob(os.path.join(escape(folder), "*", MANIFEST)))
         return [*self.allowed, *map(os.path.dirname, beside)]
 
     def _places(self, name: str) -> Iterator[str]:
-        """Where a package may be, the best first."""
+        """Yield the places where a package may be, best first."""
         if name in self.given:
             yield self.given[name]
             return
@@ -129,7 +129,7 @@ class Packages:
 
 
 def _is_package(folder: str) -> bool:
-    """Whether a folder is a package of ROS or a model of Gazebo."""
+    """Return whether a folder is a ROS package or a Gazebo model."""
     return any(os.path.isfile(os.path.join(folder, manifest)) for manifest in (MANIFEST, "model.config"))
 
 
@@ -138,7 +138,7 @@ def _format_paths(paths: Sequence[str]) -> str:
 
 
 def _called(folder: str) -> str | None:
-    """The name of the package whose manifest lies in a folder."""
+    """Return the name in the manifest of a package; None if there is no manifest."""
     try:
         with open(os.path.join(folder, MANIFEST), "rb") as stream:
             match = _NAME_OF.search(stream.read(100_000))
@@ -148,7 +148,7 @@ def _called(folder: str) -> str | None:
 
 
 def within(path: str, folder: str) -> bool:
-    """Whether a path, with symbolic links resolved, is below a folder."""
+    """Return whether a path, with symbolic links resolved, is below a folder."""
     return os.path.realpath(path).startswith(os.path.join(os.path.realpath(folder), ""))
 
 
@@ -158,7 +158,7 @@ def _file(path: str, uri: str) -> str:
     except (OSError, ValueError):
         raise NotFound(f"there is no file `{uri}`; looked for `{shown_path(path)}`") from None
     if not stat.S_ISREG(state.st_mode):
-        raise NotFound(f"`{uri}` is no file")
+        raise NotFound(f"`{uri}` is not a file")
     if state.st_size > MOST_BYTES:
         raise NotFound(f"`{uri}` has {state.st_size:,} bytes, and {MOST_BYTES:,} are read at most", "use a mesh with fewer facets")
     return path

@@ -1,8 +1,8 @@
-"""SDF 1.4 to 1.12: links and joints of one model, in SI, as http://sdformat.org/spec has them.
+"""Reader of SDF 1.4 to 1.12 (http://sdformat.org/spec): links and joints of one model, in SI units.
 
-Poses are stated in frames of the model (`relative_to`), in any order; where everything is in the model's frame is worked out first
-(http://sdformat.org/tutorials?tut=pose_frame_semantics). Nested models are one with the model around them: `arm::hand` is a link of it.
-Models are included as http://sdformat.org/tutorials?tut=composition has it.
+Poses are relative to frames of the model (`relative_to`), in any order; they are resolved to the frame of the model first
+(http://sdformat.org/tutorials?tut=pose_frame_semantics). Nested models are merged into their parents, with links such as `arm::hand`.
+Included models follow http://sdformat.org/tutorials?tut=composition.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ READ = ("uri", "name", "pose", "placement_frame", "static")
 
 
 class Includes:
-    """Replaces each `<include>` in the elements of a file by the model that it names; `roots` are those of all files that were read."""
+    """Replaces each `<include>` in a file by the included model; `roots` are the root elements of all files read."""
 
     def __init__(self, root: SourceElement, packages: Packages, report: Report, losses: Losses) -> None:
         self.packages, self.report, self.losses, self.values = packages, report, losses, ChildValues(report)
@@ -38,7 +38,7 @@ class Includes:
         self._expand(root)
 
     def uri(self, uri: str, source: str) -> str:
-        """A URI in the file `source`, as the first file would write it."""
+        """Convert a URI of the file `source` to one relative to the first file."""
         folder = self.folders[source]
         return uri if not folder or "://" in uri else f"{folder}/{uri}"
 
@@ -63,7 +63,7 @@ class Includes:
         if "placement_frame" in said and "pose" not in said:
             self.values.fault(include, None, "an `<include>` with `<placement_frame>` requires `<pose>`", "write <pose>0 0 0 0 0 0</pose>")
         if include.attributes.get("merge", "").strip() in ("1", "true"):
-            self.values.fault(include, "merge", "`merge` is not read", "`gz sdf -p FILE > robot.sdf` writes the merged model")
+            self.values.fault(include, "merge", "`merge` is not read", "to merge the models, run `gz sdf -p FILE > robot.sdf`")
         if len(self.roots) > MOST_INCLUDES:
             message = f"the file includes more than {MOST_INCLUDES} models, or one that includes itself"
             self.values.fault(include, None, message, "include a model that does not include this one")
@@ -88,7 +88,7 @@ class Includes:
         return replace(include, tag="model", attributes={**model.attributes, **names}, children=[*own, *kept], texts=[])
 
     def _file(self, uri: str) -> str:
-        """Of a folder the file of the newest version that its `model.config` names."""
+        """Return the path of the file of a URI; for a folder, the file of the newest version in its `model.config`."""
         if uri.endswith((".sdf", ".world", ".urdf")):
             return uri
         try:
@@ -104,20 +104,20 @@ KINDS: dict[str, tuple[source_model.Kind, ...]] = {
     "revolute": ("revolute",), "continuous": ("continuous",), "prismatic": ("prismatic",), "ball": ("ball",), "fixed": (),
     "screw": ("screw",), "universal": ("revolute", "revolute"), "revolute2": ("revolute", "revolute"),
 }
-"""The kinds of joints that are read, as joints one after the other, each about its own axis through one point."""
+"""Supported types of joints, as sequences of joints with axes through one point."""
 OTHER_KINDS = ("gearbox",)
 AXES = ("axis", "axis2")
 _VERSION = re.compile(r"1\.(\d+)")
 _USUAL = MassProperties(mass=1.0, inertia=IDENTITY)
-"""What a link weighs of which nothing is said."""
+"""Default mass properties of a link."""
 ENDLESS = 1e16
-"""A limit from which on there is none."""
+"""Limits of at least this size mean unlimited."""
 ATTRIBUTES: dict[str, set[str]] = {
     "model": {"name", "canonical_link", "placement_frame"}, "link": {"name"}, "joint": {"name", "type"}, "frame": {"name", "attached_to"},
     "visual": {"name"}, "collision": {"name"}, "pose": {"relative_to", "frame", "degrees", "rotation_format"}, "xyz": {"expressed_in"},
     "mimic": {"joint", "axis"},
 }
-"""The attributes that are read, of elements that have any."""
+"""Supported attributes by element."""
 INSIDE: dict[str, set[str]] = {
     "model": {"pose", "link", "joint", "frame", "model", "static"}, "link": {"pose", "inertial", "visual", "collision"},
     "joint": {"pose", "parent", "child", "axis", "axis2", "screw_thread_pitch", "thread_pitch"},
@@ -131,17 +131,17 @@ INSIDE: dict[str, set[str]] = {
     "dynamics": {"damping", "friction", "spring_stiffness", "spring_reference"}, "mimic": {"multiplier", "offset", "reference"},
     "surface": {"friction"}, "friction": {"ode"}, "ode": {"mu"},
 }
-"""The elements that are read in others."""
+"""Supported child elements by element."""
 AS_USUAL = {
     "gravity": ("1", "true"), "self_collide": ("0", "false"), "kinematic": ("0", "false"), "enable_wind": ("0", "false"),
     "allow_auto_disable": ("0", "1", "true", "false"), "cast_shadows": ("0", "1", "true", "false"), "transparency": ("0", "0.0"),
     "must_be_loop_joint": ("0", "false"),
 }
-"""Elements that say nothing where they say this."""
+"""Values of unsupported elements that are defaults, and so no loss."""
 
 
 def read_sdf(path: str, data: bytes, packages: Packages, report: Report) -> source_model.SourceRobot | None:
-    """The robot of a file, an absolute path, with these bytes; None where it is none, which has been reported: all that is wrong."""
+    """Read the robot in the file at an absolute path, with the content `data`. Reports all errors; None if there are any."""
     root = read_robot(path, data, report, "sdf", "an SDF")
     return None if root is None else _Sdf(root, packages, report).robot()
 
@@ -155,12 +155,12 @@ class _Sdf:
         self.between: list[source_model.SourceLink] = []
 
     def robot(self) -> source_model.SourceRobot | None:
-        """Everything that is wrong is said; then None."""
+        """Read the robot. Reports all errors; None if there are any."""
         model = None if self.report.failed else self._model()
         if model is None:
             return None
         name, frames = self.values.word(model, "name"), Frames(model, self.values)
-        if name is None or self.report.failed:  # what stands nowhere must not be said again of what stands on it
+        if name is None or self.report.failed:  # avoid follow-up errors
             return None
         self.frames = frames
         links = [self._link(key, frame.element) for key, frame in frames.all("link")]
@@ -174,16 +174,16 @@ class _Sdf:
         return None if self.report.failed else self._stood(model, name, [*links, *self.between], hangings)
 
     def _is_old(self, root: SourceElement) -> bool:
-        """Whether axes of a file are in the frame of the model; a version that is not read is reported."""
+        """Return whether axes are in the frame of the model, as in old versions. Unsupported versions are reported."""
         version = root.attributes.get("version", "").strip()
         match = _VERSION.fullmatch(version)
         if match is None or not 4 <= int(match[1]) <= 12:
-            help = "`gz sdf -p FILE` makes a newer one of an old one"
+            help = "to convert an old file, run `gz sdf -p FILE`"
             self.values.fault(root, "version", f"`version` of `<sdf>`: expected 1.4 to 1.12, found `{version}`", help)
         return match is not None and int(match[1]) <= 4
 
     def _model(self) -> SourceElement | None:
-        """The one model of the file, right in it or in its world, that is no scenery."""
+        """Return the only non-static model of the file or its world; None, reported, if there are none or several."""
         worlds = [*self.root.all("world")]
         models = [model for around in (self.root, *worlds) for model in around.all("model")]
         robots = models if len(models) == 1 else [model for model in models if not self._is(model, "static")]
@@ -194,7 +194,7 @@ class _Sdf:
         found = ", ".join(f"`{one.attributes.get('name', '')}`" for one in robots[:6]) or "none"
         self.report.add(
             Code.SOURCE_TREE, f"expected one model that is not static, found {found}", (robots[1] if robots else self.root).where,
-            help="a document has one robot: make a file of each" if robots else None,
+            help="a document contains one robot: split the file" if robots else None,
         )
         return None
 
@@ -216,8 +216,8 @@ class _Sdf:
 
     def _weight(self, inertial: SourceElement) -> MassProperties | None:
         if inertial.attributes.get("auto", "").strip().lower() in ("1", "true"):
-            help = "write its `<mass>` and `<inertia>`; `gz sdf -p FILE` works them out"
-            self.values.fault(inertial, "auto", "inertias that are to be worked out are not read", help)
+            help = "write its `<mass>` and `<inertia>`; `gz sdf -p FILE` computes them"
+            self.values.fault(inertial, "auto", "automatic inertias are not supported", help)
             return None
         pose, moments = self.frames.stated(inertial), self.values.one(inertial, "inertia")
         mass = self.values.from_zero(inertial, "mass", 1.0)
@@ -263,7 +263,7 @@ class _Sdf:
         return () if mu is None else (mu,)
 
     def _coordinates(self, key: str) -> list[str]:
-        """The names of the joints that a joint is read as."""
+        """Return the names of the joints into which a joint is split."""
         kinds = KINDS.get(self.frames.named[key].element.attributes.get("type", ""), ()) if key in self.frames.named else ()
         return [f"{key}_{number}" for number in range(len(kinds))] if len(kinds) > 1 else [key]
 
@@ -272,7 +272,7 @@ class _Sdf:
         element, kind = frame.element, self.values.word(frame.element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
         if kind is not None and kind not in KINDS:
-            known = f"`{kind}` is no kind of joint that is read" if kind in OTHER_KINDS else f"`{kind}` is no kind of joint that SDF has"
+            known = f"joints of type `{kind}` are not supported" if kind in OTHER_KINDS else f"SDF has no joint type `{kind}`"
             self.values.fault(element, "type", known, did_you_mean(kind, KINDS, what="kinds") or f"write one of {', '.join(KINDS)}")
             return
         if kind is None or len(ends) < 2:
@@ -292,8 +292,8 @@ class _Sdf:
             still = joint is not None and joint.ends.lower is not None and joint.ends.lower == joint.ends.upper
             if joint is not None and still:
                 if joint.ends.lower != 0.0:
-                    message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move, and not be at 0"
-                    self.values.fault(element, None, message, "make it `fixed`, or give it ends")
+                    message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move, and cannot be at 0"
+                    self.values.fault(element, None, message, "make it `fixed`, or specify its limits")
                 self.losses.note(f"joint `{names[number]}`, whose ends are both 0", "it is read as one that is fixed", element.where)
             yield source_model.Attachment(
                 name=names[number], parent=above, child=child, pose=NO_POSE if number else pose, where=element.where,
@@ -302,14 +302,14 @@ class _Sdf:
             child = above
 
     def _end(self, frame: NamedFrame, side: str) -> str | None:
-        """The link that a joint stands on, or the world."""
+        """Return the link, or the world, to which one side of a joint is attached; None after an error."""
         name = self.values.word(frame.element, side)
         if name is None or name == WORLD:
             return WORLD if name == WORLD and side == "parent" else None
         key = key_of(name, frame.scope)
         if key not in self.frames.named:
             links = [one for one, other in self.frames.named.items() if other.element.tag in ("link", "frame")]
-            message = f"the {side} of this joint is `{name}`, and there is no such link or frame"
+            message = f"the {side} of this joint is `{name}`, but there is no such link or frame"
             self.values.fault(frame.element, side, message, did_you_mean(name, links, what="links"))
             return None
         link = self.frames.link_of(key)
@@ -318,7 +318,7 @@ class _Sdf:
         return link
 
     def _joint(self, name: str, key: str, kind: source_model.Kind, tag: str) -> source_model.SourceJoint | None:
-        """What moves about, or along, the axis `tag` of a joint."""
+        """Read the joint about or along the axis `tag`."""
         frame = self.frames.named[key]
         element, here = frame.element, self.frames.poses[self._end(frame, "child") or ""].inverse()
         at = here @ self.frames.poses[key]
@@ -351,16 +351,16 @@ class _Sdf:
         )
 
     def _lead(self, screw: SourceElement) -> float:
-        """How far a screw goes in one turn [m]: positive of a right-hand thread. `thread_pitch` [rad/m] has the other sign."""
+        """Return the travel of a screw per turn [m], positive for a right-handed thread. `thread_pitch` [rad/m] has the opposite sign."""
         older = self.values.written(screw, "screw_thread_pitch") is None and self.values.written(screw, "thread_pitch") is not None
         tag = "thread_pitch" if older else "screw_thread_pitch"
         pitch = self.values.number(screw, tag)
         if pitch == 0.0:
-            self.values.fault(screw, tag, f"`{tag}` of this screw is 0", "make it `revolute`, or write how far it goes in one turn")
+            self.values.fault(screw, tag, f"`{tag}` of this screw is 0", "make it `revolute`, or write its travel per turn")
         return -2.0 * math.pi / pitch if older and pitch else pitch or 0.0
 
     def _direction(self, axis: SourceElement, key: str, frame: NamedFrame, here: Pose) -> Vector:
-        """A unit vector in the frame of the child link."""
+        """Return the axis as a unit vector in the frame of the child link."""
         xyz, direction = self.values.one(axis, "xyz"), self.values.direction(axis, "xyz", (0.0, 0.0, 1.0))
         stated = "" if xyz is None else xyz.attributes.get("expressed_in", "").strip()
         within = key
@@ -381,21 +381,21 @@ class _Sdf:
             self.losses.note("the one end of a joint", "the other is not stated, and a joint has two or none", limit.where)
             lower = upper = None
         if lower is not None and upper is not None and lower > upper:
-            self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or mend the number")
+            self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or correct the number")
         return source_model.SourceLimits(
             lower=lower, upper=upper, effort=None if effort is None or effort < 0.0 else effort,
             velocity=None if velocity is None or velocity < 0.0 else velocity,
         )
 
     def _bound(self, limit: SourceElement, key: str) -> float | None:
-        """None where it says that there is none."""
+        """Return a limit; None if unlimited."""
         if (self.values.written(limit, key) or "").strip().lower().lstrip("+-") in ("inf", "infinity"):
             return None
         value = self.values.number(limit, key)
         return None if value is None or abs(value) >= ENDLESS else value
 
     def _mimic(self, axis: SourceElement, scope: str) -> source_model.SourceMimic | None:
-        """q is `multiplier (q(leader) - reference) + offset`."""
+        """Read how a joint follows another: q = `multiplier (q(leader) - reference) + offset`."""
         mimic = self.values.one(axis, "mimic")
         if mimic is None:
             return None
@@ -413,8 +413,9 @@ class _Sdf:
     def _stood(
         self, model: SourceElement, name: str, links: list[source_model.SourceLink], hangings: list[source_model.Attachment],
     ) -> source_model.SourceRobot | None:
-        """The robot on its root: fixed where a joint holds it to the world, else free. What moves in the world stands on a link that weighs
-        nothing."""
+        """Return the robot with its root: fixed if a joint attaches it to the world, else free.
+
+        A robot that moves along joints of the world gets a massless root link."""
         sites: dict[str | None, tuple[source_model.SourceSite, ...]] = {}
         for key, frame in self.frames.all("frame"):
             link = self.frames.link_of(key)
@@ -444,7 +445,7 @@ class _Sdf:
         )
 
     def _loop(self, one: source_model.Attachment) -> source_model.SourceLoop:
-        """What a joint keeps together of two links that are in the tree already."""
+        """Convert a joint between two links that are in the tree already to a loop."""
         joint = next(iter(one.joints), None)
         at = NO_POSE if joint is None else along(joint.axis, joint.anchor)
         unlimited = source_model.SourceLimits()
@@ -453,15 +454,15 @@ class _Sdf:
             self.losses.note(f"limits, drive and dynamics of joint `{one.name}`", why, one.where)
         kind = "fixed" if joint is None else "continuous" if joint.kind == "revolute" else joint.kind
         if kind == "screw":
-            help = "one joint of the loop has to be of another kind"
-            self.report.add(Code.SOURCE_TREE, f"the loop that joint `{one.name}` closes has screws only", one.where, help=help)
+            help = "change the type of one joint of the loop"
+            self.report.add(Code.SOURCE_TREE, f"all joints of the loop that joint `{one.name}` closes are screws", one.where, help=help)
         assert kind != "planar"
         ends = ((one.parent, _clean(one.pose @ at)), (one.child, at))
         return source_model.SourceLoop(name=one.name, kind=kind, ends=ends, where=one.where)
 
 
 def _rounded(vector: Vector) -> Vector:
-    """Without the digits that composing poses leaves behind."""
+    """Round away rounding errors of composed poses."""
     x, y, z = (round(one, 15) + 0.0 for one in vector)
     return (x, y, z)
 

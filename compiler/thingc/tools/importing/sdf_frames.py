@@ -1,4 +1,4 @@
-"""Frames of an SDF model: where each is, however they are stated in one another, and which link it moves with.
+"""Frames of an SDF model: their poses in the model, and the links to which they are attached.
 
 http://sdformat.org/tutorials?tut=pose_frame_semantics
 """
@@ -22,8 +22,9 @@ MODEL = "__model__"
 
 
 class NamedFrame(FrozenStruct):
-    """A frame of the robot: the link, joint, frame or model that it is of, the model around that, by its frame, and the frame that its pose
-    is stated in. The outermost model's frame is called ""."""
+    """A frame: its element (link, joint, frame or model), the key of the model around it, and the key of the frame of its pose.
+
+    The key of the outermost model is ""."""
 
     element: SourceElement
     scope: str
@@ -31,7 +32,7 @@ class NamedFrame(FrozenStruct):
 
 
 class Frames:
-    """Of a model and all models in it, by their whole names (`arm::hand`); what is wrong with them is reported by `values`."""
+    """The frames of a model and all nested models by their full names (`arm::hand`). Errors are reported through `values`."""
 
     def __init__(self, model: SourceElement, values: ChildValues) -> None:
         self.model, self.values = model, values
@@ -45,18 +46,18 @@ class Frames:
             self._put(key)
 
     def all(self, tag: str) -> list[tuple[str, NamedFrame]]:
-        """Those of links, joints or frames."""
+        """Return the frames of elements with this tag."""
         return [(key, frame) for key, frame in self.named.items() if frame.element.tag == tag]
 
     def _find(self, model: SourceElement, scope: str) -> None:
-        """Everything in a model, and in the models in it, that has a frame."""
+        """Collect the frames of a model and its nested models."""
         for child in model.children:
             if child.tag not in ("link", "frame", "joint", "model") or (name := self.values.word(child, "name")) is None:
                 continue
             key = key_of(name, scope)
             if key in self.named or not key or key == WORLD:
                 notes = [Note(message="the first one is here", span=self.named[key].element.place("name"))] if key in self.named else []
-                what = f"two of this model are called `{name}`" if notes else f"`{name}` is a name of SDF itself"
+                what = f"two of this model are called `{name}`" if notes else f"`{name}` is a reserved name of SDF"
                 self.values.report.add(Code.SOURCE_TREE, what, child.place("name"), notes=notes, help="rename it")
                 continue
             self.named[key] = NamedFrame(element=child, scope=scope)
@@ -64,37 +65,37 @@ class Frames:
                 self._find(child, key)
 
     def _relative_to(self, frame: NamedFrame) -> str:
-        """What a pose is stated in; where nothing is said, what it moves with."""
+        """Return the key of the frame of a pose; by default, the frame to which it is attached."""
         pose = self.values.one(frame.element, "pose")
-        for attribute in ("relative_to", "frame"):  # as it was called before 1.7
+        for attribute in ("relative_to", "frame"):  # its name before 1.7
             if pose is not None and pose.attributes.get(attribute, "").strip():
                 return self.known(pose, attribute, pose.attributes[attribute], frame.scope)
         return self._carrier(frame)
 
     def _carrier(self, frame: NamedFrame) -> str:
-        """The frame that another moves with: of a joint its child, of a frame what it is attached to, of all else the model around it."""
+        """Return the frame to which another is attached: the child of a joint, `attached_to` of a frame, else the model around it."""
         attribute = {"joint": "child", "frame": "attached_to"}.get(frame.element.tag)
         name = None if attribute is None else self.values.written(frame.element, attribute)
         return frame.scope if attribute is None or not name else self.known(frame.element, attribute, name, frame.scope)
 
     def known(self, element: SourceElement, attribute: str, name: str, scope: str) -> str:
-        """The frame that is called so in a model; where there is none, which is reported, that of the model."""
+        """Return the key of a frame by its name in a model; if there is none, report it and return the model."""
         key = key_of(name.strip(), scope)
         if key and key not in self.named:
             inside = [one.removeprefix(f"{scope}::") for one, frame in self.named.items() if frame.scope == scope]
             help = did_you_mean(name, inside, what="names")
-            self.values.fault(element, attribute, f"`{name}` is no link, joint, frame or model here", help)
+            self.values.fault(element, attribute, f"there is no link, joint, frame or model `{name}` here", help)
             return scope
         return key
 
     def _put(self, key: str) -> None:
-        """Put down where a frame is in the robot, and all those that it is stated in."""
+        """Store the pose of a frame in the robot, and of all frames to which it is relative."""
         way: dict[str, NamedFrame] = {}
         while key not in self.poses:
             if key in way:
                 circle = circle_words([*way][[*way].index(key) :])
-                message = f"poses are stated in one another, in a circle: {circle}"
-                self.values.report.add(Code.SOURCE_TREE, message, way[key].element.where, help="state one of them in the model")
+                message = f"poses are relative to each other in a cycle: {circle}"
+                self.values.report.add(Code.SOURCE_TREE, message, way[key].element.where, help="make one of them relative to the model")
                 self.poses[key] = NO_POSE
                 break
             way[key] = self.named[key]
@@ -103,11 +104,11 @@ class Frames:
             self.poses[key] = self.poses[frame.relative_to] @ self.placed(key, frame.element)
 
     def placed(self, key: str, element: SourceElement) -> Pose:
-        """The pose of the frame of an element: of a model with `placement_frame`, that frame is where its `<pose>` says."""
+        """Return the pose of the frame of an element. With `placement_frame`, `<pose>` of a model is the pose of that frame."""
         name, pose, inner = element.attributes.get("placement_frame", "").strip(), self.stated(element), NO_POSE
         if element.tag == "model" and name and key not in self.offsets:
             at, way = self.known(element, "placement_frame", name, key), set[str]()
-            while at != key and at not in way:  # circles are reported elsewhere
+            while at != key and at not in way:  # cycles are reported elsewhere
                 way.add(at)
                 inner = self.placed(at, self.named[at].element) @ inner
                 at = self.named[at].relative_to
@@ -115,7 +116,7 @@ class Frames:
         return pose @ self.offsets.get(key, NO_POSE)
 
     def stated(self, element: SourceElement) -> Pose:
-        """What the `<pose>` in an element says; no move where it has none."""
+        """Read the `<pose>` of an element; the identity if missing."""
         pose = self.values.one(element, "pose")
         if pose is None or not pose.text:
             return NO_POSE
@@ -131,10 +132,10 @@ class Frames:
         return placed((x, y, z), (roll, pitch, yaw))
 
     def link_of(self, key: str) -> str | None:
-        """The link that a frame moves with; of a model the one that it names, else its first; None where there is none."""
+        """Return the link to which a frame is attached; for a model, its canonical link or its first one. None if there are none."""
         seen: list[str] = []
         while key not in self.links:
-            self.links[key] = None  # of a circle
+            self.links[key] = None  # for cycles
             seen.append(key)
             frame = self.named.get(key)
             if frame is not None and frame.element.tag == "link":
@@ -153,5 +154,5 @@ class Frames:
 
 
 def key_of(name: str, scope: str) -> str:
-    """What is called so in a model, wherever it is: `hand` in `arm` is `arm::hand`, and `__model__` the model itself."""
+    """Return the full name of a frame: `hand` in `arm` is `arm::hand`, `__model__` is the model itself."""
     return "::".join(filter(None, (scope, name.removesuffix(MODEL).removesuffix("::"))))

@@ -1,4 +1,4 @@
-"""Whether links and what they hang on are one tree, in whatever format they were written."""
+"""Check that links and joints form one tree, for all formats."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ MOST_BELOW = 496
 
 
 def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: Span, report: Report) -> str | None:
-    """The name of the one link that hangs on no other and that all others hang on; None where there is none such, which has been
-    reported, all of it: links of one name, joints to links that are not there, two parents, circles, no root or several."""
+    """Return the name of the root link of the tree; None after errors.
+
+    Reports duplicate names, joints to missing links, links with two parents, cycles, and no root or several roots."""
     before = len(report.diagnostics)
     if len(links) > MOST_LINKS:
         report.add(Code.SOURCE_TREE, f"the robot has {len(links):,} links, and {MOST_LINKS:,} are read at most", where)
@@ -31,14 +32,14 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: 
     for one in hangings:
         for side, name in (("parent", one.parent), ("child", one.child)):
             if name not in named:
-                message = f"the {side} of joint `{one.name}` is the link `{name}`, and there is none"
+                message = f"the {side} of joint `{one.name}` is the link `{name}`, which does not exist"
                 report.add(Code.SOURCE_TREE, message, one.where, help=did_you_mean(name, named, what="links"))
         if one.child in above:
             other = above[one.child]
             report.add(
-                Code.SOURCE_TREE, f"link `{one.child}` hangs on two links, `{other.parent}` and `{one.parent}`", one.where,
-                notes=[Note(message=f"joint `{other.name}` has it as its child already", span=other.where)],
-                help="a tree has one joint to each link: leave one of the two out, and close the loop in the document with `loop: true`",
+                Code.SOURCE_TREE, f"link `{one.child}` has two parents, `{other.parent}` and `{one.parent}`", one.where,
+                notes=[Note(message=f"it is the child of joint `{other.name}`", span=other.where)],
+                help="remove one of the two joints, and close the loop in the document with `loop: true`",
             )
         above.setdefault(one.child, one)
     if not links:
@@ -51,13 +52,13 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: 
         names = quoted([link.name for link in roots], 6)
         report.add(
             Code.SOURCE_TREE, f"the robot has {len(roots)} roots, links that hang on no other: {names}", roots[1].where,
-            notes=[Note(message="the first one is here", span=roots[0].where)], help="join them, or make a file of each",
+            notes=[Note(message="the first one is here", span=roots[0].where)], help="connect them by a joint, or split the file",
         )
     return roots[0].name if len(report.diagnostics) == before else None
 
 
 def warn_of_depth(robot: SourceRobot, report: Report) -> None:
-    """A warning where so many links move one below another that MuJoCo reads no model of them, at the first that is too many."""
+    """Warn at the first link that is nested too deep for MuJoCo to read the model."""
     below = by_parent(robot.hangings)
     bare = {link.name for link in robot.links if link.is_bare}
     waiting = [(robot.root, 1)]
@@ -76,8 +77,9 @@ def warn_of_depth(robot: SourceRobot, report: Report) -> None:
 
 
 def spanned(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tuple[Attachment, ...]]:
-    """Of joints that may go either way, and in loops: those of a tree, turned around where one comes to a link from what is below it, and
-    those that close a loop. What can be neither is among the first, and `root_of` says so."""
+    """Split joints, which may be reversed and form loops, into those of a spanning tree, reversed if necessary, and those that close loops.
+
+    Joints that fit neither are in the first group, for `root_of` to report."""
     tree: list[Attachment] = []
     closing: list[Attachment] = []
     below: set[str] = set()
@@ -103,17 +105,17 @@ def spanned(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tup
 
 
 def look_at_mimics(hangings: Sequence[Attachment], moving: Set[str], report: Report) -> None:
-    """Report each joint that mimics itself, or none of those that move along one coordinate; and each circle."""
+    """Report joints that mimic themselves, or a joint that is not in `moving`, and cycles."""
     follows = {joint.name: joint.follows for one in hangings for joint in one.joints if joint.follows is not None}
     for circle in find_cycles(follows, lambda name: follows[name].joint if name in follows else None):
         if len(circle) > 1:
-            message = f"joints mimic each other in a circle: {circle_words(circle)}"
-            report.add(Code.SOURCE_VALUE, message, follows[circle[0]].where, help="let one of them move by itself")
+            message = f"joints mimic each other in a cycle: {circle_words(circle)}"
+            report.add(Code.SOURCE_VALUE, message, follows[circle[0]].where, help="remove `mimic` from one of them")
     for joint in (joint for one in hangings for joint in one.joints):
         if joint.follows is None or joint.name != joint.follows.joint and joint.follows.joint in moving:
             continue
         wanted = joint.follows.joint
-        what = "itself" if wanted == joint.name else f"`{wanted}`, which is no joint that moves"
+        what = "itself" if wanted == joint.name else f"`{wanted}`, which is not a moving joint"
         help = did_you_mean(wanted, sorted(moving - {joint.name}), what="joints")
         report.add(Code.SOURCE_VALUE, f"joint `{joint.name}` mimics {what}", joint.follows.where, help=help)
 
@@ -129,7 +131,7 @@ def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, N
 
 
 def by_parent(hangings: Iterable[Attachment]) -> dict[str, list[Attachment]]:
-    """Return what hangs on each link, in the order of the source."""
+    """Return the attachments by parent link, in the order of the source."""
     below: dict[str, list[Attachment]] = {}
     for one in hangings:
         below.setdefault(one.parent, []).append(one)
@@ -147,10 +149,10 @@ def downwards(root: str, hangings: Iterable[Attachment]) -> Iterator[Attachment]
 
 
 def _circles(named: dict[str, SourceLink], above: dict[str, Attachment], report: Report) -> None:
-    """Say each circle once, at the joint of its first link."""
+    """Report each cycle once, at the joint of its first link."""
     for upwards in find_cycles(named, lambda name: above[name].parent if name in above else None):
         circle = upwards[::-1]
         report.add(
-            Code.SOURCE_TREE, f"links hang on one another in a circle: {circle_words(circle)}", above[circle[0]].where,
-            help="one of them has to be the root, or hang on a link outside of the circle",
+            Code.SOURCE_TREE, f"links form a cycle: {circle_words(circle)}", above[circle[0]].where,
+            help="make one of them the root, or attach it to a link outside of the cycle",
         )

@@ -1,4 +1,4 @@
-"""A robot that has been imported before: what was written then, what a person has made of it, and what to write now."""
+"""Update an imported robot: merge the new source with the edits of the user since the last import."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ class PreviousImport(FrozenStruct):
     with_meshes: bool
 
     def edited(self) -> tuple[str, ...]:
-        """The files that are not what was written, those that are not there any more aside."""
+        """Return the files that have changed since the import, except deleted ones."""
         written = {self.document: _sha256(self.text.encode()), **self.meshes}
         return tuple(name for name, sha256 in written.items() if (data := self.read(name)) is not None and _sha256(data) != sha256)
 
     def read(self, name: str) -> bytes | None:
-        """The bytes of a file; None if there is none."""
+        """Return the bytes of a file; None if it does not exist."""
         try:
             with open(os.path.join(self.folder, name), "rb") as stream:
                 return stream.read()
@@ -52,7 +52,7 @@ class PreviousImport(FrozenStruct):
 
 
 class Update(FrozenStruct):
-    """The changes of files, by absolute path and in this order; what was merged, and the files that a person has changed."""
+    """An update: the changes of files, by absolute path and in order, the merged document, and the files that the user has edited."""
 
     changes: Mapping[str, Change]
     merged: Merged
@@ -60,7 +60,7 @@ class Update(FrozenStruct):
 
 
 def earlier_import(folder: str) -> PreviousImport | None:
-    """The import that lies in a folder; None where its `import.json` is not there, or not as it was written."""
+    """Return the import in a folder; None if its `import.json` is missing or invalid."""
     folder = os.path.realpath(folder)
     try:
         with open(os.path.join(folder, RECORD), "rb") as stream:
@@ -79,8 +79,10 @@ def earlier_import(folder: str) -> PreviousImport | None:
 
 
 def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], report: Report) -> Update | None:
-    """What becomes of an import whose `files` would be these now, `document` among them. What both have changed is reported, and stays as
-    the person has it; None where nothing can be merged, which has been reported too. A document that is not there is written anew."""
+    """Merge an import with its new `files`, which include `document`.
+
+    Conflicts are reported, and the version of the user stays; None, after an error, if the document cannot be merged. A deleted document is
+    written again."""
     path = os.path.join(earlier.folder, document)
     new = files[document].decode()
     try:
@@ -90,8 +92,8 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
     except FileNotFoundError:
         held, ours = None, earlier.text
     except (OSError, UnicodeDecodeError):
-        message = f"`{shown_path(path)}`, which the last import wrote, cannot be read any more"
-        report.add(Code.OUTPUT, message, None, help="mend or delete it")
+        message = f"`{shown_path(path)}`, which the last import wrote, can no longer be read"
+        report.add(Code.OUTPUT, message, None, help="fix or delete it")
         return None
     texts = [text for one in (earlier.text, new, ours) if (text := read_text(path, one, report)) is not None]
     if len(texts) < 3:
@@ -101,7 +103,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
         if ours == earlier.text:  # with the comments of now
             one = replace(one, text=new)
     except MergeConflict as fault:
-        report.add(Code.SOURCE_CONFLICT, f"the changes cannot be merged: {fault}", None, help="write it out, and import again")
+        report.add(Code.SOURCE_CONFLICT, f"the changes cannot be merged: {fault}", None, help="write it in plain form, and import again")
         return None
     _say_conflicts(one, read_text(path, one.text, Report()) or texts[2], report)
     written: dict[str, Change] = {}
@@ -114,8 +116,8 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
             written[name] = there, content
         elif after != before:
             report.add(
-                Code.SOURCE_CONFLICT, f"`{name}` was changed here, and in the source: it stays as it is here", None,
-                help="delete it, and import again, to have that of the source",
+                Code.SOURCE_CONFLICT, f"`{name}` has changed both here and in the source: your version stays", None,
+                help="to use the version of the source, delete the file and import again",
             )
     kept = tuple(name for name in earlier.edited() if name != earlier.document)
     written[document] = held, one.text.encode()
@@ -143,7 +145,7 @@ def _repair(how: object) -> Repair | None:
 
 
 def _inside(name: str) -> str:
-    """A path in the folder as imports have it. Raises `ValueError` for another one: the record is a file like any other."""
+    """Check a path in `import.json`, which the user may have edited. Raises `ValueError` if it is not inside the folder."""
     parts = str(name).split("/")
     if len(parts) > 2 or any(part in ("", ".", "..") or "\\" in part or "\0" in part for part in parts):
         raise ValueError(name)

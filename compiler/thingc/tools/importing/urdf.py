@@ -29,7 +29,7 @@ from thingc.tools.importing.xml_values import Values
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 Color = tuple[float, float, float, float]
 WORLD = "world"
-"""What a root link is called that stands for the world."""
+"""Names of root links that represent the world."""
 
 ATTRIBUTES: dict[str, set[str]] = {
     "robot": {"name", "version"}, "link": {"name"}, "joint": {"name", "type"}, "inertial": set(), "origin": {"xyz", "rpy", "quat_xyzw"},
@@ -38,25 +38,26 @@ ATTRIBUTES: dict[str, set[str]] = {
     "visual": {"name"}, "collision": {"name"}, "geometry": set(), "box": {"size"}, "sphere": {"radius"}, "cylinder": {"radius", "length"},
     "capsule": {"radius", "length"}, "mesh": {"filename", "scale"}, "material": {"name"}, "color": {"rgba"},
 }
-"""The attributes that are read, of every element that is."""
+"""Supported attributes by element."""
 INSIDE: dict[str, set[str]] = {
     "robot": {"link", "joint", "material"}, "link": {"inertial", "visual", "collision"}, "inertial": {"origin", "mass", "inertia"},
     "joint": {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}, "visual": {"origin", "geometry", "material"},
     "collision": {"origin", "geometry"}, "geometry": {"box", "sphere", "cylinder", "capsule", "mesh"}, "material": {"color"},
 }
-"""The elements that are read in others."""
+"""Supported child elements by element."""
 
 
 def read_urdf(path: str, data: bytes, report: Report, *, files: Sequence[str] = ()) -> source_model.SourceRobot | None:
-    """The robot of a file, an absolute path, with these bytes; None where it is none, which has been reported: all that is wrong. `files`
-    are those that xacro has made it from."""
+    """Read the robot in the file at an absolute path, with the content `data`. Reports all errors; None if there are any.
+
+    `files` are the files from which xacro has generated it."""
     root = read_robot(path, data, report, "robot", "a URDF", files=files)
     if root is None:
         return None
     macro = next((element for element in _walk(root) if element.tag.startswith("xacro:")), None)
     if macro is not None:
         message = f"`<{macro.tag}>` is xacro, from which URDF is made"
-        report.add(Code.SOURCE_XML, message, macro.where, help="call the file `.xacro`: it is expanded then")
+        report.add(Code.SOURCE_XML, message, macro.where, help="rename the file to `.xacro`, so that it is expanded")
         return None
     return _Urdf(root, report).robot()
 
@@ -71,7 +72,7 @@ class _Urdf:
     def __init__(self, root: SourceElement, report: Report) -> None:
         self.root, self.report, self.values = root, report, Values(report)
         self.losses, self.unlimited = Losses(), list[SourceElement]()
-        self.moving = {  # of one whose kind is wrong that has been said
+        self.moving = {  # wrong types are reported elsewhere
             element.attributes.get("name", "") for element in root.all("joint")
             if element.attributes.get("type") not in ("fixed", "floating", "planar")
         }
@@ -84,11 +85,11 @@ class _Urdf:
         self.blocks = Blocks(root, self.values, self.losses)
 
     def robot(self) -> source_model.SourceRobot | None:
-        """Everything that is wrong is said; then None."""
+        """Read the robot. Reports all errors; None if there are any."""
         name = self.root.attributes.get("name", "").strip()
         if not name:
             name = os.path.splitext(os.path.basename(self.root.where.file))[0]
-            self.losses.note("`name` of `<robot>`", f"it has none, and is called like its file, `{name}`", self.root.where)
+            self.losses.note("`name` of `<robot>`", f"it is missing; the name of the file, `{name}`, is used", self.root.where)
         links = tuple(link for element in self.root.all("link") if (link := self._link(element)) is not None)
         hangings = tuple(one for element in self.root.all("joint") if (one := self._hanging(element)) is not None)
         unknown = "they are read as unknown, and the joint has a drive only if the file drives it elsewhere"
@@ -100,7 +101,7 @@ class _Urdf:
             self.report.warn(Code.SOURCE_DOUBT, message, limit.place("effort"), help=help)
         look_at_mimics(hangings, self.moving, self.report)
         self.losses.unread(self.root, ATTRIBUTES, INSIDE, {}, [one.where for one in self.root.children if one.tag in TAGS])
-        if self.report.failed:  # what is wrong with a joint must not be said again of the tree
+        if self.report.failed:  # avoid follow-up errors about the tree
             return None
         root = root_of(links, hangings, self.root.where, self.report)
         if root is None:
@@ -115,14 +116,14 @@ class _Urdf:
     def _sensed(
         self, links: tuple[source_model.SourceLink, ...], hangings: tuple[source_model.Attachment, ...],
     ) -> tuple[tuple[source_model.SourceLink, ...], tuple[source_model.SourceSensor, ...]]:
-        """The links with the mounts of their sensors, and these. One on a link that is but a frame is on what that is fixed to."""
+        """Return the links with mounts for their sensors, and the sensors. Those on a bare frame move to the link to which it is fixed."""
         named, above = {link.name: link for link in links}, {one.child: one for one in hangings}
         carrying, sensors = {one.parent for one in hangings}, list[source_model.SourceSensor]()
         for one in self.blocks.sensors.values():
             link = one.link or ""
             over = above.get(link)
             if not {link, link if over is None else over.parent} <= named.keys():
-                continue  # said elsewhere
+                continue  # reported elsewhere
             bare = named[link].weight is None and not named[link].shapes and link not in carrying
             if over is not None and not over.joints and not over.floating and bare:
                 if one.kind == "imu" and one.pose == NO_POSE:
@@ -150,7 +151,7 @@ class _Urdf:
         return None if name is None else source_model.SourceLink(name=name, where=element.place("name"), weight=weight, shapes=shapes)
 
     def _weight(self, inertial: SourceElement) -> source_model.Weight | None:
-        """None where it weighs nothing, in whatever way that is written."""
+        """Read mass properties; None for a massless link, however it is written."""
         pose, _ = self.values.origin(inertial)
         mass_element, moments = self.values.one(inertial, "mass"), self.values.one(inertial, "inertia")
         if mass_element is None:
@@ -186,7 +187,7 @@ class _Urdf:
         return replace(shape, rpy=rpy, color=color, name=self.values.own_name(element, link, "(:collision)?"))
 
     def _color(self, material: SourceElement) -> Color | None:
-        """The colour of a material: if it has a name, that of the first material that the file defines by that name."""
+        """Return the colour of a material; for a named one, that of the first definition of the name."""
         name = material.attributes.get("name", "")
         if not name:
             return self._rgba(material)
@@ -212,7 +213,7 @@ class _Urdf:
         pose, rpy = self.values.origin(element)
         if kind is not None and kind not in KINDS:
             known = did_you_mean(kind, KINDS, what="kinds")
-            self.values.fault(element, "type", f"`{kind}` is no kind of joint that URDF has", known)
+            self.values.fault(element, "type", f"URDF has no joint type `{kind}`", known)
             return None
         joint = None if name is None or kind is None else self._joint(element, name, kind)
         if name is None or kind is None or len(ends) < 2:
@@ -230,7 +231,7 @@ class _Urdf:
         return self.values.word(end, "link")
 
     def _joint(self, element: SourceElement, name: str, kind: str) -> source_model.SourceJoint | None:
-        """What moves; None of one that is fixed or floats."""
+        """Read a joint; None for fixed and floating ones."""
         moving: source_model.Kind
         match kind:
             case "revolute" | "continuous" | "prismatic" | "planar":
@@ -259,7 +260,7 @@ class _Urdf:
         )
 
     def _mimic(self, mimic: SourceElement, name: str) -> source_model.SourceMimic | None:
-        """What a joint follows: nothing where that is no joint that moves, as pinocchio and MoveIt have it."""
+        """Read which joint this one mimics; None if that is not a moving joint, as in Pinocchio and MoveIt."""
         joint = self.values.word(mimic, "joint")
         multiplier, offset = self.values.number(mimic, "multiplier", 1.0), self.values.number(mimic, "offset", 0.0)
         if joint is None or multiplier is None or offset is None:
@@ -267,7 +268,7 @@ class _Urdf:
         if joint not in self.moving:
             self.losses.note(f"that joint `{name}` mimics `{joint}`", "there is no such joint that moves: it moves by itself", mimic.where)
             self.report.warn(
-                Code.SOURCE_DOUBT, f"joint `{name}` mimics `{joint}`, which is no joint that moves: it moves by itself here",
+                Code.SOURCE_DOUBT, f"joint `{name}` mimics `{joint}`, which is not a moving joint: it moves independently",
                 mimic.place("joint"), help=did_you_mean(joint, sorted(self.moving - {name}), what="joints"),
             )
             return None
@@ -289,10 +290,10 @@ class _Urdf:
         if lower is None or upper is None:
             return source_model.SourceLimits()
         if lower > upper:
-            self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or mend the number")
+            self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or correct the number")
         if lower == upper:
             if kind == "prismatic" and not follows:
-                help = "make it `fixed`, or give it ends"
+                help = "make it `fixed`, or specify its limits"
                 self.values.fault(limit, None, f"`lower` and `upper` are both {lower:g}: this joint cannot move", help)
             elif not follows:
                 self.losses.note(
@@ -302,7 +303,7 @@ class _Urdf:
         return source_model.SourceLimits(lower=lower, upper=upper, effort=effort, velocity=velocity)
 
     def _grounded(self, robot: source_model.SourceRobot) -> source_model.SourceRobot | None:
-        """Without a root link that stands for the world, where one link alone hangs on it and nothing moves that."""
+        """Remove a root link that represents the world if it has a single child, attached by a fixed or floating joint."""
         first = [one for one in robot.hangings if one.parent == robot.root]
         world = next(link for link in robot.links if link.name == robot.root)
         bare = world.weight is None and not world.shapes and len(first) == 1 and not first[0].joints
@@ -315,18 +316,18 @@ class _Urdf:
         floating = [one for one in robot.hangings if one.floating]
         for one in floating:
             self.report.add(
-                Code.SOURCE_VALUE, f"joint `{one.name}` floats: only a link that weighs nothing, with nothing else on it, may be its "
-                "parent", one.where, help="a document has one robot, with one base: make a file of each",
+                Code.SOURCE_VALUE, f"joint `{one.name}` floats: only a massless link, with no other children, may be its "
+                "parent", one.where, help="a document contains one robot with one base: split the file",
             )
         return None if floating else robot
 
 
 SECONDS = 60
-"""Of the processor, and five times as long by the clock."""
+"""CPU time [s] of xacro; it may take five times as much wall time."""
 PATIENCE = 30.0
-"""How much longer [s] to wait for the process that watches over this."""
+"""Additional time [s] to wait for the process that enforces the limit."""
 _ARGUMENTS = tuple(map(re.compile, (r"<xacro:arg\s[^>]*?\bname\s*=\s*[\"']([^\"']+)", r"\$\(arg\s+([^\s)]+)", r"\barg\([\"']([^\"']+)")))
-"""How a file says that it has an argument, and uses it."""
+"""Patterns of declarations and uses of arguments in a file."""
 
 
 def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str], report: Report) -> tuple[bytes, list[str]] | None:
@@ -334,7 +335,7 @@ def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str
     the files that come with it; None where it cannot be expanded, which has been reported. `packages` are folders by name."""
     if find_spec("xacro") is None:
         report.add(
-            Code.COMMAND_LINE, "xacro is a language of its own, which is read with another package", None,
+            Code.COMMAND_LINE, "xacro files require an optional package", None,
             help=f"pip install 'thingc[import]'; or write `xacro {path} > robot.urdf`, and import that",
         )
         return None
@@ -349,35 +350,34 @@ def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str
     fault = answer.get("fault")
     if "failed" in answer:
         how = answer["words"] or f"it took longer than {5 * SECONDS} s"
-        fault = f"xacro ended without an answer ({how}); it has {SECONDS} s and 2 GB"
+        fault = f"xacro failed ({how}); it is limited to {SECONDS} s and 2 GB"
     elif answer.get("left"):
-        fault = "its expressions start processes that go on when it is expanded"
+        fault = "its expressions start processes that do not end"
     text = "" if fault is not None else _by_packages(answer["text"], answer["packages"])
     if fault is None and len(text) > MOST_BYTES:
         fault = f"it becomes more than {MOST_BYTES:,} bytes of URDF"
     if fault is not None:
         where = line_of(answer.get("file", path), answer.get("line", 1))
-        help = "`--package NAME=DIR` allows to read a folder" if OUTSIDE in fault else "`$(arg NAME)` is given with `--arg NAME=VALUE`"
+        help = "to allow reading a folder, use `--package NAME=DIR`" if OUTSIDE in fault else "to set `$(arg NAME)`, use `--arg NAME=VALUE`"
         report.add(Code.SOURCE_XML, f"xacro cannot expand this: {fault}", where, help=help)
         return None
     return (text.encode(), answer["files"]) if _are_known(arguments, answer["files"], report) else None
 
 
 def _are_known(arguments: Mapping[str, str], files: Sequence[str], report: Report) -> bool:
-    """Whether the files have each of the arguments; xacro passes over others, which are reported. What YAML uses that is loaded, nobody
-    knows."""
+    """Return whether the files use all arguments. Others, which xacro ignores, are reported; arguments used in loaded YAML are unknown."""
     texts = [Path(file).read_text(encoding="utf-8", errors="replace") for file in files]
     if any("load_yaml" in text for text in texts):
         return True
     known = {name for text in texts for pattern in _ARGUMENTS for name in pattern.findall(text)}
     for name in (one for one in arguments if one not in known):
-        help = did_you_mean(name, sorted(known), what="arguments") or "leave it out"
+        help = did_you_mean(name, sorted(known), what="arguments") or "remove the option"
         report.add(Code.COMMAND_LINE, f"--arg {name}: the file has no such argument", None, help=help)
     return known >= arguments.keys()
 
 
 def _by_packages(text: str, folders: Mapping[str, str]) -> str:
-    """What `$(find NAME)` has become is `package://NAME` again: no path of this machine stands in what is written."""
+    """Replace paths from `$(find NAME)` by `package://NAME`, so that the output contains no absolute paths."""
     for name, folder in sorted(folders.items(), key=lambda one: -len(one[1])):
         for before in ("file://", ""):
             text = text.replace(f'"{before}{folder}/', f'"package://{name}/')

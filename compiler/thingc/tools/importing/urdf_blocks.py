@@ -82,7 +82,7 @@ class Blocks:
         if first is not None and slides[0] is not None and name in links:
             self.friction[name] = slides[0]
         elif first is not None:
-            self.losses.note(f"`<mu1>` {here}", "it is no link", first.where)
+            self.losses.note(f"`<mu1>` {here}", "it is not a link", first.where)
         if second is not None and slides[1] is not None and slides[0] != slides[1]:
             self.losses.note(f"`<mu2>` {here}", "friction is the same in all directions", second.where)
         for sensor in block.all("sensor"):
@@ -139,7 +139,7 @@ class Blocks:
         joints = [one.attributes.get("name", "") for one in self.root.all("joint")]
         if name not in joints:
             self.losses.note(f"what drives joint `{name}`", "there is no such joint", block.where)
-            message = f"this drives joint `{name}`, and there is none"
+            message = f"this drives joint `{name}`, which does not exist"
             self.values.report.warn(Code.SOURCE_DOUBT, message, block.place("name"), help=did_you_mean(name, joints, what="joints"))
         return name in joints
 
@@ -153,7 +153,7 @@ class Blocks:
                 self._interfaces(name, {kind for kind in COMMANDS for face in faces if kind in face.lower()}, joint)
             for one in (one for part in block.all("actuator") for one in part.all("mechanicalReduction")):
                 if (ratio := self._number(one)) is not None and ratio != 1.0:
-                    self.losses.note(f"`<mechanicalReduction>` {ratio:g}", "what drives a joint is told as it is at the joint", one.where)
+                    self.losses.note(f"`<mechanicalReduction>` {ratio:g}", "drives are specified at the joint", one.where)
             self._rest((one for one in block.children if one.tag not in ("joint", "actuator", "type")), "of `<transmission>`")
 
     def _controlled(self) -> Iterator[tuple[str, SourceElement]]:

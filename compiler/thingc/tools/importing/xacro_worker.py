@@ -77,11 +77,11 @@ class _Expanding:
             xacro.process_doc(document, mappings=arguments, verbosity=0)
             return {"text": document.documentElement.toxml(), "files": self.files, "packages": self.found}
         except expat.ExpatError as fault:
-            return {"fault": f"this is no well-formed XML: {expat.ErrorString(fault.code)}", "file": self.files[-1], "line": fault.lineno}
+            return {"fault": f"this is not well-formed XML: {expat.ErrorString(fault.code)}", "file": self.files[-1], "line": fault.lineno}
         except MemoryError:
-            return {"fault": "it takes too much memory", "file": self.path, "line": 1}
+            return {"fault": "it needs too much memory", "file": self.path, "line": 1}
         except RecursionError:
-            return {"fault": "it calls itself without an end", "file": self.path, "line": 1}
+            return {"fault": "it calls itself endlessly", "file": self.path, "line": 1}
         except Exception as fault:  # whatever expressions of others raise
             said, root = str(fault), fault
             while isinstance(getattr(root, "exc", None), Exception):

@@ -111,7 +111,7 @@ class Values:
         x, y, z = self.vector(axis, attribute, default)
         length = hypot(x, y, z)
         if length == 0.0:
-            self.fault(axis, attribute, "the axis of this joint is 0 0 0, which is no direction", "write for example 0 0 1")
+            self.fault(axis, attribute, "the axis of this joint is 0 0 0, which is not a direction", "write for example 0 0 1")
             return default
         return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
@@ -136,7 +136,7 @@ class Values:
         """The rotation of a quaternion x, y, z, w of any length. Zero is reported."""
         length = hypot(*quaternion)
         if length == 0.0:
-            self.fault(element, attribute, "the quaternion of this pose is 0 0 0 0, which is no rotation", "write 0 0 0 1")
+            self.fault(element, attribute, "the quaternion of this pose is 0 0 0 0, which is not a rotation", "write 0 0 0 1")
             return IDENTITY
         i, j, k, w = (one / length for one in quaternion)
         return rotation_of((w, i, j, k))
@@ -145,7 +145,7 @@ class Values:
         """The element in another that is called so; None where there is none. A second one is a fault."""
         first, *others = [*element.all(tag), None]
         if first is not None and len(others) > 1 and others[0] is not None:
-            self.fault(others[0], None, f"a second `<{tag}>` in this `<{element.tag}>`", "leave one of the two out")
+            self.fault(others[0], None, f"a second `<{tag}>` in this `<{element.tag}>`", "remove one of the two")
         return first
 
     def shape(self, element: SourceElement, form: SourceElement, file: str, pose: Pose, losses: Losses) -> SourceShape | None:

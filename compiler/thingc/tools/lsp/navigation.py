@@ -121,7 +121,7 @@ def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any)
     names, here = named
     renamable(names.sight, here.name)
     if here.role == "fits":
-        raise RenameRefused(f"`{here.name.text}` only fits the pattern that is written here: rename it where it stands")
+        raise RenameRefused(f"`{here.name.text}` only matches the pattern here: rename it where it is defined")
     return {"range": names.range(here.span), "placeholder": here.name.text}
 
 

@@ -110,15 +110,15 @@ def part_schema(part: PartSchema, own: Mapping[str, Quantity]) -> Schema:
 
 
 def documentation(part: PartSchema) -> str:
-    """The docstring of a Thing with its parameters, as the hover text of `part:`."""
+    """Return the hover text of `part:`: the docstring of a Thing, and its parameters."""
     lines = [part.doc.strip() or f"`{part.reference}` has no docstring."]
     facts = []
     if part.parameters and "Args:" not in part.doc:
         facts.append("Parameters: " + ", ".join(f"`{one.name}`" for one in part.parameters) + ".")
     if part.material:
-        facts.append(f"Of `{part.material}` unless the document says otherwise.")
+        facts.append(f"Material: `{part.material}` by default.")
     if part.actuator:
-        facts.append("Has an actuator: a joint's `drive` may name it.")
+        facts.append("Has an actuator: use it in `drive` of a joint.")
     return "\n\n".join([*lines, *([" ".join(facts)] if facts else [])])
 
 

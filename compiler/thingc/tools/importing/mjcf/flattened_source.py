@@ -30,7 +30,7 @@ MOST_MESH_BYTES = 500_000_000
 LEFT_OUT = {
     "texture": "it is not read: shapes have the colours of their materials", "hfield": "a document has no height fields",
     "skin": "a document has no skins", "flex": "a document has rigid links only", "flexcomp": "a document has rigid links only",
-    "composite": "it is not read: write out the bodies that it stands for", "size": "the sizes of a model follow from its robot",
+    "composite": "it is not supported: replace it by the bodies that it generates", "size": "the sizes of a model follow from its robot",
     "text": "a document has no data of others", "tuple": "a document has no data of others", "extension": "a document has no plugins",
     "statistic": "MuJoCo works them out of the robot", "light": "lights belong to a scene", "visual": "how it is drawn belongs to a scene",
 }

@@ -61,7 +61,7 @@ def _compiled(flat: FlattenedSource, report: Report) -> CompiledSource | None:
         said = re.sub(r"^(XML )?Error: |Error: |Schema violation: ", "", text.split("\nElement")[0]).strip()
         attribute = re.search(r"attribute:? '(\w+)'", said)
         where = flat.place(text, None if attribute is None else attribute[1])
-        report.add(Code.SOURCE_VALUE, f"MuJoCo does not read this: {said}", where, help="mend the place shown")
+        report.add(Code.SOURCE_VALUE, f"MuJoCo cannot read this: {said}", where, help="fix the place shown")
         return None
     original = CompiledSource(flat, spec, model)
     for geom in (one for one in absent if not one.parent.explicitinertial):
@@ -199,7 +199,7 @@ class _Reader:
         for body in tops:
             if group[body] != chosen:
                 what = f"body `{self.original.bodies[body]}`, with all that is on it"
-                self.original.lose("body", body, what, "it is no part of the robot, and a document has one")
+                self.original.lose("body", body, what, "it is not part of the robot, and a document contains one robot")
         on_world = self._on_world(planes=False)
         if chosen == WORLD:
             first = [body for body in tops if group[body] == WORLD]
@@ -209,7 +209,7 @@ class _Reader:
             kept = groups[chosen]
         for kind, number in [*self._on_world(planes=True), *([] if WORLD in kept else on_world)]:
             is_plane = (kind, number) not in on_world
-            why = "a floor belongs to a scene" if is_plane else "it is fixed to the world, and no part of the robot"
+            why = "a floor belongs to a scene" if is_plane else "it is fixed to the world, and not part of the robot"
             self.original.lose(kind, number, f"a {kind} of the world", why)
         return kept
 

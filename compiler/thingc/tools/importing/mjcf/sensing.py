@@ -117,7 +117,7 @@ class _Sensing:
                 value = float(getattr(model, f"sensor_{key}")[number])
                 if value and reading in ("quat", "magnetometer", "momentum", "time"):
                     what = f"{key} of sensor `{original.sensors[number]}`"
-                    original.lose("sensor", number, what, f"a document says none of a `{reading}`")
+                    original.lose("sensor", number, what, f"a document cannot specify it for a `{reading}`")
                 elif value:
                     said[reading] = value
         volume: tuple[ShapeKind, Sizes] | None = None

@@ -120,7 +120,7 @@ def _excluded(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> I
             yield first, second
         else:
             what = f"that `{one.bodyname1}` and `{one.bodyname2}` never touch"
-            original.losses.note(what, "one of the two is no part of the robot", original.flat.place(one.info))
+            original.losses.note(what, "one of the two is not part of the robot", original.flat.place(one.info))
 
 
 def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touch: Set[int]) -> None:
