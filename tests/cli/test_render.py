@@ -23,10 +23,10 @@ from loops.robots import compiled
 from modes.test_several_coordinates import GANTRY
 from thingc.base.pose import NO_POSE
 from thingc.targets.render import studio
-from thingc.targets.render.camera import directions, fitted, upright
 from thingc.targets.render.frames import BLUE, GREEN, JOINT, RED, Frame, JointAxis, placed
 from thingc.targets.render.frames import drawn as painted
 from thingc.targets.render.picture import Shot, camera_of, points_of, posed
+from thingc.targets.render.studio import directions, fitted, upright
 from thingc.tools.cli import render_overlay
 from thingc.tools.cli.main import main
 

@@ -12,8 +12,7 @@ from thingc.base.inertia import MassProperties, physical_fault, principal_moment
 from thingc.base.numeric import dist, hypot, isfinite, maximum, minimum, rounded
 from thingc.base.pose import placed, quarter_exact, turned_about
 from thingc.base.safe_text import format_cell
-from thingc.batch.plans.program import compiled, variables_of
-from thingc.batch.plans.tape import SLOT, Tape
+from thingc.batch.plans.tape import SLOT, Tape, compiled, variables_of
 from thingc.targets import json_writer
 from thingc.targets.xml_writer import Element, write
 

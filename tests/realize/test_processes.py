@@ -16,9 +16,9 @@ from typing import Any
 import psutil
 import pytest
 
-from thingc.base.background import in_background
 from thingc.geometry.client import Workers
 from thingc.geometry.record import PartRecord
+from thingc.targets.step import in_background
 
 PARTS = """
     from build123d import *

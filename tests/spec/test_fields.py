@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from thingc.base.units import ANGLE, LENGTH, LENGTH_PER_ANGLE, Quantity
 from thingc.documents.expressions.terms import Expression
 from thingc.documents.spec import assembly, fields
-from thingc.documents.spec.colors import COLORS
+from thingc.documents.spec.fields import COLORS
 
 
 def value(name: str, raw: Any) -> Any:

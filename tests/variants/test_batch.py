@@ -18,10 +18,10 @@ import pytest
 
 from thingc.base.diagnostics import Code
 from thingc.batch import BatchFault, Summary, plan, run
-from thingc.batch.batch_json import job_of
 from thingc.batch.build_records import in_order
-from thingc.batch.job import Task
-from thingc.batch.journal import Journal, lines
+from thingc.batch.folder_layout import Journal, lines
+from thingc.batch.job import job_of
+from thingc.batch.planning import Variant
 from thingc.batch.runner import Runner
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
@@ -63,7 +63,7 @@ def test_runners_build_by_plans_what_they_build_by_passes(tmp_path: Path, monkey
     planned = plan(str(here / "sweep.yaml"))
     plain: dict[str, Any] = {"index": 0, "choices": {"components.stand.mass": "1 kg"}, "values": {}}
     tasks = [
-        Task(id=f"{k:012x}", parameters={"length": f"{length} mm", "bob": f"{100 + k} g"}, **plain)
+        Variant(id=f"{k:012x}", name=f"{k}", parameters={"length": f"{length} mm", "bob": f"{100 + k} g"}, **plain)
         for k, length in enumerate((200, 250.5, 300.25, 0.5, 390.5, 311.7))
     ]
     found, compiled, whole = {}, [], Session.compile

@@ -18,7 +18,7 @@ from scipy.stats import qmc
 
 from thingc.base.diagnostics import Code
 from thingc.base.units import ANGLE, FREQUENCY, INERTIA, LENGTH, MASS, NUMBER, TORQUE, Dimension, Quantity, parse_quantity
-from thingc.batch import Plan, PlanError, batch_json, folder_layout, plan
+from thingc.batch import Plan, PlanError, folder_layout, job, plan
 from thingc.batch.planning import points
 from thingc.batch.values import spaced
 from thingc.documents.expressions.value_text import text_of
@@ -339,6 +339,6 @@ def test_machines_are_asked_for_files_of_the_workspace_alone(tmp_path: Path, sha
     found = plan(str(tmp_path / "family.yaml"), options=Options(store=shared_store))
     (tmp_path / "batch").mkdir()
     (tmp_path / "batch" / folder_layout.BATCH).write_text("{}")
-    files = batch_json.seen(found, str(tmp_path / "batch"))
+    files = job.seen(found, str(tmp_path / "batch"))
     assert any("thingc_stock.materials" in name for name in found.inputs) and str(document) in files
     assert {path: state_of(path) for path in files} == files

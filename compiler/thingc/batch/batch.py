@@ -20,7 +20,6 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, shown_path
 from thingc.batch import folder_layout
-from thingc.batch.batch_json import describe, job_of, seen
 from thingc.batch.build_records import lengths_in, losses, outcomes
 from thingc.batch.cluster.protocol import Cluster, FileTransferExecutor
 from thingc.batch.cluster.remote_workers import RemoteExecutor
@@ -42,8 +41,8 @@ from thingc.batch.folder import (
     unchanged,
     write_batch,
 )
-from thingc.batch.job import STOPPED, Row, Task
-from thingc.batch.journal import Journal, Line
+from thingc.batch.folder_layout import Journal, Line
+from thingc.batch.job import STOPPED, Row, describe, job_of, seen
 from thingc.batch.packed_layout import PackedWriter, sealed_path
 from thingc.batch.page import parameter_columns, show, write_page
 from thingc.batch.pictures import OnPicture, usual
@@ -325,16 +324,9 @@ class _Batch:
 
     def _submit(self, engine: Executor, job: str, chunk: _Chunk, streaming: bool) -> None:
         chunk.attempts += 1
-        tasks = []
-        for variant in chunk.variants:
-            self.under_way[variant.index] = variant
-            tasks.append(Task(
-                index=variant.index, id=variant.id, parameters=variant.parameters, choices=variant.choices, values=variant.values,
-            ))
-        if streaming:
-            future = engine.submit(evaluate, job, tasks, self.asked.timeout, lambda row: self.events.put(("row", row)))
-        else:
-            future = engine.submit(evaluate, job, tasks, self.asked.timeout)
+        self.under_way.update((variant.index, variant) for variant in chunk.variants)
+        told = [lambda row: self.events.put(("row", row))] if streaming else []
+        future = engine.submit(evaluate, job, chunk.variants, self.asked.timeout, *told)
         self.chunks[future] = chunk
         future.add_done_callback(lambda done: self.events.put(("done", done)))
 

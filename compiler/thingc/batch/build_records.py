@@ -14,7 +14,7 @@ from typing import Any
 
 from thingc.base.filesystem import hash_name, listing
 from thingc.batch import folder_layout
-from thingc.batch.journal import Line
+from thingc.batch.folder_layout import Line
 from thingc.batch.packed_layout import Chunk, Chunks, numbers, packed
 from thingc.targets.artifact import Content, StoredArtifact
 

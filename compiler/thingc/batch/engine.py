@@ -17,7 +17,8 @@ from msgspec.structs import asdict
 
 from thingc.base.diagnostics import Code
 from thingc.base.json_lines_process import JsonLinesProcess, ProcessLost
-from thingc.batch.job import STOPPED, Job, Row, Task, row
+from thingc.batch.job import STOPPED, Job, Row, row
+from thingc.batch.planning import Variant
 
 LOADING = 120.0
 """How long [s] a runner may take until it has read the documents."""
@@ -138,7 +139,7 @@ RUNNERS = Runners()
 
 
 def evaluate(
-    job: str, tasks: Sequence[Task], timeout: float, on_row: OnRow | None = None, runners: Runners | None = None,
+    job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow | None = None, runners: Runners | None = None,
 ) -> list[Row]:
     """Build the variants of a chunk: a row for each, in their order, handed to `on_row` as soon as it is there.
 

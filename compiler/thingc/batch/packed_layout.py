@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import shown_path
 from thingc.batch import folder_layout
-from thingc.batch.journal import Journal, Line, lines
+from thingc.batch.folder_layout import Journal, Line, lines
 from thingc.batch.rules import LENGTHS
 
 if TYPE_CHECKING:

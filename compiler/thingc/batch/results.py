@@ -22,17 +22,18 @@ from itertools import islice
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, overload
 
-from thingc.base.diagnostics import shown_path
+from thingc.base.diagnostics import Code, shown_path
 from thingc.base.filesystem import listing
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr, counted
 from thingc.base.suggestions import did_you_mean
 from thingc.batch import folder_layout
 from thingc.batch.build_records import BuildRecords, File, VariantFiles, unpack
-from thingc.batch.folder import read_batch, whole
-from thingc.batch.journal import Line
+from thingc.batch.folder import BatchFault, in_words, read_batch, whole
+from thingc.batch.folder_layout import Line
 from thingc.batch.mujoco_arrays.text_models import ModelText, TextModels
 from thingc.batch.packed_layout import packed
+from thingc.batch.planning import Plan, Variant
 from thingc.batch.rules import PARAMETERS
 from thingc.batch.tables import flat
 from thingc.targets.artifact import MANIFEST
@@ -174,21 +175,6 @@ class BuiltVariant(OneLineRepr):
             ) from None
 
 
-class BatchFolder(FrozenStruct, eq=False):
-    """A batch in a folder, as it was when it was loaded: its `robot` is the name of the assembly, `mode` the one that is meant unless
-    another is said."""
-
-    folder: str
-    name: str
-    robot: str
-    modes: Sequence[str]
-    mode: str | None
-    planned: int
-    finished: bool
-    records: BuildRecords
-    meshes: _Meshes
-
-
 class BatchResults(Sequence[BuiltVariant]):
     """The built variants of a batch, in plan order: by place (`family[0]`, `family[-1]`), by id or name (`family["sweep_07"]`).
 
@@ -196,27 +182,33 @@ class BatchResults(Sequence[BuiltVariant]):
     been built so far. `rows` are the rows of the table of all variants that are done, those that failed or were kept out, too.
     """
 
-    def __init__(self, batch: BatchFolder, indices: Sequence[int] | None = None) -> None:
-        """Of the variants at these places of the plan; None: of all that are built."""
-        self.folder = batch.folder
-        self.name = batch.name
-        self.robot = batch.robot
-        self.mode_names = tuple(batch.modes)
-        self.mode = batch.mode
-        self.planned = batch.planned
-        self.finished = batch.finished
-        self.records = batch.records
-        self._batch = batch
-        self._indices = batch.records.built if indices is None else indices
+    def __init__(
+        self, folder: str, described: Mapping[str, Any], mode: str | None, robot: str, records: BuildRecords, meshes: _Meshes,
+        indices: Sequence[int] | None = None,
+    ) -> None:
+        """The batch in a folder, as it was when it was loaded; `described` is what `batch.json` says of it, `mode` the one that is meant
+        unless another is said, `robot` the name of the assembly. Of the variants at the places `indices` of the plan; None: of all that
+        are built."""
+        self.folder = folder
+        self.name: str = described["name"]
+        self.robot = robot
+        self.mode_names: tuple[str, ...] = tuple(described["modes"])
+        self.mode = mode
+        self.planned: int = described["count"]
+        self.finished: bool = described["finished"]
+        self.records = records
+        self._batch = folder, described, mode, robot, records, meshes
+        self._meshes = meshes
+        self._indices = records.built if indices is None else indices
         self._made: OrderedDict[int, BuiltVariant] = OrderedDict()
         self._models: dict[tuple[str, bool, bool], TextModels] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Workers of environments and process pools are handed families and variants."""
-        return BatchResults, (self._batch, self._indices)
+        return BatchResults, (*self._batch, self._indices)
 
     def _of(self, indices: Sequence[int]) -> BatchResults:
-        return BatchResults(self._batch, indices)
+        return BatchResults(*self._batch, indices)
 
     def _variant(self, index: int) -> BuiltVariant:
         """The variant at this place of the plan; those asked for last are kept."""
@@ -328,11 +320,11 @@ class BatchResults(Sequence[BuiltVariant]):
 
     def meshes(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
         """Files by name, of each what it is and where it lies. A file that variants share is read once."""
-        return self._batch.meshes.of(files)
+        return self._meshes.of(files)
 
     def mounted(self, files: Mapping[str, tuple[File, str]]) -> AbstractContextManager[mujoco.MjVfs]:
         """Such files in MuJoCo's virtual file system: for one thread at a time. Variants with the same files use the same one."""
-        return self._batch.meshes.mounted(files)
+        return self._meshes.mounted(files)
 
 
 class _Rows(Sequence[Mapping[str, Any]]):
@@ -420,10 +412,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
     whole(place, described)
     records = BuildRecords(place)
     robot = json.loads(records.files(records.built[0]).read(MANIFEST))["name"] if records.built else ""
-    family = BatchResults(BatchFolder(
-        folder=place, name=described["name"], robot=robot, modes=described["modes"], mode=mode, planned=described["count"],
-        finished=described["finished"], records=records, meshes=_Meshes(),
-    ))
+    family = BatchResults(place, described, mode, robot, records, _Meshes())
     if mode is not None:
         family.chosen(mode)
     return family if where is None else family.filter(where)
@@ -468,3 +457,38 @@ def _because(row: Mapping[str, Any]) -> str:
     if "rule" in row:
         return f" by the rule `{row['rule']}`"
     return f" ({row['code']}: {row['message']})" if "code" in row else ""
+
+
+def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | None] | None:
+    """The variant of this id or name, and the rule that it does not keep; None where there is none.
+
+    An id is of what differs from the assembly's document, and names are counted: when a document has changed since the batch was built,
+    as it does with every variant that is adopted, either may be that of another variant. So what the batch in `folder` has under it is
+    looked for by its settings. Raises `BatchFault` where no variant has these any more.
+    """
+    line = _told(plan, wanted, folder)
+    if line is None:
+        variant = next((one for one in plan if wanted in (one.id, one.name)), None)
+        return None if variant is None else (variant, variant.failed)
+    for variant in plan:
+        if (dict(variant.values), plan.chosen(variant)) == (line["parameters"], line["choices"]):
+            return variant, variant.failed or line.get("rule")
+    raise BatchFault(
+        Code.BATCH_CHANGED,
+        f"no variant of `{plan.relative}` has the settings any more that `{wanted}` has in `{shown_path(folder)}`",
+        "the documents have changed since that batch was built: build it anew, and take an id from its table",
+    )
+
+
+def _told(plan: Plan, wanted: str, folder: str) -> Line | None:
+    """The last line of the batch in `folder` that is about this id or name, if that is a batch of this document."""
+    described = read_batch(folder)
+    if described is None or described.get("document") != plan.relative:
+        return None
+    try:
+        whole(folder, described)
+        done = BuildRecords(folder)
+        index = done.find(wanted)
+        return None if index is None else done.line(index)
+    except OSError as fault:
+        raise in_words(folder, fault) from fault

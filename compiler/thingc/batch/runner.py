@@ -23,9 +23,10 @@ from thingc.base.diagnostic_output import as_json
 from thingc.base.diagnostics import Code, Diagnostic, Severity
 from thingc.base.units import Dimension, Quantity
 from thingc.batch.folder_layout import keep_asset, write_variant
-from thingc.batch.job import STOPPED, Job, Row, Task, refusal, row
+from thingc.batch.job import STOPPED, Job, Row, refusal, row
 from thingc.batch.measurements import Results, UnknownMount, measure
 from thingc.batch.packed_layout import FILES, SHARED
+from thingc.batch.planning import Variant
 from thingc.batch.plans.build_templates import Builds
 from thingc.batch.rules import Rule, unkept
 from thingc.documents.expressions.evaluation import ExpressionValue
@@ -67,7 +68,7 @@ class Runner:
     def __exit__(self, *exception: object) -> None:
         self.session.__exit__(*exception)
 
-    def build(self, task: Task) -> Row:
+    def build(self, task: Variant) -> Row:
         """Build one variant. What is wrong with it is in the row; so is an exception of thingc itself, and a system that
         refuses to write."""
         from thingc.geometry.store.local import BlobMissing, StoreUnusable
@@ -95,7 +96,7 @@ class Runner:
     def _hear(self, part: str, lines: Sequence[str]) -> None:
         self.printed.setdefault(part, []).extend(lines)
 
-    def _attempt(self, task: Task) -> Row:
+    def _attempt(self, task: Variant) -> Row:
         settings = Settings(parameters=task.parameters, choices=task.choices)
         planned = self.builds.planned(settings) if self.builds is not None else None
         if planned is None:
@@ -109,7 +110,7 @@ class Runner:
             parts |= self._written(self.job.folder, task, planned.files())
         return row(task, "built", results=shown, losses=dict(planned.losses), **parts)
 
-    def _passed(self, task: Task) -> Row:
+    def _passed(self, task: Variant) -> Row:
         """Build a variant by every pass."""
         compilation = self.session.compile(Settings(parameters=task.parameters, choices=task.choices), self.job.modes)
         parts: dict[str, Any] = {"modelled": compilation.modelled, "reused": len(compilation.reused)}
@@ -131,7 +132,7 @@ class Runner:
         losses = counts_of(loss for one in artifacts.values() for loss in one.losses)
         return row(task, "built", results=shown, losses=losses, **parts)
 
-    def _written(self, folder: str, task: Task, files: Mapping[str, Content]) -> dict[str, Any]:
+    def _written(self, folder: str, task: Variant, files: Mapping[str, Content]) -> dict[str, Any]:
         """Write a variant; of a packed batch what it shares with others alone, and its own files are said."""
         store = self.session.environment.store
         if not self.job.packed:
@@ -154,7 +155,7 @@ class Runner:
         except UnknownMount:
             return None
 
-    def _judge(self, task: Task, results: Results) -> dict[str, Any] | None:
+    def _judge(self, task: Variant, results: Results) -> dict[str, Any] | None:
         """What a rule says against a variant; None where all are kept."""
         if not self.rules:
             return None
@@ -178,7 +179,7 @@ def _said(diagnostics: Iterable[Diagnostic]) -> dict[str, Any]:
     return {"code": errors[0].code.code, "message": errors[0].message, "diagnostics": as_json(errors[:SHOWN])}
 
 
-def _raised(task: Task, fault: BaseException) -> Row:
+def _raised(task: Variant, fault: BaseException) -> Row:
     words = " ".join(str(fault).split())
     return row(
         task, "failed", code=Code.VARIANT_RAISED.code, message=f"internal error: {type(fault).__name__}: {words}",
@@ -212,7 +213,7 @@ def main() -> None:
         answer({"ready": True})
         while True:
             for given in json.loads(lines.get()):
-                answer(runner.build(Task(**given)))
+                answer(runner.build(Variant(**given)))
 
 
 if __name__ == "__main__":

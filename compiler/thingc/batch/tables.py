@@ -17,7 +17,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import format_cell
 from thingc.batch import folder_layout
 from thingc.batch.build_records import in_order, lengths_in
-from thingc.batch.journal import Line
+from thingc.batch.folder_layout import Line
 from thingc.batch.packed_layout import column
 from thingc.batch.rules import PARAMETERS, RESULTS, dimension_of
 

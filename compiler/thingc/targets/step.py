@@ -2,15 +2,36 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
+from typing import TypeVar
 
-from thingc.base.background import in_background
 from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.record import AssemblyFailed, Placed, StoredFile
 from thingc.targets.artifact import Artifacts, Loss, StoredArtifact
 from thingc.targets.request import EmitRequest
+
+Value = TypeVar("Value")
+
+
+def in_background(work: Callable[[], Value]) -> Future[Value]:
+    """Call `work()` in a daemon thread and return its future, for callers that wait for another process meanwhile.
+
+    The result may be ignored.
+    """
+    future: Future[Value] = Future()
+
+    def run() -> None:
+        try:
+            future.set_result(work())
+        except BaseException as fault:
+            future.set_exception(fault)
+
+    threading.Thread(target=run, daemon=True).start()
+    return future
 
 
 class _Begun(FrozenStruct):

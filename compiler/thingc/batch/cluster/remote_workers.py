@@ -36,8 +36,9 @@ from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 from thingc.batch.engine import RUNNERS, Cancelled, RunnersBroken, evaluate
 from thingc.batch.folder import BatchFault
 from thingc.batch.folder_layout import keep_asset, write_variant
-from thingc.batch.job import STOPPED, Job, Row, Task, refusal
+from thingc.batch.job import STOPPED, Job, Row, refusal
 from thingc.batch.packed_layout import FILES, SHARED
+from thingc.batch.planning import Variant
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
 from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 
@@ -105,8 +106,19 @@ def _worker_folder(name: str) -> WorkerFolder:
     return place
 
 
-Listed = tuple[str, int, str, bool]
-"""A file of a variant: path in its folder, bytes, SHA-256 (hex; of the manifest empty), and whether it lies in `assets/`."""
+class BuiltFile(FrozenStruct):
+    """A file of the variant `id`: path in its folder, bytes, SHA-256 (hex; of the manifest empty), and whether it lies in `assets/`."""
+
+    id: str
+    path: str
+    size: int
+    sha256: str
+    shared: bool
+
+    @property
+    def there(self) -> str:
+        """Its path in `out/`."""
+        return f"{folder_layout.ASSETS}/{self.sha256}" if self.shared else f"{folder_layout.VARIANTS}/{self.id}/{self.path}"
 
 
 class Answer(FrozenStruct):
@@ -114,10 +126,10 @@ class Answer(FrozenStruct):
 
     place: WorkerFolder
     rows: list[Row]
-    files: dict[str, list[Listed]]
+    files: dict[str, list[BuiltFile]]
 
 
-def evaluate_there(name: str, job: str, tasks: Sequence[Task], timeout: float) -> Answer:
+def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float) -> Answer:
     """`engine.evaluate` on a worker. `job` is one of `RemoteExecutor`: its paths are in the workspace. Raises `WorkerLost`."""
     if name in _REFUSED:  # one that came later: it would take chunk after chunk
         raise RunnersBroken(f"a worker cannot unpack the workspace: {_REFUSED[name]}", "")
@@ -144,18 +156,22 @@ def _settled(job: str, place: WorkerFolder) -> str:
     ).encode()
 
 
-def _listed(place: WorkerFolder, row: Row) -> list[Listed]:
+def _listed(place: WorkerFolder, row: Row) -> list[BuiltFile]:
     """The files of a built variant; of a packed one those that do not come with its row."""
     folder = folder_layout.variant_folder(os.path.join(place.folder, OUT), row["id"])
     assets = os.path.join(place.folder, OUT, folder_layout.ASSETS)
     try:
         if SHARED in row:
-            return [(path, os.stat(os.path.join(assets, sha256)).st_size, sha256, True) for path, sha256 in row[SHARED].items()]
-        with open(os.path.join(folder, MANIFEST), encoding="utf-8") as stream:
-            named: dict[str, str] = json.load(stream)["files"]
+            paths, place_of = row[SHARED], {path: os.path.join(assets, sha256) for path, sha256 in row[SHARED].items()}
+        else:
+            with open(os.path.join(folder, MANIFEST), encoding="utf-8") as stream:
+                paths = {**json.load(stream)["files"], MANIFEST: ""}
+            place_of = {path: os.path.join(folder, path) for path in paths}
         return [
-            (path, os.stat(os.path.join(folder, path)).st_size, sha256, bool(sha256) and os.path.exists(os.path.join(assets, sha256)))
-            for path, sha256 in {**named, MANIFEST: ""}.items()
+            BuiltFile(
+                id=row["id"], path=path, size=os.stat(place_of[path]).st_size, sha256=sha256,
+                shared=bool(sha256) and os.path.exists(os.path.join(assets, sha256)),
+            ) for path, sha256 in paths.items()
         ]
     except OSError as fault:
         raise WorkerLost(str(fault)) from None
@@ -315,8 +331,8 @@ class _Blobs:
         self.shipping = shipping
         self.answer = answer
         self.shared: dict[str, bytes] = {}
-        self._ahead: deque[tuple[FileRequest, bytes]] = deque()
-        self._waiting: deque[FileRequest] | None = None
+        self._ahead: deque[tuple[BuiltFile, bytes]] = deque()
+        self._waiting: deque[BuiltFile] | None = None
 
     def files(self, id: str) -> dict[str, Content]:
         """The files of a variant, which come in the order of the rows. Raises `WorkerLost` and `StoreUnusable`."""
@@ -330,9 +346,9 @@ class _Blobs:
                 self.shared[wanted.sha256] = data
             else:
                 contents[wanted.path] = data
-        for path, size, sha256, shared in self.answer.files[id]:
-            if shared:
-                contents[path] = StoredArtifact(sha256=sha256, size=size)
+        for one in self.answer.files[id]:
+            if one.shared:
+                contents[one.path] = StoredArtifact(sha256=one.sha256, size=one.size)
         return contents
 
     def read(self, sha256: str) -> bytes:
@@ -341,7 +357,7 @@ class _Blobs:
             return self.shared[sha256]
         with contextlib.suppress(BlobMissing):
             return self.shipping.store.read(sha256)
-        return self._asked([FileRequest(id="", path="", size=0, sha256=sha256, shared=True)], ())[0]
+        return self._asked([BuiltFile(id="", path="", size=0, sha256=sha256, shared=True)], ())[0]
 
     def _next_is(self, id: str) -> bool:
         """Whether a file of this variant is to come; it is fetched then."""
@@ -355,20 +371,20 @@ class _Blobs:
             self._ahead.extend(zip(group, self._asked(group, () if self._waiting else tuple(self.answer.files)), strict=True))
         return bool(self._ahead) and self._ahead[0][0].id == id
 
-    def _wanted(self) -> Iterator[FileRequest]:
+    def _wanted(self) -> Iterator[BuiltFile]:
         """What is to be fetched: the own files of variants, and shared ones that are nowhere here."""
         known: set[str] = set()
         for row in self.answer.rows:
-            for path, size, sha256, shared in self.answer.files.get(row["id"], ()):
-                if shared and (
-                    sha256 in known or os.path.exists(folder_layout.asset_path(self.shipping.folder, sha256))
-                    or self.shipping.store.has(sha256, size)
+            for one in self.answer.files.get(row["id"], ()):
+                if one.shared and (
+                    one.sha256 in known or os.path.exists(folder_layout.asset_path(self.shipping.folder, one.sha256))
+                    or self.shipping.store.has(one.sha256, one.size)
                 ):
                     continue
-                known.update([sha256] if shared else [])
-                yield FileRequest(id=row["id"], path=path, size=size, sha256=sha256, shared=shared)
+                known.update([one.sha256] if one.shared else [])
+                yield one
 
-    def _asked(self, group: Sequence[FileRequest], done: Sequence[str]) -> list[bytes]:
+    def _asked(self, group: Sequence[BuiltFile], done: Sequence[str]) -> list[bytes]:
         place = self.answer.place
         contents: list[bytes] = self.shipping.cluster.ask(
             place.worker, read_there, self.shipping.name, [one.there for one in group], list(done),
@@ -377,18 +393,3 @@ class _Blobs:
             if one.sha256 and hashlib.sha256(data).hexdigest() != one.sha256:
                 raise WorkerLost(f"`{one.there}` was damaged on the way")
         return contents
-
-
-class FileRequest(FrozenStruct):
-    """A file to be fetched: of a variant its path in the folder, or a shared one by its SHA-256."""
-
-    id: str
-    path: str
-    size: int
-    sha256: str
-    shared: bool
-
-    @property
-    def there(self) -> str:
-        """Its path in `out/`."""
-        return f"{folder_layout.ASSETS}/{self.sha256}" if self.shared else f"{folder_layout.VARIANTS}/{self.id}/{self.path}"

@@ -22,7 +22,7 @@ from thingc.base.units import TIME, UnitError, parse_quantity
 from thingc.batch.cluster.protocol import Cluster, missing
 from thingc.batch.engine import LocalExecutor, RunnersBroken, evaluate
 from thingc.batch.folder import BatchFault
-from thingc.batch.job import Task
+from thingc.batch.planning import Variant
 
 T = TypeVar("T")
 
@@ -87,7 +87,7 @@ def _minutes(text: str) -> int:
     return max(1, math.ceil(quantity.value / 60.0))
 
 
-def spread(width: int, job: str, tasks: Sequence[Task], timeout: float) -> dict[str, Any]:
+def spread(width: int, job: str, tasks: Sequence[Variant], timeout: float) -> dict[str, Any]:
     """Build the variants of a chunk with `width` runners at once. Runs in the job. `{"rows": [...]}`, or `{"broken": words, ...}`
     where no runner starts."""
     size = max(1, len(tasks) // (4 * width))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import Diagnostic, Report
@@ -45,7 +44,7 @@ class Evaluation:
     def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
         """What comes of each, in order."""
         for settings, read in many:
-            planned = None if tests else self._planned(read)
+            planned = None if tests else self.forms.planned(read, self._plan)
             if planned is None:
                 yield self._passed(settings, read, tests)
                 continue
@@ -58,12 +57,6 @@ class Evaluation:
                     yield self._passed(settings, read, tests)
                     continue
             yield self._judged(settings, read, results, plan.made.problems)
-
-    def _planned(self, read: ParsedSettings) -> tuple[NumericPlan[_Shape], tuple[float, ...]] | None:
-        if read.report is not None or not read.names:
-            return None
-        form = self.forms.of(read)
-        return form.planned(read, partial(self._plan, read, form))
 
     def _plan(self, read: ParsedSettings, form: PlanCache[_Shape]) -> NumericPlan[_Shape] | None:
         """A plan that gives what compilations do; None, and the reason in `form`, where there is none."""

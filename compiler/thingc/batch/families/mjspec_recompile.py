@@ -23,7 +23,7 @@ class ModelTemplate:
 
     def __init__(self, rehearsal: TraceResult, why: str = "", meshes: Sequence[str] = ()) -> None:
         self.why = why
-        self.slotted: str = rehearsal.made.text
+        self.slotted: str = rehearsal.made[0]
         self._meshes = {name: f"mesh:{place}" for place, name in enumerate(meshes)}
         if meshes:
             named = rf'(?<=")({"|".join(map(re.escape, meshes))})(?=(?:\.obj)?")'

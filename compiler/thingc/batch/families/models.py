@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 from collections import OrderedDict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -61,7 +60,7 @@ class ModelsOfMode:
         """The models, in order; shared ones are lent until the next."""
         waiting: list[tuple[Item, NumericPlan[Any], tuple[float, ...]]] = []
         for item in many:
-            planned = None if self._is_kept(item[1], share) else self._planned(item[1])
+            planned = None if self._is_kept(item[1], share) else self.forms.planned(item[1], self.plan)
             if waiting and (planned is None or planned[0] is not waiting[0][1] or len(waiting) == TOGETHER):
                 yield from self._together(waiting, share)
                 waiting = []
@@ -83,12 +82,6 @@ class ModelsOfMode:
         """Whether a compiled model is at hand, and none that only needs its arrays written."""
         return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
 
-    def _planned(self, read: ParsedSettings) -> tuple[NumericPlan[Arrays | ModelTemplate], tuple[float, ...]] | None:
-        if read.report is not None or not read.names:
-            return None
-        form = self.forms.of(read)
-        return form.planned(read, partial(self.plan, read, form))
-
     def plan(self, read: ParsedSettings, form: PlanCache[Arrays | ModelTemplate]) -> NumericPlan[Arrays | ModelTemplate] | None:
         """A plan that gives what compilations do; None, and the reason in `form`, where there is none."""
         first = self._compiled(read)
@@ -100,7 +93,7 @@ class ModelsOfMode:
 
         def exchanged(rehearsal: TraceResult) -> Exchange:
             assert rehearsal.parts is not None
-            return Exchange(rehearsal.parts, self.session.environment.parts, rehearsal.made.assets)
+            return Exchange(rehearsal.parts, self.session.environment.parts, rehearsal.made[1])
 
         slower = ""
 

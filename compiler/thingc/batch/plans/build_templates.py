@@ -90,10 +90,9 @@ class Builds:
         """The build of settings by a plan; None where there is no plan that they are of: then nothing is known of them."""
         read = self._reader.read({**settings.parameters, **settings.choices})
         given = {*settings.parameters, *settings.choices}
-        if read.report is not None or not read.names or given != {*read.names, *dict(read.texts)} or not FOLLOWED.issuperset(self._targets):
+        if given != {*read.names, *dict(read.texts)} or not FOLLOWED.issuperset(self._targets):
             return None
-        form = self._forms.of(read)
-        planned = form.planned(read, partial(self._plan, read, form))
+        planned = self._forms.planned(read, self._plan)
         if planned is None:
             return None
         plan, outputs = planned
@@ -101,7 +100,7 @@ class Builds:
         if made is None:
             return None
         if plan.is_due(self._verify) and not _same(made, self._passed(settings)[0]):
-            form.wrong(f"a plan gave other files for {dict(zip(read.names, read.values))}")
+            self._forms.of(read).wrong(f"a plan gave other files for {dict(zip(read.names, read.values))}")
             return None
         return made
 
@@ -158,8 +157,9 @@ class Builds:
                 return None
         return plan
 
-    def _written(self, read: ParsedSettings, compilation: Compilation, tape: Tape) -> _WrittenBuild:
-        """For `trace_compilation`: the files as they are written, with slots for numbers, and for the texts of settings."""
+    def _written(self, read: ParsedSettings, compilation: Compilation, tape: Tape) -> tuple[Mapping[str, Content], Mapping[str, Any]]:
+        """For `trace_compilation`: the files as they are written, with slots for numbers, and for the texts of settings; and results with
+        traced numbers."""
         results = self._measured(compilation) or {}
         environment = copy.copy(self._session.environment)
         environment.memo = Memo()
@@ -176,14 +176,7 @@ class Builds:
             files = pipeline.files(environment, replace(compilation, settings=settings), artifacts)
         finally:
             tape.writing = False
-        return _WrittenBuild(files=files, results=results)
-
-
-class _WrittenBuild(FrozenStruct):
-    """Files with slots in them, and results with traced numbers."""
-
-    files: Mapping[str, Content]
-    results: Mapping[str, Any]
+        return files, results
 
 
 class _Kernel:
@@ -209,11 +202,11 @@ class _Template:
     """A build with slots for numbers. `outputs` are those that go into it; `like` is one build of this kind."""
 
     def __init__(self, rehearsal: TraceResult, like: Build) -> None:
-        made = rehearsal.made
+        files, results = rehearsal.made
         self._like = like
-        self._shape = TracedResults(made.results)
-        self._files: dict[str, Content] = dict(made.files)
-        written = {path: content for path, content in made.files.items() if isinstance(content, bytes)}
+        self._shape = TracedResults(results)
+        self._files: dict[str, Content] = dict(files)
+        written = {path: content for path, content in files.items() if isinstance(content, bytes)}
         self._zips = {path: entries(content) for path, content in written.items() if path.endswith(".mjz")}
         models = {path: inflate(inner.pop(MODEL)).decode() for path, inner in self._zips.items()}
         own = {path: models.get(path) or content.decode() for path, content in written.items()}

@@ -12,8 +12,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from thingc.base.units import Quantity
 from thingc.batch.plans.part_exchange import Exchange, Exchanged
-from thingc.batch.plans.program import Run, compiled
-from thingc.batch.plans.tape import Traced
+from thingc.batch.plans.tape import Run, Traced, compiled
 from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, pinned
 from thingc.documents.expressions.value_text import text_of
 from thingc.driver.settings import ParsedSettings, SettingsReader
@@ -162,6 +161,16 @@ class PlanCaches(Generic[Made]):
                 self.kept.clear()
             self.kept[key] = PlanCache(self._patience)
         return self.kept[key]
+
+    def planned(
+        self, read: ParsedSettings, make: Callable[[ParsedSettings, PlanCache[Made]], NumericPlan[Made] | None],
+    ) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
+        """The plan that is of settings, and what it works with, as `PlanCache` gives them; None where settings are refused or are no
+        numbers."""
+        if read.report is not None or not read.names:
+            return None
+        form = self.of(read)
+        return form.planned(read, partial(make, read, form))
 
 
 class TracedResults:

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec.structs import astuple, replace
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.batch.plans.program import compiled
-from thingc.batch.plans.tape import Tape, Traced, value_of
+from thingc.batch.plans.tape import Tape, Traced, compiled, value_of
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import Mesh, MountExpectation, MountRecord, PartDefinition, PartRecord, PartSchema
 from thingc.targets.artifact import StoredArtifact

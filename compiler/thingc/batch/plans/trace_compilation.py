@@ -12,8 +12,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.units import Quantity
 from thingc.batch.plans.part_exchange import PartDependsOnNumber, TracedParts
-from thingc.batch.plans.program import variables_of
-from thingc.batch.plans.tape import Tape, Traced
+from thingc.batch.plans.tape import Tape, Traced, variables_of
 from thingc.documents.expressions.value_text import text_of
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.documents.spec.invalid_entries import Specs
@@ -83,11 +82,8 @@ def trace_compilation(
     return TraceResult(made=made, tape=tape, names=tuple(numbers), parts=parts if parts.before is not None else None)
 
 
-class WrittenModel(FrozenStruct):
-    """The text of a model, with slots for numbers of the tape in it, and its meshes by file."""
-
-    text: str
-    assets: Mapping[str, StoredArtifact]
+WrittenModel = tuple[str, Mapping[str, StoredArtifact]]
+"""The text of a model, with slots for numbers of the tape in it, and its meshes by file."""
 
 
 def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilation, Tape], WrittenModel]:
@@ -100,7 +96,7 @@ def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilatio
             texts, assets = model_sources(request, floor=floor)
         finally:
             tape.writing = False
-        return WrittenModel(text=texts[mode], assets=assets)
+        return texts[mode], assets
 
     return make
 

@@ -15,7 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import sum_of
 from thingc.base.pose import Pose
-from thingc.targets.render.camera import Array, Camera
+from thingc.targets.render.studio import Array, Camera
 
 Colour = tuple[int, int, int]
 

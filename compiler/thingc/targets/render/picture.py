@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from thingc.base.frozen_struct import FrozenStruct
 
 if TYPE_CHECKING:
-    from thingc.targets.render.camera import Array
     from thingc.targets.render.frames import Mark
+    from thingc.targets.render.studio import Array
 
 ANGLE = 18.0
 """Of view, vertically [deg]: a long lens, so that parallel edges look parallel."""
@@ -104,7 +104,7 @@ def camera_of(points: Array, gravity: tuple[float, float, float], shot: Shot) ->
     """The `Camera` of a shot at points (n, 3) [m]."""
     import numpy as np
 
-    from thingc.targets.render.camera import directions, fitted, upright
+    from thingc.targets.render.studio import directions, fitted, upright
 
     frame = upright(np.array(gravity))
     azimuth = WALL_AZIMUTH if abs(frame[2, 2]) < 0.5 else AZIMUTH
