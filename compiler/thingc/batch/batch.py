@@ -325,8 +325,10 @@ class _Batch:
     def _submit(self, engine: Executor, job: str, chunk: _Chunk, streaming: bool) -> None:
         chunk.attempts += 1
         self.under_way.update((variant.index, variant) for variant in chunk.variants)
-        told = [lambda row: self.events.put(("row", row))] if streaming else []
-        future = engine.submit(evaluate, job, chunk.variants, self.asked.timeout, *told)
+        if streaming:
+            future = engine.submit(evaluate, job, chunk.variants, self.asked.timeout, lambda row: self.events.put(("row", row)))
+        else:
+            future = engine.submit(evaluate, job, chunk.variants, self.asked.timeout)
         self.chunks[future] = chunk
         future.add_done_callback(lambda done: self.events.put(("done", done)))
 

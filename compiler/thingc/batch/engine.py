@@ -201,6 +201,3 @@ class LocalExecutor(Executor):
             self.runners.cancel()
         self._threads.shutdown(wait=wait, cancel_futures=cancel_futures)
         self.runners.close()
-
-
-__all__ = ["Cancelled", "Job", "LocalExecutor", "RunnersBroken", "evaluate"]

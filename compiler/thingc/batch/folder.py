@@ -253,16 +253,17 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
         words.append(f"its layout is `{before['layout']}`, not `{now['layout']}`")
     if before.get("plan") != now["plan"]:
         words.append("the settings, rules, modes or targets of the variants are others")
-    old, new = before.get("inputs"), now["inputs"]
-    old = old if isinstance(old, dict) else {}
-    changed = sorted(name for name in {*old, *new} if old.get(name) != new.get(name))
-    if changed:
+    if changed := _changed(before.get("inputs"), now["inputs"]):
         words.append(f"{quoted(changed, 4)} changed")
-    versions = {name for name in {*before.get("versions", {}), *now["versions"]}
-                if before.get("versions", {}).get(name) != now["versions"].get(name)}
-    if versions:
-        words.append("other versions are installed: " + ", ".join(f"`{name}`" for name in sorted(versions)))
+    if versions := _changed(before.get("versions"), now["versions"]):
+        words.append("other versions are installed: " + ", ".join(f"`{name}`" for name in versions))
     return words
+
+
+def _changed(before: Any, now: Mapping[str, Any]) -> list[str]:
+    """The names that have other values in one mapping than in the other, sorted."""
+    old = before if isinstance(before, dict) else {}
+    return sorted(name for name in {*old, *now} if old.get(name) != now.get(name))
 
 
 def in_words(folder: str, fault: OSError) -> BatchFault:
