@@ -265,7 +265,7 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
     """Run the passes from the sources to the robots. `of_text` caches results that are valid for these texts of the documents; the memo of
     the environment those that are always valid.
     """
-    from thingc.geometry.meshes.files import mesh_records
+    from thingc.geometry.meshes.cache import mesh_records
     from thingc.model.assembly.linking import link
     from thingc.model.assembly.print_settings import likely_slicings, slicings_of
     from thingc.model.assembly.shape_links import listed_meshes

@@ -16,7 +16,8 @@ from thingc.base.inertia import MassProperties
 from thingc.base.numeric import dist
 from thingc.documents.load.paths import libraries
 from thingc.geometry.mesh_bounds import BadMesh, bounded
-from thingc.geometry.meshes.files import measured, mesh_file
+from thingc.geometry.meshes.cache import measured
+from thingc.geometry.meshes.files import mesh_file
 from thingc.tools.importing.document_names import distinct
 from thingc.tools.importing.packages import MOST_BYTES, NotFound, Packages
 from thingc.tools.importing.source_model import SourceLoss, SourceRobot, SourceShape
