@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     import numpy as np
 
     Array = np.ndarray[Any, np.dtype[Any]]
-    import numpy as np
-
-    Array = np.ndarray[Any, np.dtype[Any]]
     Places = list[Array]
 
 _LEAST = 1e-5
