@@ -64,7 +64,7 @@ def subjects(folder: Path, store: str) -> list[Subject]:
 
 
 def _compiled(path: str, store: str) -> list[Document] | None:
-    """The documents of a compilation that had nothing to say; None for a document that is no assembly."""
+    """The documents of a compilation that had nothing to say; None for a document that is not an assembly."""
     with Environment(path, Options(store=store)) as environment:
         compilation = pipeline.compile(environment, kinds=("assembly", "materials"))
         assert not compilation.report.diagnostics, as_text(compilation.report.ordered())

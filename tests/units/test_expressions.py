@@ -113,7 +113,7 @@ def test_a_unit_binds_without_spaces_only() -> None:
     ("=foo(3)", "unknown function `foo`", "name", (1, 4),
      "known functions: `abs`, `atan2`, `cos`, `max`, `min`, `sin`, `sqrt`, `tan`"),
     ("=mim(3)", "unknown function `mim`", "name", (1, 4), "did you mean `min`?"),
-    ("=pi(3)", "`pi` is no function", "name", (1, 3),
+    ("=pi(3)", "`pi` is not a function", "name", (1, 3),
      "known functions: `abs`, `atan2`, `cos`, `max`, `min`, `sin`, `sqrt`, `tan`"),
     ("=min", "`min` is a function and needs arguments in parentheses", "expression", (1, 4), "write `min(...)`"),
     ("=atan2(1)", "`atan2` takes 2 arguments, found 1", "expression", (1, 9), None),

@@ -205,7 +205,7 @@ class _Parser:
         if name not in FUNCTIONS:
             known = name in UNITS or name in CONSTANTS
             raise ExpressionError(
-                f"`{name}` is no function" if known else f"unknown function `{name}`", offset, offset + len(name), kind="name",
+                f"`{name}` is not a function" if known else f"unknown function `{name}`", offset, offset + len(name), kind="name",
                 help=did_you_mean(name, FUNCTIONS, what="functions"),
             )
         self.at += 1

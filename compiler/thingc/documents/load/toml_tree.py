@@ -310,7 +310,7 @@ def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: 
         text = source.text[start:end]
         quoted = f'{key} = "{text}"' if key else f'"{text}"'
         report.add(
-            Code.SYNTAX, f"`{shortened(text)}` is no TOML value", source.span(start, end),
+            Code.SYNTAX, f"`{shortened(text)}` is not a TOML value", source.span(start, end),
             help=f"text and quantities need quotes: `{shortened(quoted)}`",
         )
         return

@@ -29,7 +29,7 @@ def _warning_code(value: Any) -> str:
     if value in ALLOWABLE:
         return value
     if value in _BY_CODE:
-        raise fault("choice", f"`{value}` is no warning that can be allowed", help=f"`thingc explain {value}` says what it is")
+        raise fault("choice", f"`{value}` is not a warning that can be allowed", help=f"`thingc explain {value}` says what it is")
     raise fault("choice", f"there is no warning `{shortened(value)}`", help=did_you_mean(value, ALLOWABLE, what="warnings"))
 
 

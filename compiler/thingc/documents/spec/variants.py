@@ -43,7 +43,7 @@ def _setting(value: Any) -> str:
     if parse(value) is not None:
         raise fault("reference", f"`{shortened(value)}` is a choice", help="write it under `choices`")
     if not is_value(value):
-        raise fault("reference", f"`{shortened(value)}` is no path of a value", help=f"write {VALUES}")
+        raise fault("reference", f"`{shortened(value)}` is not the path of a value", help=f"write {VALUES}")
     return value
 
 

@@ -148,7 +148,7 @@ def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSp
     inside = below(table.choices, *names)
     if inside and kind != "assembly":
         path = f"components.{label}.{inside[0][0]}"
-        context.say_of_option(path, f"component `{label}` is no assembly: there is nothing inside it", None)
+        context.say_of_option(path, f"component `{label}` is not an assembly: there is nothing inside it", None)
     return (spec.model_copy(update=dict(taken)) if taken else spec), frozenset(taken)
 
 
@@ -166,7 +166,7 @@ def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> boo
 def refuse_file(context: ResolveRun, node: ComponentScope, text: str) -> None:
     """Report a chosen file that is not a part."""
     context.say_of_option(
-        f"components.{node.name}.file", f"`{shortened(text)}` is no file of a part in this workspace",
+        f"components.{node.name}.file", f"`{shortened(text)}` is not a file of a part in this workspace",
         f"name it from `{context.documents.root.relative}`, for example `parts/motor.step`",
     )
 

@@ -131,7 +131,7 @@ def _coordinates(
             words = f"joint `{item.name}` is {kind.name} and has {count} coordinates: its `{key}` is a list of {count}"
             help = "write for example `[" + ", ".join("..." for _ in range(count)) + "]`, or `{0: ...}` where only some have one"
         else:
-            words, help = f"joint `{item.name}` is {kind.name}: its `{key}` is no list", "write what stands in it without the list"
+            words, help = f"joint `{item.name}` is {kind.name}: its `{key}` is not a list", "write what stands in it without the list"
         scope.error(
             Code.COORDINATES, words, (*path, key), key=True, help=help,
             notes=scope.beside(f"it is {kind.name} here", (*path, "type"), (*path, key)),

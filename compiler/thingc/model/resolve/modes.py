@@ -342,7 +342,7 @@ def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Pat
             joint = joints[CoordinateName(pattern)]
             if joint is not None and joint.drive is None and "drive" not in joint.spans:  # an invalid drive has been reported
                 scope.error(
-                    Code.DRIVE, f"joint `{pattern}` has no `drive`: it is no actuator", at, help="give the joint a `drive`",
+                    Code.DRIVE, f"joint `{pattern}` has no `drive`: it is not an actuator", at, help="give the joint a `drive`",
                     notes=[Note(message=f"`{pattern}` is written here", span=joint.origin[0])],
                 )
             chosen.add(pattern)

@@ -78,7 +78,7 @@ def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName],
     shown = ", ".join("..." for _ in names)
     scope.error(
         Code.COORDINATES, f"joint `{key}` has {len(names)} coordinates: its value is a list of {len(names)}" if names
-        else f"joint `{key}` has one coordinate: its value is no list", path, key=True,
+        else f"joint `{key}` has one coordinate: its value is not a list", path, key=True,
         help=f"write `[{shown}]`, or set one alone: `{names[0]}`" if names else "write one value",
         notes=_joint_notes(key, joint),
     )
@@ -202,7 +202,7 @@ def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: P
         _several(scope, known, joint, names, raw, path, into)
     if not coordinates and not any(joint is None for joint in known.values()):
         scope.error(
-            Code.COORDINATES, f"pattern `{key}` fits no joint of several coordinates: its value is no list", path, key=True,
+            Code.COORDINATES, f"pattern `{key}` fits no joint of several coordinates: its value is not a list", path, key=True,
             help="write one value",
         )
 
@@ -216,7 +216,7 @@ def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, in
         if table.unbuilt or any(node.doubtful for _, node in matched):
             return
         if matched:
-            message, help = f"`{key}` is no nested assembly: it has no pose `{pose}`", suggested(key, nested, what="nested assemblies")
+            message, help = f"`{key}` is not a nested assembly: it has no pose `{pose}`", suggested(key, nested, what="nested assemblies")
             scope.error(Code.POSE, message, path, key=True, help=help, notes=references.declared(matched[0][1]))
         elif GLOB.search(key):
             scope.error(
