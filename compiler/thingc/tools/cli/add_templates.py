@@ -352,8 +352,7 @@ def _identifier(name: str) -> str:
 
 def _installed(module: str) -> bool:
     """Return whether Python has a module of that name, which a new module would shadow."""
-    spec = None if module in sys.stdlib_module_names else importlib.util.find_spec(module)
-    return module in sys.stdlib_module_names or (spec is not None and spec.origin is not None)
+    return module in sys.stdlib_module_names or getattr(importlib.util.find_spec(module), "origin", None) is not None
 
 
 # --- appending a class to a module --------------------------------------------------------------------------------------

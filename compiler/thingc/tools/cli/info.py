@@ -83,17 +83,14 @@ def mode_data(robot: Robot) -> dict[str, object]:
 def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
     """Return the same data as lines of text, in grams and millimetres."""
     whole = assembly.properties
+    places = (("ixx", 0, 0), ("iyy", 1, 1), ("izz", 2, 2), ("ixy", 0, 1), ("ixz", 0, 2), ("iyz", 1, 2))
+    moments = "  ".join(f"{name} {1e6 * whole.inertia[i][j]:z.2f}" for name, i, j in places)
     lines = [
         f"{assembly.name}: {_grams(whole.mass)} in {counted(len(assembly.occurrences), 'occurrence')}, "
         f"{counted(len(assembly.links), 'link')}, {counted(sum(1 for mate in assembly.mates if mate.joints), 'joint')}",
         "centre of mass  " + "  ".join(f"{1000.0 * x:z.3f}" for x in whole.centre) + "  mm, in the frame of "
         f"`{assembly.occurrences[assembly.base].path}` at q = 0",
-        "inertia         "
-        + "  ".join(
-            f"{name} {1e6 * whole.inertia[i][j]:z.2f}"
-            for name, i, j in (("ixx", 0, 0), ("iyy", 1, 1), ("izz", 2, 2), ("ixy", 0, 1), ("ixz", 0, 2), ("iyz", 1, 2))
-        )
-        + "  kg mm^2, about the centre",
+        f"inertia         {moments}  kg mm^2, about the centre",
         "mass by source  " + _shares(assembly),
         "",
     ]

@@ -25,6 +25,7 @@ from thingc.model.assembly.print_settings import slicings_of
 from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings, resolve
 from thingc.tools.cli import console
+from thingc.tools.cli.parts import unreadable
 
 EPILOG = """\
 Writes parts.lock.json at the root of the workspace: parameters with units, defaults and bounds, mounts, volumes, masses and a hash of
@@ -73,7 +74,7 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
         made = locked(geometry, references, definitions, slicings)
     labels = {definition.text: definition.label for definition in definitions}
     for failure in made.failures:
-        _say(failure, labels.get(failure.subject, failure.subject), report)
+        report.say(unreadable(labels.get(failure.subject, failure.subject), "locked", failure))
     if report.failed:
         return None
     text = lock_text(made.values)
@@ -124,12 +125,6 @@ def _used(
     # Missing parts have been reported as errors of the document.
     known = {reference for reference, answer in geometry.describe(list(references)).items() if not isinstance(answer, PartFailure)}
     return sorted(known), list(definitions.values()), slicings
-
-
-def _say(failure: PartFailure, called: str, report: Report) -> None:
-    span = None if failure.file is None else line_of(failure.file, failure.line or 1)
-    message = f"`{called}` cannot be locked: {failure.message}"
-    report.add(Code.PART_UNREADABLE, message, span, path=failure.subject, help="fix the part file", detail=failure.detail)
 
 
 def _line(path: str, lines: list[str], key: str) -> Span:

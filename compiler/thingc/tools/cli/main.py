@@ -72,11 +72,8 @@ def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Par
     `alone` leaves out the other commands, which the main help lists."""
     own: Parser | None = None
     parser = Parser(
-        prog="thingc",
-        description="A compiler for robots: one document, many kinematic roots.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
+        prog="thingc", description="A compiler for robots: one document, many kinematic roots.", epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False,
     )
     parser.add_argument("--version", action="store_true", help="print the version and leave")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")

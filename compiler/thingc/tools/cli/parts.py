@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> list[tuple[PartSchema, PartRecord | None]]:
     references = _parts_named(geometry, wanted) if wanted else geometry.catalogue()
     if not wanted:
-        report.diagnostics.extend(_failed(failure.subject, failure) for failure in geometry.not_python())
+        report.diagnostics.extend(unreadable(failure.subject, "described", failure) for failure in geometry.not_python())
     report_hidden(geometry, ((reference, None) for reference in references), report)
     schemas: list[PartSchema] = []
     answers = geometry.describe(references)
@@ -79,14 +79,11 @@ def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> lis
             if answer.kind == "thing" or wanted:
                 schemas.append(answer)
         elif answer.kind not in NO_PARTS or reference in wanted:
-            report.diagnostics.append(_failed(reference, answer))
+            report.diagnostics.append(unreadable(reference, "described", answer))
     definitions = {schema.reference: schema.default for schema in schemas}
     records = geometry.realize([definition for definition in definitions.values() if definition is not None])
-    listed: list[tuple[PartSchema, PartRecord | None]] = []
-    for schema in schemas:
-        record = records.get(schema.reference)
-        listed.append((schema, record if isinstance(record, PartRecord) else None))
-    return listed
+    made = {reference: record for reference, record in records.items() if isinstance(record, PartRecord)}
+    return [(schema, made.get(schema.reference)) for schema in schemas]
 
 
 def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
@@ -111,11 +108,12 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
     return sorted(chosen)
 
 
-def _failed(reference: str, failure: PartFailure) -> Diagnostic:
+def unreadable(called: str, done: str, failure: PartFailure) -> Diagnostic:
+    """Return the error that a part cannot be `done`, such as `described`. The message shows it as `called`."""
     span = None if failure.file is None else line_of(failure.file, failure.line or 1)
     return Diagnostic(
-        code=Code.PART_UNREADABLE, severity=Severity.ERROR, message=f"`{reference}` cannot be described: {failure.message}",
-        span=span, path=reference, help="fix the part file", detail=failure.detail,
+        code=Code.PART_UNREADABLE, severity=Severity.ERROR, message=f"`{called}` cannot be {done}: {failure.message}",
+        span=span, path=failure.subject, help="fix the part file", detail=failure.detail,
     )
 
 
@@ -179,11 +177,8 @@ def _kind(p: ParameterSchema) -> str:
 
 
 def _range(p: ParameterSchema) -> str:
-    if p.minimum is None and p.maximum is None:
-        return ""
-    low = "" if p.minimum is None else f"from {p.shown(p.minimum)}"
-    high = "" if p.maximum is None else f"to {p.shown(p.maximum)}"
-    return f" ({' '.join(word for word in (low, high) if word)})"
+    bounds = [f"{word} {p.shown(bound)}" for word, bound in (("from", p.minimum), ("to", p.maximum)) if bound is not None]
+    return f" ({' '.join(bounds)})" if bounds else ""
 
 
 def _runs(names: Iterable[str]) -> list[str]:

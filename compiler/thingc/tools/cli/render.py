@@ -86,7 +86,7 @@ def _check_output(path: str | None) -> None:
 
 
 def _render(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
-    """Write the picture unless there are errors; return the diagnostics. Raises `UnknownChoice` and `NoGraphics`."""
+    """Write the picture unless there are errors; return the diagnostics. Raises `UnknownChoice`, `NoGraphics` and `WrongCommandLine`."""
     compilation = pipeline.compile(environment, [arguments.mode] if arguments.mode is not None else [])
     diagnostics = console.final(compilation.report, strict=arguments.strict)
     if console.exit_code(diagnostics):
@@ -94,7 +94,7 @@ def _render(arguments: argparse.Namespace, environment: Environment) -> list[Dia
     robot = compilation.robots[0]
     assembly = robot.assembly
     pose = _pose(robot, arguments.pose, environment.document)
-    render_overlay = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
+    marks = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
     ready()
     artifacts = pipeline.build(environment, replace(compilation, robots=(robot,)), ["mjcf"])["mjcf"]
     diagnostics = console.final(compilation.report, strict=arguments.strict)
@@ -109,13 +109,16 @@ def _render(arguments: argparse.Namespace, environment: Environment) -> list[Dia
         read[f"mjcf/{robot.name}_{robot.mode.name}.xml"].decode(),
         {path.removeprefix(prefix): data for path, data in read.items() if path.startswith(prefix)},
         pose=pose if assembly.names is None or pose is None else assembly.names.poses.get(pose, pose),
-        gravity=robot.gravity,
+        gravity=robot.gravity, marks=marks,
         shot=Shot(size=arguments.size, azimuth=arguments.azimuth, elevation=arguments.elevation),
-        marks=render_overlay,
     )
     named = "_".join(word for word in (robot.name, robot.mode.name, pose) if word is not None)
     path = arguments.output if arguments.output is not None else f"{named}.png"
-    _write(path, png)
+    try:
+        write_whole(path, png)
+    except OSError as fault:
+        message = f"cannot write `{path}`: {(fault.strerror or str(fault)).lower()}"
+        raise console.WrongCommandLine(message, "choose another file with -o", Code.OUTPUT) from fault
     posed = f", pose {pose}" if pose is not None else ""
     console.say(f"{shown_path(os.path.abspath(path))}: mode {robot.mode.name}{posed}", stream=sys.stderr)
     return diagnostics
@@ -145,15 +148,6 @@ def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:
         message = f"mode `{robot.mode.name}` of `{shown_path(document)}` has no pose `{wanted}`"
         raise UnknownChoice(message, did_you_mean(wanted, known, what="poses"))
     return wanted
-
-
-def _write(path: str, data: bytes) -> None:
-    """Write a file atomically, through a temporary file. Raises `WrongCommandLine` if it cannot be written."""
-    try:
-        write_whole(path, data)
-    except OSError as fault:
-        message = f"cannot write `{path}`: {(fault.strerror or str(fault)).lower()}"
-        raise console.WrongCommandLine(message, "choose another file with -o", Code.OUTPUT) from fault
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -138,10 +138,8 @@ def _said(record: PartRecord) -> dict[str, Value]:
 def _of_record(record: PartRecord) -> OccurrenceSnapshot:
     shape = shape_of(record)
     shape = None if shape is None else replace(shape, mesh=None, made=None)
-    return OccurrenceSnapshot(
-        path=record.text, definition=record.text, properties=None, mass=0.0, source="", shape=shape,
-        mounts={name: mount.pose for name, mount in record.mounts.items()}, place=None,
-    )
+    mounts = {name: mount.pose for name, mount in record.mounts.items()}
+    return OccurrenceSnapshot(path=record.text, definition=record.text, shape=shape, mounts=mounts)
 
 
 def _component(path: str, definition: str) -> SnapshotElement:
@@ -157,9 +155,7 @@ def _node(path: str, definition: str) -> ComponentNode:
 
 
 def _occurrence(path: str, definition: str, mass: float, source: str) -> OccurrenceSnapshot:
-    return OccurrenceSnapshot(
-        path=path, definition=definition, properties=None, mass=mass, source=source, shape=None, mounts={}, place=None,
-    )
+    return OccurrenceSnapshot(path=path, definition=definition, mass=mass, source=source)
 
 
 def _json(folder: str, name: str, kind: type, otherwise: Any = None) -> Any:

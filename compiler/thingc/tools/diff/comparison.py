@@ -144,8 +144,7 @@ class _Following:
         for old, new in self.occurrences:
             if old.place is None or new.place is None:
                 continue
-            place = back @ new.place
-            before, after = old.place, place
+            before, after = old.place, back @ new.place
             differences: list[Difference] = []
             if not _same(before.translation, after.translation):
                 differences.append(("place", tuple(before.translation), tuple(after.translation)))

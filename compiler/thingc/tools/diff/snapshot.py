@@ -141,12 +141,12 @@ class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
 
     path: str
     definition: str
-    properties: MassProperties | None
-    mass: float
-    source: str
-    shape: PartShape | None
-    mounts: Mapping[str, Pose]
-    place: Pose | None
+    properties: MassProperties | None = None
+    mass: float = 0.0
+    source: str = ""
+    shape: PartShape | None = None
+    mounts: Mapping[str, Pose] = {}
+    place: Pose | None = None
     parent: str | None = None
     joint: str | None = None
     material: str | None = None

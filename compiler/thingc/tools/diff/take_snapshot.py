@@ -34,13 +34,10 @@ def take_snapshot(compilation: Compilation) -> Snapshot:
     reader.top()
     whole = all(occurrence.record is None or occurrence.record.exact for occurrence in assembly.occurrences)
     return Snapshot(
-        name=assembly.name,
-        nodes=tuple(reader.nodes),
-        edges=tuple(edges_of(assembly)),
+        name=assembly.name, nodes=tuple(reader.nodes), edges=tuple(edges_of(assembly)),
         things={(thing.what, thing.path): thing for thing in reader.things},
         occurrences={one.path: one for one in occurrences_of(assembly, whole)},
-        links=tuple(links_of(assembly)) if whole else (),
-        whole=assembly.properties if whole else None,
+        links=tuple(links_of(assembly)) if whole else (), whole=assembly.properties if whole else None,
         rows=tuple(rows_of(assembly)) if whole else (),
         coordinates={
             robot.mode.name: tuple(joint.path for body in robot.bodies for joint in body.joints) for robot in compilation.robots
