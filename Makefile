@@ -38,16 +38,16 @@ print-masses: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/prints/print_masses.py
 
 walk: $(VENV)/.thingc-dev
-	$(BIN)/python examples/walk.py --gif docs/pictures/minchw_walk.gif --page docs/walking.md
+	$(BIN)/python examples/walk.py --gif docs/pictures/minchw_walk.gif --page docs/studies/walking.md
 
 climb: $(VENV)/.thingc-dev
-	$(BIN)/python examples/climb.py --film docs/pictures/minchw_climb.webp --plot docs/pictures/minchw_speeds.png --page docs/walking.md
+	$(BIN)/python examples/climb.py --film docs/pictures/minchw_climb.webp --plot docs/pictures/minchw_speeds.png --page docs/studies/walking.md
 
 bridge-search: $(VENV)/.thingc-dev
 	$(BIN)/python examples/longest_bridge.py --docs docs
 
 codesign: $(VENV)/.thingc-dev
-	$(BIN)/python examples/codesign.py --plot docs/pictures/codesign.png --page docs/codesign.md
+	$(BIN)/python examples/codesign.py --plot docs/pictures/codesign.png --page docs/studies/codesign.md
 
 bench-variants: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/variants/throughput.py --scale 10000

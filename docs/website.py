@@ -56,7 +56,9 @@ MOVED = {
     "import.md#again": "import.md#import-again", "import.md#mjcf": "import/mjcf.md", "import.md#sdf": "import/sdf.md",
     "variants.md#very-many": "variants.md#packed-batches", "outputs.md#adhesion": "outputs/mjcf.md#adhesion",
     "outputs.md#other-readers": "outputs/mjcf.md#other-readers", "outputs.md#the-viewer": "outputs/viewer_glb.md#the-viewer",
-}
+} | {f"{study}.md{anchor}": f"studies/{study}.md{anchor}" for study, anchor in (
+    ("codesign", ""), ("prints", ""), ("slips", ""), ("walking", "#from-the-floor-to-the-ceiling"),
+)}
 """New places of sections to which entries of the changelog link."""
 SKIPPED = ("readme.md", "architecture.md", "contributing.md", "changelog.md", "decisions/index.md", "api.md")
 """Pages that `llms-full.txt` leaves out: repetitions, internals of the project, and docstrings, which exist only in the built site."""

@@ -156,7 +156,7 @@ def main() -> int:
     parser.add_argument("build", nargs="?", type=Path, help="the folder of a built MInchW; built afresh unless given")
     parser.add_argument("--film", type=Path, help="where to write the film of the climb (WebP)")
     parser.add_argument("--plot", type=Path, help="where to draw pull margin against speed; without it, only the climb is simulated")
-    parser.add_argument("--page", type=Path, help="a page whose reports to write anew (docs/walking.md)")
+    parser.add_argument("--page", type=Path, help="a page whose reports to write anew (docs/studies/walking.md)")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.build

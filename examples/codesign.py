@@ -171,7 +171,7 @@ def main() -> int:
     parser.add_argument("--journal", type=Path, default=JOURNAL, help="what has been tried (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 1, help="of the simulation (default: %(default)s)")
     parser.add_argument("--store", help="folder of modelled parts (default: the user's cache)")
-    parser.add_argument("--page", type=Path, help="a page whose reports to write anew (docs/codesign.md)")
+    parser.add_argument("--page", type=Path, help="a page whose reports to write anew (docs/studies/codesign.md)")
     parser.add_argument("--plot", type=Path, help="where to draw what was tried (PNG)")
     parser.add_argument("--adopt", action="store_true", help="write the lengths of the best robot into its document")
     given = parser.parse_args()

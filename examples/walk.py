@@ -94,7 +94,7 @@ def main() -> int:
     parser.add_argument("--on", nargs="+", choices=PLACES, default=tuple(PLACES), help="where it climbs; everywhere unless given")
     parser.add_argument("--sink", type=float, default=1e3 * SINK, help="how far below the steel a foot is put down [mm]")
     parser.add_argument("--gif", type=Path, help="where to draw a film of the rooted walks, on the floor and the wall")
-    parser.add_argument("--page", type=Path, help="a page whose reports to write anew (docs/walking.md)")
+    parser.add_argument("--page", type=Path, help="a page whose reports to write anew (docs/studies/walking.md)")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.build

@@ -1,6 +1,6 @@
 """`make bench-designs`: random designs of MInchW; does each build into one robot, or is it refused by a rule that is named?
 
-Prints the tables and writes them to `docs/designs.md`. Counts depend on nothing but the seed; times do on the machine.
+Prints the tables and writes them to `docs/studies/designs.md`. Counts depend on nothing but the seed; times do on the machine.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from verdicts import Verdict, judged
 
 from thingc.base.diagnostics import Severity
 
-PAGE = ROOT / "docs" / "designs.md"
+PAGE = ROOT / "docs" / "studies" / "designs.md"
 COUNT, SEED = 200, 7
 
 
@@ -154,22 +154,23 @@ def table(heads: list[str], rows: list[list[object]]) -> list[str]:
 
 
 MEASURED = """
-{count} designs of MInchW are drawn at random. `leg_length`, `body_length` and `wall` are always drawn, a length of its own for
-either leg half of the time; values are spread over the range that the documents declare, ends included, and one in twenty lies
-outside, by up to a tenth of the range. Besides, any of {edits} edits is made to the documents: thicker or thinner braces of one
-leg, other materials, densities, walls and infill, stated masses and inertias, another limit of the knees, another place for the
-held rear foot, other collision shapes, simulation settings and magnets. Some of those break a rule on purpose.
+{count} designs of MInchW are drawn at random. Each must either build into one consistent robot, or be refused for the right reason.
+`leg_length`, `body_length` and `wall` are always drawn, and in half of the designs each leg has its own length. Values cover the range in
+the documents, ends included; one in twenty is outside, by up to a tenth of the range. In addition, any of {edits} edits is made to the
+documents: thicker or thinner braces of one leg, other materials, densities, walls and infill, stated masses and inertias, another limit
+of the knees, another place for the held rear foot, other collision shapes, simulation settings and magnets. Some of them break a rule on
+purpose.
 
-Each design goes through `thingc.compile` in one process that never restarts. One that builds is loaded by MuJoCo in all of its
-modes, which are compared for random joint angles and random poses of the bases: every pairwise pose of parts and sites within
-1e-9 m; mass, centre and inertia of everything within 1e-12; links and excluded pairs the same; mass matrix and gravity torque of
-each mode, against those from every mode's bodies with the same link held, within 1e-9 (`tests/conformance/roots.py`). No part may
+Each design is compiled by `thingc.compile` in one process that never restarts. If it builds, MuJoCo loads all of its modes, and they are
+compared at random joint angles and random poses of the bases. Every pairwise pose of parts and sites must be equal within 1e-9 m; mass,
+centre and inertia of the whole robot within 1e-12; links and excluded pairs exactly. The mass matrix and gravity torques of each mode
+must equal those computed from the bodies of every mode with the same link held, within 1e-9 (`tests/conformance/roots.py`). No part may
 be modelled twice.
 
-One that does not build must say why. A design that was drawn to break a rule has to be refused with the code of that rule, in a
-message that names what breaks it; one that keeps all bounds must not be told otherwise; a part that refuses must do so in words
-of its author; every error has a place. An exception, a part that crashes or is no valid solid, a model that MuJoCo refuses, and
-`TC899` are no answers.
+If it does not build, it must report why. A design that breaks a rule must be refused with the code of that rule, in a message that names
+what breaks it. A design within all bounds must not be refused for them. A part that refuses must do so in the words of its author. Every
+error must have a place. An exception, a part that crashes or is not a valid solid, a model that MuJoCo refuses, and `TC899` count as
+faults.
 """
 
 

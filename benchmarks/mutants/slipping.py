@@ -1,4 +1,4 @@
-"""`make slips`: two lists of slips that keep a document well-formed; what thingc says. Writes `docs/slips.md`.
+"""`make slips`: two lists of slips that keep a document well-formed; what thingc says. Writes `docs/studies/slips.md`.
 
 Each is `thingc build` of the robot with the slip in its documents, and `thingc test` of those that the build has no word for.
 
@@ -38,7 +38,7 @@ from thingc.documents.workspace import Workspace  # noqa: E402
 from thingc.tools.cli.main import main as thingc  # noqa: E402
 
 ROOT = HERE.parents[1]
-PAGE = ROOT / "docs" / "slips.md"
+PAGE = ROOT / "docs" / "studies" / "slips.md"
 HEAD = HERE / "slips_page.md"
 COMMIT = "c3d9b01"
 """The version before thingc had a word for any of this, which the lists were written for."""

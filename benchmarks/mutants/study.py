@@ -1,4 +1,4 @@
-"""`make mutants`: every good document with one value broken at a time; what thingc says. Prints the tables and writes `docs/mutants.md`."""
+"""`make mutants`: break one value of every good document at a time; print the tables and write `docs/studies/mutants.md`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ sys.path[:0] = [str(Path(__file__).resolve().parent), str(ROOT / "compiler")]
 from judging import Verdict, field_of, judge, scalars_in, subjects  # noqa: E402
 from mutations import KINDS, Mutant, mutants  # noqa: E402
 
-PAGE = ROOT / "docs" / "mutants.md"
+PAGE = ROOT / "docs" / "studies" / "mutants.md"
 HEAD = Path(__file__).resolve().parent / "page.md"
 COUNT = 2400
 REFUSED, RIGHT = 0.80, 0.95

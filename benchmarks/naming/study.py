@@ -1,4 +1,4 @@
-"""`make bench-naming`: do names last where plain selectors do not? Prints the tables and writes them to `docs/naming.md`.
+"""`make bench-naming`: do names last where plain selectors do not? Prints the tables and writes them to `docs/studies/naming.md`.
 
 Numbers that depend on nothing but the parts and the CAD kernel: two runs print the same.
 """
@@ -16,7 +16,7 @@ sys.path[:0] = [str(Path(__file__).resolve().parent), str(ROOT / "parts"), str(R
 from picks import EDGES, FACES  # noqa: E402
 from sweep import PARTS, Result, sweep  # noqa: E402
 
-PAGE = ROOT / "docs" / "naming.md"
+PAGE = ROOT / "docs" / "studies" / "naming.md"
 STEPS = 7
 OUTCOMES = ("same", "another", "fails")
 GROUPS = ("outermost plane", "inner plane", "hole", "other surface")
@@ -160,26 +160,24 @@ def _wrapped(text: str) -> list[str]:
 
 
 MEASURED = """
-A part is a family of solids, and what is said of one of its faces has to hold for all of them. This study takes every part of the
-arm and of MInchW, bought ones included, and changes one parameter after the other through its range, in {steps} steps with both
-ends (every value of a count, a choice or a flag), the others at their defaults. Members that a part refuses with a message are
-counted as refused.
+Part code names features (a mount, a screw hole), and the name must stay right for all parameters of the part. Do names last where
+selectors of faces and edges do not? This study takes every part of the arm and of MInchW, including bought ones. It changes one parameter
+at a time over its range, in {steps} steps with both ends (every value of a count, a choice or a flag), with the others at their defaults.
+Values that a part refuses with a message are counted as refused.
 
-**Names.** Every mount of every part, and the references to screw holes that a part takes from what it holds, have a row in a
-table: what kind of feature the name is meant for, and where, as a formula of the parameters, written by hand from the drawings
-(`benchmarks/naming/intents_*.py`). A name is right in a member where its frame stands and looks where the table says, within
-1e-6 mm, and the finished solid has the feature there: a planar face through the frame's origin with that outward normal which
-reaches over the point meant; for a hole a cylindrical face, material outside, around the same axis with the diameter of the
-standard; and so on (`features.py`). The features are looked for in the kernel's faces; what the part's code says of itself is not
-asked. Two limits: the table was written with the parts at hand, so that a mistake made in both is not seen; and other attributes
-of a part than mounts and screw holes (sketches, numbers, whole solids) are not checked.
+**Names.** A table lists every mount of every part, and the references to screw holes that a part takes from what it holds: the kind of
+feature, and its place as a formula of the parameters, written by hand from the drawings (`benchmarks/naming/intents_*.py`). A name is
+right if its frame has the place and direction of the table within 1e-6 mm, and the finished solid has the feature there. This is a planar
+face through the origin of the frame with this outward normal, which contains the point; for a hole a cylindrical face around the same
+axis, with material outside and the diameter of the standard; and so on (`features.py`). Features are found in the faces of the kernel,
+not in the part's code. The study has two limits: the table was written with the parts at hand, so a mistake in both is not found; and
+attributes other than mounts and screw holes (sketches, numbers, whole solids) are not checked.
 
-**Plain selectors.** At the default parameters each selector is filled in so that it gives the feature that the name is meant for
-(for a screw's seat: its hole), and it is applied to all other members. Each gets its best chance: of the axes X, Y and Z (for two
-steps, of all pairs) the study takes that in which the feature stands out most from its neighbours, and indices count from the
-nearer end. `T` is the kind of surface. A pick gives the `same` feature, silently `another` one, or it
-`fails` with an `IndexError`. Plain selectors do well where a change moves faces without making, splitting or swapping any: so a
-selector that lasts in one part is no promise for the next. Only one parameter is changed at a time; what several at once do is
+**Plain selectors.** At the default parameters, each selector is set to select the feature that the name means (for a screw's seat: its
+hole). It is then applied to all other values. Each gets its best chance: of the axes X, Y and Z (for two steps, of all pairs) the study
+takes the one in which the feature differs most from its neighbours, and indices count from the nearer end. `T` is the kind of surface. A
+pick gives the `same` feature, silently `another` one, or `fails` with an `IndexError`. Plain selectors work if a change moves faces
+without making, splitting or swapping any, so a selector that lasts in one part may not last in the next. Several parameters at once are
 not measured.
 """
 SHARES = "Shares in per cent: same / another / fails."

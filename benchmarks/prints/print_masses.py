@@ -1,5 +1,5 @@
 """`make print-masses`: what thingc says that prints weigh, against what PrusaSlicer lays for them. Prints the tables and writes them
-into `docs/prints.md`. Needs `prusa-slicer` (Debian: `apt install prusa-slicer`); exit code 1 where a bound is not kept.
+into `docs/studies/prints.md`. Needs `prusa-slicer` (Debian: `apt install prusa-slicer`); exit code 1 where a bound is not kept.
 
 The ten printed parts of both robots and twelve reference solids, each with four infills, three shells, in two orientations.
 """
@@ -32,7 +32,7 @@ from thingc.driver.environment import Options  # noqa: E402
 from thingc.driver.session import Session  # noqa: E402
 from thingc.model.resolve.resolver import Settings  # noqa: E402
 
-PAGE = ROOT / "docs" / "prints.md"
+PAGE = ROOT / "docs" / "studies" / "prints.md"
 KEPT = ROOT / "build" / "prints"
 DENSITY = 1270.0
 

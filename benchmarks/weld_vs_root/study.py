@@ -1,4 +1,4 @@
-"""`make bench-weld`: a robot held by its foot, welded or rooted. Prints `docs/weld_vs_root.md`, and writes it and its figure."""
+"""`make bench-weld`: a robot held by its foot, welded or rooted. Prints `docs/studies/weld_vs_root.md`, and writes it and its figure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from study_page import page
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder of the page and, in `pictures`, of the figure")
+    parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder of `studies` (page) and `pictures` (figure)")
     parser.add_argument("--store", help="folder of modelled parts (default: the user's cache)")
     options = parser.parse_args()
     mujoco.set_mju_user_warning(lambda text: None)  # welds that blow up on trial are counted, not logged to a file
@@ -22,7 +22,8 @@ def main() -> int:
     text = page(found)
     print(text, end="")
     (options.docs / "pictures").mkdir(parents=True, exist_ok=True)
-    (options.docs / "weld_vs_root.md").write_text(text)
+    (options.docs / "studies").mkdir(exist_ok=True)
+    (options.docs / "studies" / "weld_vs_root.md").write_text(text)
     draw(found, options.docs / "pictures" / "weld_vs_root.png")
     return 0
 

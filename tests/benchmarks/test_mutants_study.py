@@ -30,7 +30,7 @@ def test_few_are_accepted_and_the_right_line_is_blamed(shared_store: str) -> Non
 
 
 def test_the_page_is_of_a_whole_run_that_was_good_enough() -> None:
-    page = (ROOT / "docs" / "mutants.md").read_text()
+    page = (ROOT / "docs" / "studies" / "mutants.md").read_text()
     assert page.startswith((ROOT / "benchmarks" / "mutants" / "page.md").read_text())
     found = re.search(r"make mutants\n```\n\n(\d+) mutants: (\d+) refused .*Of the refused, (\d+) ", page)
     assert found is not None

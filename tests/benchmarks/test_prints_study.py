@@ -89,7 +89,7 @@ def test_the_share_of_joins_follows_from_the_rule() -> None:
 
 
 def test_the_page_keeps_what_is_promised() -> None:
-    """docs/prints.md as the command has written it: every part is in it, and the errors are within the bounds."""
+    """docs/studies/prints.md as the command has written it: every part is in it, and the errors are within the bounds."""
     text = study.PAGE.read_text(encoding="utf-8").partition(study.BEGIN)[2].partition(study.END)[0].replace("\N{MINUS SIGN}", "-")
     rows = {cells[0]: cells[1:] for line in text.splitlines() if (cells := [cell.strip() for cell in line.strip("| ").split("|")])}
     for name in (*study.ROBOTS.values(), *study.SOLIDS.values()):

@@ -129,6 +129,6 @@ def test_page_is_what_the_study_prints() -> None:
     """The documentation has the words of the template around its numbers, and the figure is there."""
     template = (FOLDER / "page.md").read_text()
     pieces = re.split(r"\$[a-z_]+", template)
-    page = FOLDER.parents[1] / "docs" / "weld_vs_root.md"
+    page = FOLDER.parents[1] / "docs" / "studies" / "weld_vs_root.md"
     assert re.fullmatch("(?s:.+?)".join(re.escape(piece) for piece in pieces), page.read_text())
-    assert (page.parent / "pictures" / "weld_vs_root.png").read_bytes().startswith(b"\x89PNG")
+    assert (page.parents[1] / "pictures" / "weld_vs_root.png").read_bytes().startswith(b"\x89PNG")

@@ -20,10 +20,8 @@ ROOT = Path(__file__).resolve().parents[2]
 LANGUAGE = ROOT / "docs" / "language"
 OUTPUTS = ROOT / "docs" / "outputs"
 COMMAND_PAGES = ROOT / "docs" / "commands"
-FOLDERS = (
-    ROOT / "docs", ROOT / "docs" / "concepts", LANGUAGE, OUTPUTS, COMMAND_PAGES, ROOT / "docs" / "import", ROOT / "docs" / "howto",
-    ROOT / "docs" / "from",
-)
+NAMES = ("", "concepts", "language", "outputs", "commands", "import", "studies", "howto", "from")
+FOLDERS = tuple(ROOT / "docs" / name for name in NAMES)
 PAGES = (*(page for folder in FOLDERS for page in sorted(folder.glob("*.md"))), ROOT / "README.md", ROOT / "CONTRIBUTING.md")
 DECISIONS = ROOT / "docs" / "decisions"
 WITH_LINKS = (*PAGES, *sorted(DECISIONS.glob("*.md")), ROOT / "ARCHITECTURE.md")

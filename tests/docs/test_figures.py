@@ -32,15 +32,16 @@ class Claim:
 
 CLAIMS = (
     Claim(
-        "docs/walking.md", r"stands up to ([\d.]+) mrad askew", "docs/walking.md",
+        "docs/studies/walking.md", r"stands up to ([\d.]+) mrad askew", "docs/studies/walking.md",
         r"largest tilt of a landed sole \[mrad\] +([\d.]+) ", block="report of feet put down at the steel",
     ),
     Claim(
-        "docs/walking.md", r"has ([\d.]+) N of pull margin left in it, where a foot that only adheres has ([\d.]+) N", "docs/walking.md",
+        "docs/studies/walking.md", r"has ([\d.]+) N of pull margin left in it, where a foot that only adheres has ([\d.]+) N",
+        "docs/studies/walking.md",
         r"least pull margin \[N\] +([\d.]+) +([\d.]+)\n", block="report of feet put down at the steel",
     ),
     Claim(
-        "docs/walking.md", r"pressed on first it is ([\d.]+) N and ([\d.]+) N", "docs/walking.md",
+        "docs/studies/walking.md", r"pressed on first it is ([\d.]+) N and ([\d.]+) N", "docs/studies/walking.md",
         r"least pull margin \[N\](?: +[\d.]+){4} +([\d.]+) +([\d.]+)\n", block="report",
     ),
 )
@@ -51,7 +52,7 @@ GIVEN = {
         "0.34 ms": "`make bench-variants` prints it", "300 variants": "`make bench-variants` prints it",
         **dict.fromkeys(("2 MB", "1 s", "4 ms", "12 ms", "0.3 s"), "a bound, benchmarks/viewer"),
     },
-    "docs/walking.md": {
+    "docs/studies/walking.md": {
         "90 mm": "STRIDE of examples/walk.py", "0.1 mm": "SINK of examples/walk.py", "300 N": "data of the magnet",
         "1.5 s": "PRESS of examples/inchworm_tunnel.py", "0.15 s": "PRESS of examples/inchworm_gait.py",
         "20.4 N": "the weight of 2.08 kg", "25 mm": "POLE of examples/inchworm_physics.py", "4 mm": "STEEL of examples/inchworm_physics.py",

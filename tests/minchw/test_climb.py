@@ -1,5 +1,5 @@
 """`examples/climb.py`: over the corner of floor and wall, in kinematics by hand and in physics, the switch of the root onto the wall, and
-what docs/walking.md shows of it."""
+what docs/studies/walking.md shows of it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .conftest import sole
 
 pytestmark = pytest.mark.slow
 
-DOCS = ROOT / "docs" / "walking.md"
+DOCS = ROOT / "docs" / "studies" / "walking.md"
 ONTO_WALL = 3
 """After so many swings the front foot has landed on the wall."""
 

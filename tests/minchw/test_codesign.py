@@ -1,5 +1,5 @@
 """`examples/codesign.py`: what a walk takes, against MuJoCo stepped by hand; what is said of walks that are none; that a search which was
-stopped anywhere finds what it would have found; and what docs/codesign.md shows of it."""
+stopped anywhere finds what it would have found; and what docs/studies/codesign.md shows of it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from conformance.harness import ROOT
 
 pytestmark = pytest.mark.slow
 
-PAGE = ROOT / "docs" / "codesign.md"
+PAGE = ROOT / "docs" / "studies" / "codesign.md"
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,5 @@
 """`examples/walk.py` on the floor, up a wall and under a ceiling, rooted and free, with bounds on all that it reports, and what
-docs/walking.md shows of it."""
+docs/studies/walking.md shows of it."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def test_a_foot_that_is_snatched_jolts_the_other(walking: ModuleType, walked: di
     assert float(shown[0]) == pytest.approx(walking.PULL - seen.pull, abs=0.5)
 
 
-DOCS = ROOT / "docs" / "walking.md"
+DOCS = ROOT / "docs" / "studies" / "walking.md"
 
 
 def table(page: Path, marker: str) -> dict[str, list[str]]:
