@@ -27,7 +27,7 @@ import shutil
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -120,9 +120,11 @@ def entries(folder: Path, only: Sequence[str]) -> Iterator[tuple[str, Entry]]:
             for which, words in ((name, ALL), (f"{name} for others", ("--emit", "mjcf", "--compat", "mjx,warp,drake,pymjcf"))):
                 if fits(which, only):
                     yield which, build(robots, document, *words)
-    for page in sorted((ROOT / "docs").glob("*.md")):
-        if any(not pages.meant_to_be_wrong(block) for block in pages.documents(page)):
-            yield from documents(f"docs/{page.name}", pages.unpack(page, fresh(folder / "docs" / page.stem)), only)
+    for page in pages.PAGES:
+        shown = {block.file for block in pages.documents(page)}
+        if page.is_relative_to(ROOT / "docs") and any(not pages.meant_to_be_wrong(block) for block in pages.documents(page)):
+            name = page.relative_to(ROOT).as_posix()
+            yield from documents(name, pages.unpack(page, fresh(folder / name.removesuffix(".md"))), shown, only)
     examples = shutil.copytree(ROOT / "tests" / "cases", folder / "cases") / "codes"
     for document in sorted([*examples.glob("*/*.right.*"), *examples.glob("*/*/right/*")]):
         name = f"codes/{document.relative_to(examples).as_posix().partition('/')[2]}"
@@ -150,11 +152,11 @@ def entries(folder: Path, only: Sequence[str]) -> Iterator[tuple[str, Entry]]:
         yield "variants", run(variants, out, ["batch", "sampled.yaml", "-o", str(out), "--pictures", "none"])
 
 
-def documents(page: str, folder: Path, only: Sequence[str]) -> Iterator[tuple[str, Entry]]:
-    """Every assembly of a page that is asked for, which lies in a folder."""
+def documents(page: str, folder: Path, shown: Collection[str | None], only: Sequence[str]) -> Iterator[tuple[str, Entry]]:
+    """Yield every selected assembly that a page shows, from the folder that contains it."""
     for document in sorted([*folder.glob("*.yaml"), *folder.glob("*.toml")]):
         name = f"{page}/{document.name}"
-        if fits(name, only) and ASSEMBLY.search(document.read_text()):
+        if document.name in shown and fits(name, only) and ASSEMBLY.search(document.read_text()):
             yield name, build(folder, document, *ALL)
 
 
