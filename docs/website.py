@@ -39,27 +39,6 @@ PROJECT = {
 }
 """The project's own pages, and what they are called on the site."""
 LANGUAGES = {".py": "python", ".yaml": "yaml", ".yml": "yaml", ".toml": "toml", ".json": "json"}
-MOVED = {
-    f"language.md#{old}": f"language/{new}" for old, new in {
-        "a-pose": "placement.md#position-and-orientation",
-        "an-axis-of-its-own": "joints.md#axis",
-        "links-of-shapes": "shapes.md#links-of-shapes",
-        "materials": "materials.md",
-        "names-in-files": "names.md",
-        "paths-of-tendons": "tendons.md#paths",
-        "raw-attributes": "raw.md",
-        "sensors": "sensors.md",
-        "several-joints-on-one-body": "joints.md#several-joints-on-one-body",
-        "tendons": "tendons.md",
-    }.items()
-} | {
-    "import.md#again": "import.md#import-again", "import.md#mjcf": "import/mjcf.md", "import.md#sdf": "import/sdf.md",
-    "variants.md#very-many": "variants.md#packed-batches", "outputs.md#adhesion": "outputs/mjcf.md#adhesion",
-    "outputs.md#other-readers": "outputs/mjcf.md#other-readers", "outputs.md#the-viewer": "outputs/viewer_glb.md#the-viewer",
-} | {f"{study}.md{anchor}": f"studies/{study}.md{anchor}" for study, anchor in (
-    ("codesign", ""), ("prints", ""), ("slips", ""), ("walking", "#from-the-floor-to-the-ceiling"),
-)}
-"""New places of sections to which entries of the changelog link."""
 SKIPPED = ("readme.md", "architecture.md", "contributing.md", "changelog.md", "decisions/index.md", "api.md")
 """Pages that `llms-full.txt` leaves out: repetitions, internals of the project, and docstrings, which exist only in the built site."""
 WORKERS = "https://unpkg.com/iframe-worker/shim"
@@ -164,11 +143,7 @@ def _there(target: str, name: str, path: Path, sources: dict[str, Path]) -> str:
         return target
     there = (path.parent / file).resolve()
     if there.is_relative_to(DOCS):
-        moved = MOVED.get(there.relative_to(DOCS).as_posix() + mark + anchor)
-        if moved is not None:
-            where, mark, anchor = moved.partition("#")
-        else:
-            where = _page(there)
+        where = _page(there)
     else:
         inside = there.relative_to(ROOT).as_posix()
         where = PROJECT.get(inside, f"source/{inside}.md")
