@@ -138,9 +138,7 @@ RUNNERS = Runners()
 """Those of executors that know nothing of runners; they end with this process."""
 
 
-def evaluate(
-    job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow | None = None, runners: Runners | None = None,
-) -> list[Row]:
+def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow | None = None, runners: Runners | None = None) -> list[Row]:
     """Build the variants of a chunk: a row for each, in their order, handed to `on_row` as soon as it is there.
 
     `job` is `Job.encode()`, `timeout` [s] the longest time for one variant. When the runner dies or hangs, the variant that it was on

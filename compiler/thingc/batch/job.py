@@ -92,9 +92,7 @@ def describe(plan: Plan, *, layout: str, asked: int, finished: bool, wanted: Seq
 def seen(plan: Plan, folder: str) -> dict[str, str]:
     """What every worker has to see: absolute path and digest. `batch.json` is in the folder already; of files outside of the workspace
     the plan does not say where they are."""
-    files = {
-        os.path.join(plan.workspace.root, path): state for path, state in plan.inputs.items() if not path.startswith(OUTSIDE)
-    }
+    files = {os.path.join(plan.workspace.root, path): state for path, state in plan.inputs.items() if not path.startswith(OUTSIDE)}
     with open(os.path.join(folder, folder_layout.BATCH), "rb") as stream:
         files[stream.name] = hashlib.sha256(stream.read()).hexdigest()
     return files

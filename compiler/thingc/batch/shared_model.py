@@ -233,9 +233,7 @@ def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> No
 
 def element_names(model: Any) -> dict[str, list[str]]:
     """The names of all elements by kind."""
-    return {
-        word: [getattr(model, accessor)(k).name for k in range(getattr(model, count))] for word, accessor, count in _KINDS.values()
-    }
+    return {word: [getattr(model, accessor)(k).name for k in range(getattr(model, count))] for word, accessor, count in _KINDS.values()}
 
 
 def _where(model: Any, name: str, a: Any, b: Any) -> str:

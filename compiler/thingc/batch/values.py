@@ -83,9 +83,7 @@ def identity(assembly: str, parameters: Mapping[str, ExpressionValue], choices: 
     `assembly` is the document's path in the workspace; `parameters` and `choices` are those that say something else than the
     document itself. The same settings have the same id in whatever batch, and in whatever order they were written.
     """
-    settings = {
-        "assembly": assembly, "parameters": {name: plain(value) for name, value in parameters.items()}, "choices": dict(choices),
-    }
+    settings = {"assembly": assembly, "parameters": {name: plain(value) for name, value in parameters.items()}, "choices": dict(choices)}
     text = json.dumps(settings, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:ID_DIGITS]
 

@@ -69,9 +69,7 @@ def check_names(document: Document, spec: VariantsSpec, model: AssemblyDefinitio
             )
 
 
-def check_margin(
-    document: Document, spec: VariantsSpec, model: AssemblyDefinition, rules: Sequence[Rule], report: Report,
-) -> None:
+def check_margin(document: Document, spec: VariantsSpec, model: AssemblyDefinition, rules: Sequence[Rule], report: Report) -> None:
     """Report rules on the torque margin where the mode of the results has loops: how they share the load is not known."""
     wanted = spec.modes[0] if spec.modes else model.modes[0].name
     mode = next((mode for mode in model.modes if mode.name == wanted), None)
@@ -139,9 +137,7 @@ def read_plan(path: str, options: Options, report: Report, lend: Lend | None = N
     spec = validate_one(document, report)
     if not isinstance(spec, VariantsSpec):
         return None
-    assembly = find_assembly(
-        spec.assembly, beside=document.path, where=document.span(("assembly",)), workspace=workspace, report=report,
-    )
+    assembly = find_assembly(spec.assembly, beside=document.path, where=document.span(("assembly",)), workspace=workspace, report=report)
     if assembly is None:
         return None
     with Environment(assembly, options, lend) as environment:
@@ -153,9 +149,7 @@ def read_plan(path: str, options: Options, report: Report, lend: Lend | None = N
 class _Planner:
     """One document on its way to a plan."""
 
-    def __init__(
-        self, document: Document, spec: VariantsSpec, environment: Environment, sources: Sources, report: Report,
-    ) -> None:
+    def __init__(self, document: Document, spec: VariantsSpec, environment: Environment, sources: Sources, report: Report) -> None:
         self.document = document
         self.spec = spec
         self.environment = environment

@@ -363,9 +363,7 @@ def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
     return None
 
 
-def _explained(
-    path: str, data: bytes, root: str, prefix: Path, inputs: dict[str, str | None], report: Report,
-) -> Workspace | None:
+def _explained(path: str, data: bytes, root: str, prefix: Path, inputs: dict[str, str | None], report: Report) -> Workspace | None:
     """Read the file with positions and the document model. Return None if there is any error."""
     from thingc.base.source import Document, node_at
     from thingc.documents.load.documents import document_kind, read_tree
@@ -385,9 +383,7 @@ def _explained(
             help="write `thingc = \"workspace/1\"`",
         )
         return None
-    document = Document(
-        path=path, relative=os.path.basename(path), kind=kind, tree=table, sha256="", text=data.decode("utf-8-sig"),
-    )
+    document = Document(path=path, relative=os.path.basename(path), kind=kind, tree=table, sha256="", text=data.decode("utf-8-sig"))
     spec = validate_one(document, report)
     if spec is None or len(report.diagnostics) > before:
         return None

@@ -160,9 +160,7 @@ def definition_text(reference: str, parameters: Mapping[str, Value], defaults: M
     return _printed(reference, {name: repr(parameters[name]) for name in _differing(parameters, defaults)})
 
 
-def definition_label(
-    reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value], words: Mapping[str, str],
-) -> str:
+def definition_label(reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value], words: Mapping[str, str]) -> str:
     """`arm:RotorBrace(length=100 mm)`: the same for people. `words` are the values as documents have them; a text is quoted."""
     return _printed(reference, {
         name: repr(value) if isinstance(value := parameters[name], str) else words[name] for name in _differing(parameters, defaults)

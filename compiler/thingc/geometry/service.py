@@ -189,9 +189,7 @@ class GeometryService:
 
     # --- describe ------------------------------------------------------------------------------------------------
 
-    def describe(
-        self, references: Sequence[str], meanwhile: Callable[[], object] | None = None,
-    ) -> dict[str, PartSchema | PartFailure]:
+    def describe(self, references: Sequence[str], meanwhile: Callable[[], object] | None = None) -> dict[str, PartSchema | PartFailure]:
         """What each `module:Class` takes, by reference. Something to do `meanwhile` is done when the workers have been asked."""
         answers: dict[str, PartSchema | PartFailure] = {}
         tasks: dict[str, list[_Task]] = {}

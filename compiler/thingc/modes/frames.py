@@ -98,7 +98,5 @@ def cross_matrix(v: Array) -> Array:
 def angle_between(one: Array, other: Array) -> float:
     """Return the angle [rad] between two rotations (3, 3), accurate near 0."""
     difference = one.T @ other
-    sine = np.linalg.norm([
-        difference[2, 1] - difference[1, 2], difference[0, 2] - difference[2, 0], difference[1, 0] - difference[0, 1],
-    ])
+    sine = np.linalg.norm([difference[2, 1] - difference[1, 2], difference[0, 2] - difference[2, 0], difference[1, 0] - difference[0, 1]])
     return float(np.arctan2(sine, np.trace(difference) - 1.0))

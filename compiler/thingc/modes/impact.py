@@ -53,9 +53,7 @@ def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> t
         turning = np.cross(X[:3, :3] @ hold.X_LM[:3, 3], own) if hold.turns else own[3:]
         holds[hold.path] = np.concatenate([own[:3], X[:3, :3].T @ turning])
         row += size
-    stopped = replace(
-        state, base_twist=after[:6], v={joint.name: value for joint, value in zip(mode.joints, after[6:], strict=True)}
-    )
+    stopped = replace(state, base_twist=after[:6], v={joint.name: value for joint, value in zip(mode.joints, after[6:], strict=True)})
     impulse: Array = held.T @ impulses[: len(held)]
     return stopped, impulse, holds
 

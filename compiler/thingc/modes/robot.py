@@ -188,10 +188,7 @@ def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[st
     X_WA, X_WB = poses[parent] @ cut.X_PA, poses[child] @ cut.X_CB
     q = coordinates(cut, inverse(X_WA) @ X_WB, usual(mode, cut))
     spins = [poses[link][:3, :3] @ twists[link][3:] for link in (parent, child)]
-    ends = [
-        twists[link][:3] + np.cross(spin, X_WB[:3, 3] - poses[link][:3, 3])
-        for link, spin in zip((parent, child), spins, strict=True)
-    ]
+    ends = [twists[link][:3] + np.cross(spin, X_WB[:3, 3] - poses[link][:3, 3]) for link, spin in zip((parent, child), spins, strict=True)]
     relative = np.concatenate([ends[1] - ends[0], spins[1] - spins[0]])
     return q, np.linalg.lstsq(freedoms(cut, q, X_WB).T, relative, rcond=None)[0]
 

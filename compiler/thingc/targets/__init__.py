@@ -13,6 +13,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Artifacts", "Capabilities", "EmitRequest", "Loss"]
 
-__getattr__ = exported(
-    __name__, {"Artifacts": "artifact", "Loss": "artifact", "Capabilities": "capabilities", "EmitRequest": "request"},
-)
+__getattr__ = exported(__name__, {"Artifacts": "artifact", "Loss": "artifact", "Capabilities": "capabilities", "EmitRequest": "request"})

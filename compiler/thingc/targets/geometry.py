@@ -256,9 +256,7 @@ def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple
     )
 
 
-def bounds(
-    bodies: Sequence[tuple[int | None, Pose]], parts: Sequence[Sequence[tuple[Pose, Box | None]]]
-) -> Box | None:
+def bounds(bodies: Sequence[tuple[int | None, Pose]], parts: Sequence[Sequence[tuple[Pose, Box | None]]]) -> Box | None:
     """The box [m] around the robot in the world at q = 0, from its parts' boxes (see `placements`); None without geometry. Of a turned
     box a coordinate is least where each of the three terms that it is the sum of is (Arvo, "Transforming axis-aligned bounding boxes",
     Graphics Gems, 1990)."""

@@ -139,9 +139,7 @@ def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> l
 
 
 def _link(name: str, pose: Pose, own: MassProperties) -> JsonFragment:
-    return fragment({
-        "name": name, "X_root_link": pose.rows(), "mass": own.mass, "centre": own.centre, "inertia": own.inertia,
-    }, LISTED)
+    return fragment({"name": name, "X_root_link": pose.rows(), "mass": own.mass, "centre": own.centre, "inertia": own.inertia}, LISTED)
 
 
 def _joint_json(

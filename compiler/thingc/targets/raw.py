@@ -27,9 +27,7 @@ PREFIXES = {"urdf": ("drake",), "sdf": ("drake", "gz")}
 """With which prefixes readers know elements and attributes of their own."""
 
 
-def lay(
-    assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sdf"], files: Sequence[Element], report: Report,
-) -> None:
+def lay(assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sdf"], files: Sequence[Element], report: Report) -> None:
     """Lay the raw attributes of a target over its files, one for each chosen mode. What has no place in any of them is reported where it is
     written; an element that only some modes have gets its attributes there."""
     for attribute in assembly.raw:

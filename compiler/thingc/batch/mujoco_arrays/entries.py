@@ -65,9 +65,7 @@ _KINDS = {**dict.fromkeys(_DRIVES, "actuator"), **dict.fromkeys(_TENDONS, "tendo
 """What the model calls an element of a tag, where that is not its tag."""
 
 
-def places(
-    root: Element, tokens: Mapping[str, int], model: mujoco.MjModel,
-) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
+def places(root: Element, tokens: Mapping[str, int], model: mujoco.MjModel) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
     """Of every token in the text of a model the places of its number, by the token's line; and by body what its `inertial` says of mass,
     centre and inertia, as texts, where a token is among them. `model` is what became of the text. Raises `NotAnArrayEntry`."""
     entries: list[tuple[int, Entry]] = []

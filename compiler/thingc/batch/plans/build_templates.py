@@ -166,9 +166,7 @@ class Builds:
         own = self._reader.settings(read)
         names = (*own.parameters, *own.choices)
         slots = {name: slot(f"{SETTING}{name}") for name in names}
-        settings = Settings(
-            parameters={name: slots[name] for name in own.parameters}, choices={name: slots[name] for name in own.choices},
-        )
+        settings = Settings(parameters={name: slots[name] for name in own.parameters}, choices={name: slots[name] for name in own.choices})
         tape.writing = True
         try:
             request = pipeline.request_of(environment, compilation, verify=0)

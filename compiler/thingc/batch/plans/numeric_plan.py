@@ -271,9 +271,7 @@ def _culprits(attempt: Attempt, numbers: Mapping[str, Quantity], texts: Mapping[
     """Those of several numbers that cannot be followed by themselves."""
     if len(numbers) == 1:
         return list(numbers)
-    alone = {
-        name: {**texts, **{other: text_of(one) for other, one in numbers.items() if other != name}} for name in numbers
-    }
+    alone = {name: {**texts, **{other: text_of(one) for other, one in numbers.items() if other != name}} for name in numbers}
     return [name for name, others in alone.items() if attempt({name: numbers[name]}, others)[0] is None]
 
 

@@ -181,9 +181,7 @@ def _applied(chosen: Sequence[TextEdit], texts: Mapping[str, bytes], read: Calla
 
 def _faults(diagnostics: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
     """Return the number of errors of each pass in a file, first pass first; fewer errors in an early pass are better."""
-    passes = Counter(
-        d.code.code[2] for d in diagnostics if d.severity is Severity.ERROR and d.span is not None and d.span.file == file
-    )
+    passes = Counter(d.code.code[2] for d in diagnostics if d.severity is Severity.ERROR and d.span is not None and d.span.file == file)
     return tuple(passes[digit] for digit in "123456789")
 
 
@@ -201,7 +199,4 @@ def _better(chosen: Sequence[TextEdit], before: Sequence[Diagnostic], after: Seq
             for span in errors
         )
 
-    return [
-        one for one in chosen
-        if mended(one) and (not strict or _faults(after, one.file) < _faults(before, one.file))
-    ]
+    return [one for one in chosen if mended(one) and (not strict or _faults(after, one.file) < _faults(before, one.file))]

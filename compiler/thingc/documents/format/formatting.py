@@ -15,9 +15,7 @@ MODELINE = "# yaml-language-server: $schema="
 """Prefix of the comment that specifies the schema for the YAML language server."""
 
 
-def format_document(
-    path: str, data: bytes, report: Report, *, schema: str | None = None, tree: MappingNode | None = None,
-) -> bytes | None:
+def format_document(path: str, data: bytes, report: Report, *, schema: str | None = None, tree: MappingNode | None = None) -> bytes | None:
     """Return the bytes of a document in canonical layout; None if it is not well-formed (reported).
 
     All lines end as the first one of the file; a byte order mark is removed. With `schema` (a path relative to the document) a YAML
@@ -110,7 +108,5 @@ def same(before: Node, after: Node, shape: FieldType | None) -> bool:
         names, others = list(before.entries), list(after.entries)
         if shape is not None and shape.kind == "model":
             names, others = sorted(names), sorted(others)
-        return names == others and all(
-            same(before.entries[name], after.entries[name], shape_below(shape, name)) for name in names
-        )
+        return names == others and all(same(before.entries[name], after.entries[name], shape_below(shape, name)) for name in names)
     return False

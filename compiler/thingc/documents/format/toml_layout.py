@@ -178,9 +178,7 @@ class _Cutter:
     def pair(self, node: Syntax) -> _Statement:
         key, value = (child for child in node.named_children if child.type != "comment")
         piece = self.value(value)
-        return _Statement(
-            start=self.syntax.range(node)[0], end=piece.end, key=self.syntax.range(key), words=self.words(key), value=piece,
-        )
+        return _Statement(start=self.syntax.range(node)[0], end=piece.end, key=self.syntax.range(key), words=self.words(key), value=piece)
 
     def words(self, key: Syntax) -> tuple[str, ...]:
         return tuple(word for word, _ in self.syntax.words(key))
@@ -193,9 +191,7 @@ class _Cutter:
             return Segment(kind="list", start=start, end=end, body=start, flow=True, items=items)
         if node.type == "inline_table":
             pairs = [self.pair(child) for child in children if child.type == "pair"]
-            items = [
-                Item(key=pair.key, name=pair.words[0], value=pair.value) for pair in pairs if pair.value is not None
-            ]
+            items = [Item(key=pair.key, name=pair.words[0], value=pair.value) for pair in pairs if pair.value is not None]
             odd = any(len(pair.words) > 1 for pair in pairs)
             return Segment(kind="map", start=start, end=end, body=start, flow=True, items=items, odd=odd)
         return Segment(kind="scalar", start=start, end=end, body=start)

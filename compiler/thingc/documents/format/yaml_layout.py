@@ -109,9 +109,7 @@ class _Cutter:
         piece.odd = flow and any(item.value.start == item.value.end for item in items)
         return piece
 
-    def collection(
-        self, kind: str, start: int, last: Any, items: list[Item], anchors: frozenset[str], flow: bool,
-    ) -> Segment:
+    def collection(self, kind: str, start: int, last: Any, items: list[Item], anchors: frozenset[str], flow: bool) -> Segment:
         body = body_of(self.text, start)
         own = anchors
         for item in items:

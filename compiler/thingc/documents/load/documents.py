@@ -166,9 +166,7 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
 class _Reader:
     """Reads every file once; `by_path` is in the order first named."""
 
-    def __init__(
-        self, workspace: Workspace, report: Report, texts: Mapping[str, bytes] | None = None, memo: Memo | None = None,
-    ) -> None:
+    def __init__(self, workspace: Workspace, report: Report, texts: Mapping[str, bytes] | None = None, memo: Memo | None = None) -> None:
         self.workspace = workspace
         self.report = report
         self.texts = texts or {}
@@ -185,9 +183,7 @@ class _Reader:
 
     def documents(self, root: Document) -> Documents:
         """Return the documents that were read; `root` is their root."""
-        return Documents(
-            root=root, by_path=self.by_path, links=self.links, broken=frozenset(self.broken), files=frozenset(self.files),
-        )
+        return Documents(root=root, by_path=self.by_path, links=self.links, broken=frozenset(self.broken), files=frozenset(self.files))
 
     def find(self, text: str, document: Document, where: Span | None, suffixes: tuple[str, ...], what: str) -> str | None:
         """Return the absolute path of the file that a document names (see `find_file`)."""
@@ -232,9 +228,7 @@ class _Reader:
             kind = None if tree is None else document_kind(tree, self.report)
             if tree is None or kind is None:
                 return None
-            document = Document(
-                path=path, relative=relative, kind=kind, tree=tree, sha256=sha256, text=data.decode("utf-8-sig"),
-            )
+            document = Document(path=path, relative=relative, kind=kind, tree=tree, sha256=sha256, text=data.decode("utf-8-sig"))
             if len(self.report.diagnostics) == said:
                 remember(document, self.memo)
         self.by_path[relative] = document
@@ -345,10 +339,7 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
         return None
     kind, slash, version = value.partition("/")
     if kind not in KINDS:
-        report.add(
-            Code.HEADER, f"unknown kind of document `{shortened(kind)}`", node.span,
-            help=did_you_mean(kind, KINDS, what="kinds"),
-        )
+        report.add(Code.HEADER, f"unknown kind of document `{shortened(kind)}`", node.span, help=did_you_mean(kind, KINDS, what="kinds"))
         return None
     if version != KINDS[kind]:
         message = f"unknown version `{shortened(version)}` of `{kind}`" if slash else f"the version of `{kind}` is missing"

@@ -58,9 +58,7 @@ def find_file(
         )
         return None
     if not path.lower().endswith(suffixes):
-        report.add(
-            Code.FILE_TYPE, f"expected {what} ({', '.join(suffixes)}), found `{shown}`", where,
-        )
+        report.add(Code.FILE_TYPE, f"expected {what} ({', '.join(suffixes)}), found `{shown}`", where)
         return None
     if not os.path.isfile(path):
         if os.path.isdir(path):

@@ -68,9 +68,7 @@ def decode(file: str, data: bytes, report: Report) -> Source | None:
     """Decode a file: UTF-8, with optional byte order mark and CRLF. None if it is invalid (reported)."""
     top = line_of(file)
     if len(data) > MAX_BYTES:
-        report.add(
-            Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes, which is the bound", top, help="split the document",
-        )
+        report.add(Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes, which is the bound", top, help="split the document")
         return None
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         report.add(Code.NOT_UTF8, "expected UTF-8, found UTF-16", top, help="save the file as UTF-8")

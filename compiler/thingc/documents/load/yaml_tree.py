@@ -287,16 +287,12 @@ class _Builder:
                     help=f'a key that begins with `*` needs quotes: `"{shortened(shown)}"`',
                 )
             else:
-                self.report.add(
-                    Code.KEY_NOT_TEXT, f"a key must be written out, found the alias `*{event.anchor}`", self.span(event),
-                )
+                self.report.add(Code.KEY_NOT_TEXT, f"a key must be written out, found the alias `*{event.anchor}`", self.span(event))
             return None
         start = event.start_mark.index
         if self.source.text[max(0, start - 1) : start] == "?" and not self.source.text[start : start + 1].isspace():
             # libyaml takes the `?` of `{?_knee: 1}` for its mark of a long key, though no space follows
-            self.report.add(
-                Code.SYNTAX, "`?` cannot begin a name here", self.source.span(start - 1, start), help="put the name in quotes",
-            )
+            self.report.add(Code.SYNTAX, "`?` cannot begin a name here", self.source.span(start - 1, start), help="put the name in quotes")
             raise _Stop
         node = self.node(event, level + 1)
         if not isinstance(node, ScalarNode):

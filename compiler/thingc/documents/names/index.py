@@ -252,9 +252,7 @@ class _Reader:
         reached: list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]] = []
         for depth, word in enumerate(words):
             reached = [((one, key), way) for one, way in level for key in one.fitting("components", word, index if not depth else "")]
-            level = [
-                (inner, (*way, (one, key))) for (one, key), way in reached if (inner := self.nested(one, key)) is not None
-            ]
+            level = [(inner, (*way, (one, key))) for (one, key), way in reached if (inner := self.nested(one, key)) is not None]
         return reached
 
     def components(self, written: DocumentNames, words: Sequence[Word], index: str) -> Iterator[Hit]:

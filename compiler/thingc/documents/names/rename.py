@@ -125,9 +125,7 @@ def _check(sight: WorkspaceIndex, name: Name, new: str) -> None:
             raise RenameRefused(f"`{new}` at {where} could be taken for this {what} of `{name.owner}` then: choose another name")
         return
     for other, called in _taken(sight, name, new):
-        raise RenameRefused(
-            f"there is {called} `{other}` already" + ("" if other == new else f", which differs from `{new}` only in case")
-        )
+        raise RenameRefused(f"there is {called} `{other}` already" + ("" if other == new else f", which differs from `{new}` only in case"))
 
 
 def _taken(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, str]]:

@@ -28,9 +28,7 @@ _DRIVE = "a joint says what moves it: `drive: COMPONENT` with an actuator, or `d
 _ROTOR = "`armature` is the inertia of the rotor as the joint feels it: times the gear ratio squared"
 _GEAR = "a drive is what acts at the joint, behind the gear; `gear_ratio` is of an `Actuator` in Python"
 
-_TURN_KEYS = {
-    "rpy": "euler rotation rot orientation", "quat": "quaternion", _RPY: "axisangle zaxis xyaxes normal",
-}
+_TURN_KEYS = {"rpy": "euler rotation rot orientation", "quat": "quaternion", _RPY: "axisangle zaxis xyaxes normal"}
 
 _KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
     assembly.JointDefaults: {

@@ -30,9 +30,7 @@ def schema_key(reference: str, code: CodeIngredients | None, versions: Mapping[s
     return BuildKey(ingredients={"part": reference, **versions, **(code.documented if code is not None else {})})
 
 
-def record_key(
-    definition: PartDefinition, code: CodeIngredients | None, versions: Mapping[str, str], workspace: Workspace
-) -> BuildKey:
+def record_key(definition: PartDefinition, code: CodeIngredients | None, versions: Mapping[str, str], workspace: Workspace) -> BuildKey:
     """Of a part record; of the workspace it depends on the tessellations."""
     mesh, simulation = workspace.mesh, workspace.simulation
     parameters = {f"parameter {name}": f"{type(value).__name__} {value!r}" for name, value in definition.parameters}

@@ -137,9 +137,7 @@ class Finder:
         module = self._in_folders(name, name, self.parts, True, plain_folders=False) if name in PROTECTED else None
         return module.file if module is not None else None
 
-    def _in_folders(
-        self, name: str, last: str, folders: Iterable[str], workspace: bool, *, plain_folders: bool = True
-    ) -> Module | None:
+    def _in_folders(self, name: str, last: str, folders: Iterable[str], workspace: bool, *, plain_folders: bool = True) -> Module | None:
         """As Python's path finder does: a package, else a module, else (where allowed) a folder without `__init__.py`."""
         candidates: list[tuple[str, tuple[str, ...]]] = []
         plain: list[str] = []

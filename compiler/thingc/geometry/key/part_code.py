@@ -90,9 +90,7 @@ class PartCode:
                     for folder in inside for name in listing(folder) if name.endswith(".py") and name[0] != "_"
                 ),
             )
-            return PartFailure(
-                subject=reference, kind="missing", message=f"there is no module `{module_name}`", candidates=known
-            )
+            return PartFailure(subject=reference, kind="missing", message=f"there is no module `{module_name}`", candidates=known)
         first = name.partition(".")[0]
         if not may_have(module_name, first, self.sources):
             return PartFailure(
@@ -132,18 +130,14 @@ class PartCode:
     def files(self) -> dict[str, str]:
         """The files of all code read so far (in the workspace relative to it) with their states, as `reads` has them."""
         code = [code for code in self._codes.values() if isinstance(code, CodeIngredients)]
-        return {
-            shortened(file, self.workspace.root) or file: f"file:{sha256}" for one in code for file, sha256 in one.files.items()
-        }
+        return {shortened(file, self.workspace.root) or file: f"file:{sha256}" for one in code for file, sha256 in one.files.items()}
 
 
 def file_state(definition: PartDefinition, workspace: Workspace, results: Results) -> str | PartFailure:
     """What lies at the place of a part that is a file, as `reads` has it; or why there is none."""
     path = os.path.join(workspace.root, definition.reference)
     if os.path.isabs(definition.reference) or not workspace.contains(path):
-        return PartFailure(
-            subject=definition.text, kind="refused", message=f"`{definition.reference}` is outside of the workspace"
-        )
+        return PartFailure(subject=definition.text, kind="refused", message=f"`{definition.reference}` is outside of the workspace")
     state = results.state(definition.reference, "file:")
     if not state.startswith("file:"):
         folder = os.path.dirname(definition.reference)

@@ -115,11 +115,7 @@ class Results:
     def changed_read(self, key: str) -> str | None:
         """In words, what keeps the newest answer under a build key from being the answer."""
         for candidate in self._candidates("record", key)[:1]:
-            changed = [
-                (path, state, now)
-                for path, state in candidate["reads"]
-                if (now := self.state(path, state)) != state
-            ]
+            changed = [(path, state, now) for path, state in candidate["reads"] if (now := self.state(path, state)) != state]
             if changed:
                 return some([_change_text(path, state, now) for path, state, now in changed], 3, between="; ")
         return None

@@ -23,9 +23,7 @@ KERNEL = ("build123d", "OCP", "numpy", "manifold3d")
 OF_FILES = ("fast_simplification", "trimesh")
 """Those that read meshes and make fewer triangles of them."""
 
-_DISTRIBUTIONS = {
-    "OCP": ("cadquery_ocp", "cadquery_ocp_novtk"), "sklearn": ("scikit_learn",), "yaml": ("pyyaml",), "PIL": ("pillow",),
-}
+_DISTRIBUTIONS = {"OCP": ("cadquery_ocp", "cadquery_ocp_novtk"), "sklearn": ("scikit_learn",), "yaml": ("pyyaml",), "PIL": ("pillow",)}
 _METADATA = re.compile(r"(?P<name>[^-]+)-(?P<version>.+)\.(dist-info|egg-info)$")
 
 

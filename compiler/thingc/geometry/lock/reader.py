@@ -207,9 +207,7 @@ class LockOnlyGeometry:
         if thing is None:
             if reference in answers.lock.others:
                 return PartFailure(subject=reference, kind="invalid", message="it is no Thing", file=file, line=line)
-            return PartFailure(
-                subject=reference, kind="unlocked", message=f"`{LOCK_FILE}` does not hold it", file=file, line=line
-            )
+            return PartFailure(subject=reference, kind="unlocked", message=f"`{LOCK_FILE}` does not hold it", file=file, line=line)
         schema = self._tried(partial(answers.schema, reference))
         if schema is not None:
             return schema

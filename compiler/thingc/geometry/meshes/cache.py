@@ -39,9 +39,7 @@ def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | No
     return record
 
 
-def mesh_records(
-    listed: Mapping[MeshFile, tuple[Origin, bool]], store: Store, report: Report, memo: Memo,
-) -> dict[MeshFile, MeshRecord]:
+def mesh_records(listed: Mapping[MeshFile, tuple[Origin, bool]], store: Store, report: Report, memo: Memo) -> dict[MeshFile, MeshRecord]:
     """The records of mesh files, each with the place where it is listed and whether it has to be read, without those of which nothing is
     known. One that is no mesh is an error at its place."""
     records: dict[MeshFile, MeshRecord] = {}

@@ -113,9 +113,7 @@ def make(cls: type[Any], parameters: dict[str, Value], adjustments: Adjustments)
     What `__init__` raises is passed on and nothing is kept. A build123d builder that is active at the call does not see the
     geometry made inside: a Thing depends on its parameters alone.
     """
-    pinned = tuple(
-        (family, name, value) for family in cls.__mro__ for name, value in sorted(adjustments.get(family, {}).items())
-    )
+    pinned = tuple((family, name, value) for family in cls.__mro__ for name, value in sorted(adjustments.get(family, {}).items()))
     key = (cls, tuple((name, type(value), value) for name, value in parameters.items()), pinned)
     if key in _made:
         return _made[key]

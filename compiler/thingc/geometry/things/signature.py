@@ -145,9 +145,7 @@ def install(look: Callable[[Callable[..., Any]], None]) -> None:
     _look = look
 
 
-def signature_of(
-    function: Callable[..., Any], owner: str, *, method: bool, strict: bool, docs: Sequence[str | None] = ()
-) -> Signature:
+def signature_of(function: Callable[..., Any], owner: str, *, method: bool, strict: bool, docs: Sequence[str | None] = ()) -> Signature:
     """The parameters that `function` takes; `method` leaves out its first argument.
 
     `strict` (a Thing): every argument must be a parameter, else `SignatureError`. Not strict (a build123d class or a plain
@@ -243,9 +241,7 @@ def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
     return annotation
 
 
-def _kind_of_annotation(
-    annotation: Any, where: str, shown: str
-) -> tuple[str, float | None, float | None, tuple[Value, ...]]:
+def _kind_of_annotation(annotation: Any, where: str, shown: str) -> tuple[str, float | None, float | None, tuple[Value, ...]]:
     """Kind, minimum, maximum and choices; bounds of nested `Annotated` are combined."""
     annotation = getattr(annotation, "__value__", annotation)
     marks: tuple[object, ...] = ()

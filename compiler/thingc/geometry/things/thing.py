@@ -115,9 +115,7 @@ class Thing(Framed, metaclass=ThingType):
 
     def __repr__(self) -> str:
         family, adjustments = type(self), self._construction.adjustments
-        changed = [
-            f"{name}={value!r}" for parent in family.__mro__ for name, value in sorted(adjustments.get(parent, {}).items())
-        ]
+        changed = [f"{name}={value!r}" for parent in family.__mro__ for name, value in sorted(adjustments.get(parent, {}).items())]
         return shown(family, self._construction.parameters) + (f" adjusted to {', '.join(changed)}" if changed else "")
 
     def __copy__(self) -> Self:

@@ -63,10 +63,7 @@ def begin() -> None:
 
 def of(files: Iterable[str], hashes: Mapping[str, str]) -> dict[str, list[int] | None]:
     """By file that was loaded, the numbers of the functions that ran, or whose defaults were looked at, sorted; None where nobody knows."""
-    return {
-        file: sorted(number for one, number in _noted if one == file) if (file, hashes[file]) in _marked else None
-        for file in files
-    }
+    return {file: sorted(number for one, number in _noted if one == file) if (file, hashes[file]) in _marked else None for file in files}
 
 
 def _look_at(function: Callable[..., Any]) -> None:

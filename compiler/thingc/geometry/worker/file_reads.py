@@ -241,9 +241,7 @@ def _loads() -> bool:
 
 # --- the kernel's readers ---------------------------------------------------------------------------------------------
 
-_IMPORTERS = (
-    "import_brep", "import_step", "import_stl", "import_svg", "import_svg_as_buildline_code", "import_dxf",
-)
+_IMPORTERS = ("import_brep", "import_step", "import_stl", "import_svg", "import_svg_as_buildline_code", "import_dxf")
 _EXPORTERS = ("export_brep", "export_gltf", "export_obj", "export_step", "export_stl")
 _KERNEL_READERS = (
     ("OCP.STEPControl", "STEPControl_Reader", "ReadFile"),

@@ -329,9 +329,7 @@ def _wrap_numpy(module: types.ModuleType) -> None:
 class _NumpysRandom(importlib.abc.MetaPathFinder):
     """Wraps `numpy.random` when it is loaded: few parts use it."""
 
-    def find_spec(
-        self, fullname: str, path: Sequence[str] | None, target: Any = None
-    ) -> importlib.machinery.ModuleSpec | None:
+    def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
         """Python's own spec for it, whose module is wrapped once it has been run; None for everything else."""
         if fullname != "numpy.random":
             return None

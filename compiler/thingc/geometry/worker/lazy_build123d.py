@@ -118,9 +118,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         self.session = session
         self.made: list[str] = []
 
-    def find_spec(
-        self, fullname: str, path: Sequence[str] | None, target: Any = None
-    ) -> importlib.machinery.ModuleSpec | None:
+    def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
         """A stand-in for the packages that are put off; None for everything else."""
         if fullname.partition(".")[0] not in self.session.packages:
             return None
@@ -190,9 +188,7 @@ def _note(session: _Session, owner: Any, name: str, value: Any, module: str) -> 
             session.sites.setdefault(str(held), []).append(lambda: _refill(value))
     elif isinstance(value, (list, tuple)):
         for held in {_package(item) for item in value} - {None}:
-            session.sites.setdefault(str(held), []).append(
-                lambda: setattr(owner, name, type(value)(real(item) for item in value))
-            )
+            session.sites.setdefault(str(held), []).append(lambda: setattr(owner, name, type(value)(real(item) for item in value)))
     elif isinstance(value, types.FunctionType):
         defaults = (*(value.__defaults__ or ()), *(value.__kwdefaults__ or {}).values())
         held_by_defaults = sorted({package for item in defaults if (package := _package(item))})

@@ -48,17 +48,13 @@ class PartImporter(importlib.abc.MetaPathFinder):
 
     of_parts = True
 
-    def __init__(
-        self, parts: Sequence[str], packages: Sequence[str], hashes: Mapping[str, str], plain: Collection[str] = ()
-    ) -> None:
+    def __init__(self, parts: Sequence[str], packages: Sequence[str], hashes: Mapping[str, str], plain: Collection[str] = ()) -> None:
         self.finder = Finder(parts, packages)
         self.plain = frozenset(plain)
         self.hashes = dict(hashes)
         self.loaded: dict[str, str] = {}
 
-    def find_spec(
-        self, fullname: str, path: Sequence[str] | None, target: Any = None
-    ) -> importlib.machinery.ModuleSpec | None:
+    def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
         """The spec of a content-tracked module; None leaves the name to Python."""
         module = self.finder.find(fullname)
         if module.kind != "content":

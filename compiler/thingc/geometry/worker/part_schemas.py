@@ -80,9 +80,7 @@ def _default_material(part: Any) -> str | None:
 
 def _parameter(parameter: Any) -> ParameterSchema:
     kind = parameter.kind
-    minimum, maximum = (
-        None if bound is None else convert.to_si(kind, bound) for bound in (parameter.minimum, parameter.maximum)
-    )
+    minimum, maximum = (None if bound is None else convert.to_si(kind, bound) for bound in (parameter.minimum, parameter.maximum))
     return ParameterSchema(
         name=parameter.name, kind=kind, required=parameter.required,
         default=None if parameter.required else convert.to_si(kind, parameter.default),

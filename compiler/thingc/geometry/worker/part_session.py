@@ -161,9 +161,7 @@ class PartSession:
         elif isinstance(fault, (SignatureError, BadPartFile)) or isinstance(fault, ParameterError) and not places:
             kind, message = "invalid", str(fault)
         message = message.replace(os.path.join(self.around.root, ""), "")  # other machines have another
-        return PartFailure(
-            subject=subject, kind=kind, message=message, file=file, line=line, candidates=candidates, detail=detail
-        )
+        return PartFailure(subject=subject, kind=kind, message=message, file=file, line=line, candidates=candidates, detail=detail)
 
 
 def _exception_text(fault: BaseException) -> str:
@@ -190,7 +188,5 @@ def kind_of(part: Any, reference: str) -> SchemaKind:
 
     kind = is_part(part)
     if kind is None:
-        raise NoPart(
-            "invalid", f"`{reference}` is no part: expected a Thing, a build123d shape class or a function that returns a shape"
-        )
+        raise NoPart("invalid", f"`{reference}` is no part: expected a Thing, a build123d shape class or a function that returns a shape")
     return kind

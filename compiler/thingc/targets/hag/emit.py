@@ -15,9 +15,7 @@ from thingc.targets.request import EmitRequest
 def emit(request: EmitRequest) -> Artifacts:
     """`hag.dot`, `hag.mmd` and `hag.svg` of the same graph."""
     hag = request.assembly.hag
-    return Artifacts(
-        files={"hag.dot": dot(hag).encode(), "hag.mmd": mermaid(hag).encode(), "hag.svg": svg(hag).encode()}
-    )
+    return Artifacts(files={"hag.dot": dot(hag).encode(), "hag.mmd": mermaid(hag).encode(), "hag.svg": svg(hag).encode()})
 
 def svg(hag: Hag) -> str:
     """A self-contained SVG document, see `svg.py`."""
@@ -114,9 +112,7 @@ def mermaid(hag: Hag) -> str:
         opening, closing = shapes[definition.kind]
         lines.append(f"  {names[definition.text]}{opening}{_mermaid_escaped(definition.label)}{closing}:::{definition.kind}")
     for bundle in bundles(hag):
-        label = "<br/>".join(
-            ": ".join(_mermaid_escaped(part) for part in (name, placed) if part) for name, placed in entries(bundle.edges)
-        )
+        label = "<br/>".join(": ".join(_mermaid_escaped(part) for part in (name, placed) if part) for name, placed in entries(bundle.edges))
         lines.append(f'  {names[bundle.parent]} -->|"{label}"| {names[bundle.child]}')
     lines += [f'  {names[image.text]} -.->|"mirror {image.mirror}"| {names[plain]}' for image, plain in mirrors(hag)]
     lines += [

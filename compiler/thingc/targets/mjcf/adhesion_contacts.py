@@ -26,9 +26,7 @@ OPTION = {"cone": "elliptic", "impratio": "100"}
 
 def contact(assembly: Assembly) -> dict[str, str]:
     """What the class says of its geoms: nothing that raw attributes say of all that collides, or of all geoms."""
-    stated = {
-        path[3] for path in _raw(assembly) if len(path) == 4 and path[0] == "default" and path[1] != "visual" and path[2] == "geom"
-    }
+    stated = {path[3] for path in _raw(assembly) if len(path) == 4 and path[0] == "default" and path[1] != "visual" and path[2] == "geom"}
     return {name: value for name, value in CONTACT.items() if name not in stated}
 
 

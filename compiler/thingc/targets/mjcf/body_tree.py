@@ -80,9 +80,7 @@ class _Builder:
         self.links: list[Link] = [robot.assembly.links[body.link] for body in robot.bodies]
         self.joints = {joint.path: joint for joint in _joints(robot)}
         self.driven = [path for path in robot.present if path in self.joints and self.joints[path].actuator is not None]
-        self.root = Element(
-            tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.mode.name}"}, origin=robot.mode.origin
-        )
+        self.root = Element(tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.mode.name}"}, origin=robot.mode.origin)
 
     def grow(self, parent: Element, place: tuple[str, ...], make: Callable[..., tuple[Element, ...]], *inputs: Any) -> None:
         """Add the elements that `make(*inputs)` gives, which are none of this model alone, unless raw attributes name them."""

@@ -55,9 +55,7 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
                     section.add("connect", {"name": name, "site1": one[0], "site2": other[0], **stiff}, closure.origin)
             case "connect and tendon":
                 (one, other), ends = _points(robot, closure)
-                section.add("connect", {
-                    "name": equality_name(closure), "site1": one[0], "site2": other[0], **stiff,
-                }, closure.origin)
+                section.add("connect", {"name": equality_name(closure), "site1": one[0], "site2": other[0], **stiff}, closure.origin)
                 longer = sqrt(2.0) * _lever(robot, closure) - _at_zero(robot, closure, ends)
                 section.add("tendon", {
                     "name": f"{equality_name(closure)}_1", "tendon1": equality_name(closure),

@@ -194,6 +194,4 @@ def _report_unknown(attribute: RawAttribute, robots: Sequence[Robot], models: Se
         known, what = {element.get("name") for model in models for element in _elements_of_kind(kind, model)}, kind
     message = f"`{attribute.target}` has no {what} `{name}`"
     names = "classes" if what == "class" else "bodies" if what == "body" else f"{what}s"
-    report.add(
-        Code.RAW_UNKNOWN, message, attribute.at_key(1), help=did_you_mean(name, known, what=names), path=attribute.dotted,
-    )
+    report.add(Code.RAW_UNKNOWN, message, attribute.at_key(1), help=did_you_mean(name, known, what=names), path=attribute.dotted)

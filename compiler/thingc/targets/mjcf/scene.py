@@ -36,9 +36,7 @@ def _held(robot: Robot, separator: str) -> tuple[tuple[str, Origin], ...]:
     return tuple((robot.assembly.links[robot.bodies[body].link].name.replace("/", separator), at) for body, at in holds.items())
 
 
-def _scene(
-    title: str, box: Box | None, file: str, floor: str, held: Sequence[tuple[str, Origin]], heading: str, origin: Origin,
-) -> XmlText:
+def _scene(title: str, box: Box | None, file: str, floor: str, held: Sequence[tuple[str, Origin]], heading: str, origin: Origin) -> XmlText:
     """The text of a scene.
 
     What is stated before the `include` a raw attribute may override. The floor is z = 0 of the world, where a mode's root
@@ -57,16 +55,12 @@ def _scene(
     visual.add("global", {"azimuth": "120", "elevation": "-20", "offwidth": "1920", "offheight": "1080"})
     root.add("include", {"file": file})
     asset = root.add("asset")
-    asset.add("texture", {
-        "type": "skybox", "builtin": "gradient", "rgb1": "0.3 0.5 0.7", "rgb2": "0 0 0", "width": "128", "height": "768",
-    })
+    asset.add("texture", {"type": "skybox", "builtin": "gradient", "rgb1": "0.3 0.5 0.7", "rgb2": "0 0 0", "width": "128", "height": "768"})
     asset.add("texture", {
         "type": "2d", "name": "groundplane", "builtin": "checker", "mark": "edge", "rgb1": "0.2 0.3 0.4", "rgb2": "0.1 0.2 0.3",
         "markrgb": "0.8 0.8 0.8", "width": "300", "height": "300",
     })
-    asset.add("material", {
-        "name": "groundplane", "texture": "groundplane", "texuniform": "true", "texrepeat": "5 5", "reflectance": "0.2",
-    })
+    asset.add("material", {"name": "groundplane", "texture": "groundplane", "texuniform": "true", "texrepeat": "5 5", "reflectance": "0.2"})
     world = root.add("worldbody")
     world.add("light", {"pos": "0 0 1.5", "dir": "0 0 -1", "directional": "true"})
     _lay_floor(root, world, floor, held, {"material": "groundplane"})

@@ -22,9 +22,7 @@ def present(robot: Robot) -> tuple[LinkedTendon, ...]:
     """Those of a mode: all of whose joints are in its tree, and whose mounts are on its bodies."""
     there = {joint.path for body in robot.bodies for joint in body.joints}
     sites = merged_joints.sites(robot)
-    return tuple(
-        one for one in robot.assembly.tendons if there.issuperset(one.moves) and all(mount.path in sites for mount in one.mounts)
-    )
+    return tuple(one for one in robot.assembly.tendons if there.issuperset(one.moves) and all(mount.path in sites for mount in one.mounts))
 
 
 def pulled(robot: Robot) -> tuple[LinkedTendon, ...]:

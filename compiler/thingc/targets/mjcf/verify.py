@@ -55,9 +55,7 @@ class CompileResult(FrozenStruct):
     model: Any = None
 
 
-def check(
-    candidates: Sequence[Candidate], geometry: Geometry, store: Store, report: Report, memo: Memo, *, starts: bool = True,
-) -> None:
+def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, report: Report, memo: Memo, *, starts: bool = True) -> None:
     """Compile every candidate's scene, and with it the model in it; errors and warnings go to `report` at their origin. With `starts`
     the first instant of each is looked at, too (`initial_state_checks.py`); of several that start alike, that of the first.
 
@@ -207,9 +205,7 @@ def _kind(candidate: Candidate) -> tuple[str, str, str]:
     return ("mujoco takes", candidate.mode, hashlib.sha256(_NUMBERS.sub("", candidate.model.text).encode()).hexdigest())
 
 
-def doubtful(
-    candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: Store, memo: Memo, *, starts: bool,
-) -> list[Candidate]:
+def doubtful(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: Store, memo: Memo, *, starts: bool) -> list[Candidate]:
     """Those of the models that `check` has to look at: of the others MuJoCo takes them without a word, which is found out quickly, for the
     many models of a session.
 
@@ -334,9 +330,7 @@ def _of_document(element: Element) -> bool:
     return bool(element.origin) and "name" in element.attributes
 
 
-def _blame(
-    error: str, place: Element | None, candidate: Candidate, files: Any
-) -> tuple[Element, str, RawValue] | None:
+def _blame(error: str, place: Element | None, candidate: Candidate, files: Any) -> tuple[Element, str, RawValue] | None:
     """The raw attribute that an error comes from, lifted, or None when all of them are innocent.
 
     Tried in turn: one of the element that the error names, by name; then each one of that element; then each one of the

@@ -84,9 +84,7 @@ class _Builder:
         self.links = [self._name("link", link.name, link.origin) for link in links]
         self.root = Element(tag="sdf", attributes={"version": PLAIN}, origin=robot.mode.origin)
         self.connections = [(one, chain(one, zero.q)) for one in connections(robot, CAPABILITIES["loops"], closed=zero.closed)]
-        self.joints = {
-            step.path: self._name("joint", step.path, one.origin) for one, steps in self.connections for step in steps
-        }
+        self.joints = {step.path: self._name("joint", step.path, one.origin) for one, steps in self.connections for step in steps}
         moved = [(step, axis, word) for _, steps in self.connections for step in steps for axis, word in zip(step.axes, AXES, strict=False)]
         self.axes = {axis.joint.path: (self.joints[step.path], word) for step, axis, word in moved}
         self.follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in self.axes)
@@ -291,9 +289,7 @@ def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint], names: Mapp
                 yield _controller(robot, zero, names[step.path], joint, joint.actuator, form)
 
 
-def _controller(
-    robot: Robot, zero: ZeroState, name: str, joint: TreeJoint | JointEdge, drive: ActuatorModel, form: DriveForm,
-) -> Element:
+def _controller(robot: Robot, zero: ZeroState, name: str, joint: TreeJoint | JointEdge, drive: ActuatorModel, form: DriveForm) -> Element:
     file, system = SYSTEMS[form]
     element = Element(
         tag="plugin", attributes={"filename": f"gz-sim-{file}-system", "name": f"gz::sim::systems::{system}"}, origin=drive.origin,

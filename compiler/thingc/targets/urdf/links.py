@@ -195,9 +195,7 @@ class _Builder:
         speeds = [one.limit.velocity / share for one, share in drives if share and one.limit.velocity is not None]
         return minimum(UNBOUNDED, sum_of(efforts)), minimum(speeds, default=None)
 
-    def _joint(
-        self, path: str, kind: str, parent: str, child: str, origin: Pose, made_by: Origin, made: str | None = None,
-    ) -> Element:
+    def _joint(self, path: str, kind: str, parent: str, child: str, origin: Pose, made_by: Origin, made: str | None = None) -> Element:
         element = Element(tag="joint", attributes={"name": self.joints.take(path, made_by, made), "type": kind}, origin=made_by)
         _origin(element, origin)
         element.add("parent", {"link": parent})

@@ -94,9 +94,7 @@ def _spherical(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Seque
 def _single(path: str, joint: TreeJoint | JointEdge, twist: Twist) -> UsdJoint:
     """A turn or a slide."""
     freedom = Freedom(name="angular" if twist.turns else "linear", joint=joint)
-    return UsdJoint(
-        path=path, type="Revolute" if twist.turns else "Prismatic", frame=along(twist.axis, twist.anchor), freedoms=(freedom,),
-    )
+    return UsdJoint(path=path, type="Revolute" if twist.turns else "Prismatic", frame=along(twist.axis, twist.anchor), freedoms=(freedom,))
 
 
 def _generic(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> Iterator[UsdJoint]:

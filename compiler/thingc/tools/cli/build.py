@@ -43,9 +43,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG.format(about=textwrap.fill(about, 120))
     console.add_document(parser)
     add_building(parser)
-    parser.add_argument(
-        "--twice", action="store_true", help="debug parts: model each one twice without the store; differences are errors"
-    )
+    parser.add_argument("--twice", action="store_true", help="debug parts: model each one twice without the store; differences are errors")
     console.add_format(parser, console.FINDINGS)
     console.add_compiling(parser)
 

@@ -56,10 +56,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="repair links that cannot be simulated: inertia=nearest (nearest inertia of a solid) or inertia=shapes (from their shapes)",
     )
     add("--root", metavar="LINK", action="append", default=[], help="add a mode with this link as root (may be repeated)")
-    add(
-        "--update", action="store_true",
-        help="merge with the last import and preserve your edits (exit code 1 if there are conflicts)",
-    )
+    add("--update", action="store_true", help="merge with the last import and preserve your edits (exit code 1 if there are conflicts)")
 
 
 def run(arguments: argparse.Namespace) -> int:

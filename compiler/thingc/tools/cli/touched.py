@@ -28,9 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--all", action="store_true", help="list every document below the working folder")
     parser.add_argument("-0", "--null", action="store_true", help="print unescaped paths, each terminated by a NUL, for scripts")
     parser.add_argument("--roots", action="store_true", help="list only assemblies that have modes or are not nested in others")
-    parser.add_argument(
-        "--store", metavar="DIR", help="store of modelled parts (default: THINGC_STORE, else the user's cache folder)"
-    )
+    parser.add_argument("--store", metavar="DIR", help="store of modelled parts (default: THINGC_STORE, else the user's cache folder)")
     console.add_format(parser)
 
 

@@ -150,9 +150,7 @@ def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
 
 def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], bool]) -> list[PartWarning]:
     """Warnings about the authors' own lines: what libraries say about themselves is none of their business."""
-    part_warnings = [
-        PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if is_own(one.filename)
-    ]
+    part_warnings = [PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if is_own(one.filename)]
     return list(dict.fromkeys(part_warnings))
 
 
@@ -441,9 +439,7 @@ def _visual(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation) -> meshi
     return mesh
 
 
-def _pieces(
-    shapes: Sequence[TopoDS_Shape], tessellation: Tessellation, store: Store
-) -> Iterable[Mesh | Primitive]:
+def _pieces(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation, store: Store) -> Iterable[Mesh | Primitive]:
     solids = [solid for shape in shapes for solid in solids_of(shape)]
     if shapes and not solids:
         raise NoPart("invalid", "collision() returned no solid: expected convex solids")

@@ -83,9 +83,7 @@ def counted_twice(meshes: Sequence[Triangles]) -> float:
     """By how much the volumes of these closed meshes come to more than that of their union (manifold3d)."""
     from manifold3d import Manifold, Mesh64, OpType
 
-    solids = [
-        Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces, dtype=np.uint64))) for mesh in meshes
-    ]
+    solids = [Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces, dtype=np.uint64))) for mesh in meshes]
     return math.fsum(solid.volume() for solid in solids) - float(Manifold.batch_boolean(solids, OpType.Add).volume())
 
 

@@ -283,9 +283,7 @@ class _Slicer:
         """What of the walls lies beside the layer below."""
         return _without(walls, _grown(below, self.lengths.nozzle / 2.0))
 
-    def laid(
-        self, walls: Region, inside: Region, kind: _Kinds, sparse: Region, below: Region | None, *spanned: Region,
-    ) -> _Laid:
+    def laid(self, walls: Region, inside: Region, kind: _Kinds, sparse: Region, below: Region | None, *spanned: Region) -> _Laid:
         """What is laid in a layer; `below` is the outline of the layer below (None: the bed), `spanned` what is sparse in those that the
         strands of a bridge sink into."""
         once, lengths = self.once, self.lengths

@@ -78,9 +78,7 @@ def _straight(edge: TopoDS_Edge) -> bool:
     return not BRep_Tool.Degenerated_s(edge) and BRepAdaptor_Curve(edge).GetType() == GeomAbs_Line
 
 
-def _meshed(
-    shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bool], linear: float, angular: float
-) -> Triangles | None:
+def _meshed(shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bool], linear: float, angular: float) -> Triangles | None:
     """The shape's triangles: of its faces some are `filled`, and the others cut by the kernel. None where a face cannot be filled."""
     BRepTools.Clean_s(shape)  # the kernel keeps finer triangles that it finds
     points = _Points()
