@@ -49,7 +49,7 @@ def replace_files(changes: Mapping[str, Change]) -> None:
                     _replace(other, *reversed(changes[other]))
             if isinstance(fault, OSError):
                 message = f"cannot write `{shown_path(path)}`: {(fault.strerror or str(fault)).lower()}"
-                raise ReplacementRefused(message, "make room, or choose another place" if fault.errno in NO_ROOM else None) from fault
+                raise ReplacementRefused(message, "free disk space, or use another folder" if fault.errno in NO_ROOM else None) from fault
             raise
 
 
