@@ -72,17 +72,19 @@ def read_centre(written: CentreTest, reader: Reader) -> CentreCheck:
 
 
 PAGE = """\
+## Centre of mass
+
 <!-- keys: CentreTest -->
-| key | value | without it | |
+| Key | Type | Default | Description |
 |---|---|---|---|
 | `of` | a component, or a pattern | the whole robot | |
-| `in` | a mount | the world of the mode | the frame |
+| `in` | a mount | the world of the mode | reference frame |
 | `mode` | modes | the first | |
 | `pose` | poses | where the mode starts | |
-| `within` | mapping | an error | a box in that frame |
+| `within` | mapping | required | a box in that frame |
 
 <!-- keys: WithinSpec -->
-| key | value | without it | |
+| Key | Type | Default | Description |
 |---|---|---|---|
 | `x` | two lengths | free | smallest and largest; at least one of the axes |
 | `y` | two lengths | free | |

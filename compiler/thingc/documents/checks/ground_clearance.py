@@ -53,19 +53,20 @@ def read_ground_clearance(written: GroundClearanceTest, reader: Reader) -> Groun
 
 
 PAGE = """\
-**Ground clearance** is how high the lowest part is over a level plane: the floor of the scene, or `plane` above it. It is decided on
-the true shapes of the parts, tessellated within the workspace's `mesh` tolerance, whatever their [collision](#collision) shape is, and on
-those shapes of [links](#links-of-shapes) that touch (where none does, on those that are drawn), but for planes. What stands or rolls on
-the floor is named by `except`.
+## Ground clearance
+
+The height of the lowest part above a level plane. It uses the true shapes of parts, tessellated with the workspace's `mesh` tolerance,
+and the collision shapes of [links](shapes.md#links-of-shapes) (visual shapes if there are none) without planes. Name components that
+stand or roll on the floor in `except`.
 
 <!-- keys: GroundClearanceTest -->
-| key | value | without it | |
+| Key | Type | Default | Description |
 |---|---|---|---|
 | `mode` | modes | the first | |
 | `pose` | poses | where the mode starts | |
 | `plane` | a length | `0` | z of the plane in the world of the mode |
-| `at_least` | a length | an error | the least height over it |
-| `except` | list of components, patterns allowed | none | those that may come nearer; a nested assembly counts as a whole |
+| `at_least` | a length | required | smallest allowed height |
+| `except` | list of components, patterns allowed | none | components that may come closer; a nested assembly counts as a whole |
 """
 
 KIND = CheckKind(

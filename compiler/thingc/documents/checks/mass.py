@@ -52,10 +52,12 @@ def read_mass(written: MassTest, reader: Reader) -> MassCheck:
 
 
 PAGE = """\
-**Mass and centre** are sums over components, as `thingc info` shows them.
+## Mass
+
+The sum over components, as in `thingc info`.
 
 <!-- keys: MassTest -->
-| key | value | without it | |
+| Key | Type | Default | Description |
 |---|---|---|---|
 | `of` | a component, or a pattern | the whole robot | |
 | `min` | a mass | no bound | `min`, `max` or both |

@@ -117,45 +117,43 @@ def _allowance(said: AllowSpec, reader: Reader, index: int) -> AllowedContact:
 
 
 PAGE = """\
-**No collision** compares the true shapes of all pairs of parts, tessellated within the workspace's `mesh` tolerance. Their
-[collision](#collision) shapes and `contacts.exclude` of a mode do not matter. Parts may touch. An overlap counts if its mean depth (twice
-its volume by its surface) is more than twice the linear mesh tolerance, by which the two surfaces may be off.
+## No collision
 
-Parts on one link, and parts on two links that a joint connects, touch by design: only their overlaps count. For all other pairs the gap is
-measured, too, and with a `clearance` a pair fails if the gap is smaller. A part whose surface is not closed is replaced by its convex hull
-there.
+Compares the true shapes of all pairs of parts, tessellated with the workspace's `mesh` tolerance. [Collision
+shapes](shapes.md#collision) and `contacts.exclude` are ignored. Parts can touch. An overlap counts if its mean depth (twice its volume
+divided by its surface) is more than twice the linear mesh tolerance.
 
-Declare an intended overlap, such as a press fit or a shaft in its bearing, once: `allow: {TC520: reason}` on one of the two components, or
-on the joint between them. Both this test and [`build`](codes/TC520.md) accept it. `allow` of the test accepts a pair in this test alone.
-The result lists the pairs that were not compared, or overlap as declared, with the reason (`skipped` in the JSON answer): parts that
-touch by design are skipped if they list approximate [shapes](#links-of-shapes) or their surface is not closed.
+- Parts on one link, or on two links connected by a joint, touch by design: only overlaps count.
+- For all other pairs the gap is measured, too. With `clearance`, a smaller gap fails. An open mesh is replaced by its convex hull for
+  this.
+- For a [link of shapes](shapes.md#links-of-shapes), the collision shapes count, or the visual shapes if it has none. Boxes, spheres
+  and capsules are exact, cylinders and ellipsoids within 0.1 % of their radius, and planes infinite.
+- To declare an intended overlap, such as a press fit, add `allow: {TC520: reason}` to one of the two components or to the joint
+  between them. This test and [`build`](../codes/TC520.md) then accept it. `allow` of the test accepts a pair in this test only.
+- The result lists skipped pairs with the reason (`skipped` in the JSON output): declared overlaps, and parts that touch by design and
+  have approximate shapes or an open surface.
 
-Of a [link of shapes](#links-of-shapes) those count that touch, where none does those that are drawn: boxes, spheres and
-capsules exactly, cylinders and ellipsoids within 0.1 % of their radius, meshes as those of parts, and planes without an end, as
-simulators have them.
-
-With `joints` it is a sweep: those joints move through their ranges, the others stay as in the pose. One joint is moved in equal steps from
-end to end; several go through positions that are spread evenly over all ranges and begin with their corners. The same
-positions are taken in every run. A sweep looks at positions, not between them; parts that touch by design are compared once within about
-6 degrees and 2 mm.
+With `joints`, the test moves these joints through their ranges; the others stay in the pose. One joint moves in equal steps. Several
+joints take the corners of their ranges, then evenly spread positions. The positions are the same in every run; between them nothing is
+checked. Parts that touch by design are compared only once within about 6 degrees and 2 mm.
 
 <!-- keys: NoCollisionTest -->
-| key | value | without it | |
+| Key | Type | Default | Description |
 |---|---|---|---|
 | `mode` | modes | the first | |
 | `pose` | poses | where the mode starts | |
-| `joints` | joint to `all`, or to from and to | none move | patterns allowed; an exact name goes before a pattern |
-| `samples` | a whole number | `200` | positions of the sweep; at most 10 000 |
-| `clearance` | a length | `0` | the least gap |
-| `allow` | list | none | pairs that may come nearer |
+| `joints` | joint to `all`, or to from and to | none move | patterns allowed; an exact name takes precedence |
+| `samples` | a whole number | `200` | number of positions, at most 10 000 |
+| `clearance` | a length | `0` | smallest allowed gap |
+| `allow` | list | none | pairs that may come closer |
 
 <!-- keys: AllowSpec -->
-| key | value | without it | |
+| Key | Type | Default | Description |
 |---|---|---|---|
-| `pair` | two components, patterns allowed | an error | a nested assembly stands for all its components |
-| `reason` | text | an error | why that is right |
+| `pair` | two components, patterns allowed | required | a nested assembly means all its components |
+| `reason` | text | required | why this is intended |
 
-An allowance that no mode, pose or position has needed is a warning.
+An unused entry of `allow` is a warning.
 """
 
 KIND = CheckKind(

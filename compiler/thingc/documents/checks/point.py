@@ -87,21 +87,22 @@ def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
 
 
 PAGE = """\
-**Point** looks for joint positions within their limits that bring a mount to a point: a trust-region least-squares method from
-where the mode starts, from the middle of the ranges, and from 24 positions spread over them, until one is near enough. Holds
-and loops of the mode are closed there, in whichever way they close; a base that floats stays where the mode puts it. The same starts are
-taken in every run.
+## Point
+
+Searches for joint positions within their limits that bring a mount to a point. It uses trust-region least squares from the start of
+the mode, from the middle of the ranges and from 24 fixed samples, until one is close enough. Holds and loops of the mode stay closed.
+A `free` base stays where the mode puts it.
 
 <!-- keys: PointTest -->
-| key | value | without it | |
+| Key | Type | Default | Description |
 |---|---|---|---|
-| `mount` | a mount | an error | |
+| `mount` | a mount | required | |
 | `mode` | modes | the first | |
-| `in` | a mount | the world of the mode | the frame of `at` and `direction` |
-| `at` | three lengths | an error | the point |
-| `within` | a length | an error | how near the origin of the mount has to come |
-| `direction` | three numbers | any | where the mount's z has to point |
-| `angle` | an angle | `1 deg` | how far off that it may be |
+| `in` | a mount | the world of the mode | frame of `at` and `direction` |
+| `at` | three lengths | required | the point |
+| `within` | a length | required | largest distance of the mount's origin |
+| `direction` | three numbers | any | direction of the mount's z |
+| `angle` | an angle | `1 deg` | largest deviation from `direction` |
 """
 
 KIND = CheckKind(

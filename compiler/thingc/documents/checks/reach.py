@@ -55,23 +55,26 @@ def read_reach(written: ReachTest, reader: Reader) -> ReachCheck | None:
 
 
 PAGE = """\
-**Reach** is the greatest distance of two mounts over the ranges of all joints (a joint without limits: once round): 1 000
-positions spread over the ranges, the farthest of them followed uphill within the limits. Of a robot with loops it is the poses of
-the document and 100 positions of its driven joints, closed, and then followed with the loops kept closed. The distance found can be
-taken, so `min` is proven when it passes; it is a lower bound of what is possible, so `max` is only refuted when it fails. It
-depends on no mode. Collisions do not count.
+## Reach
+
+The greatest distance between two mounts over the ranges of all joints (one turn for a joint without limits). thingc samples 1 000
+positions and optimizes the best ones within the limits. For a robot with loops, it starts from the poses of the document and from 100
+positions of the driven joints, and keeps the loops closed. The result does not depend on a mode, and collisions are ignored.
+
+The distance found is always reachable. If `min` passes, it is proven. `max` can only be refuted, because the true maximum can be
+larger.
 
 <!-- keys: ReachTest -->
-| key | value | without it | |
+| Key | Type | Default | Description |
 |---|---|---|---|
-| `of` | a mount | an error | the one that reaches |
-| `from` | a mount | an error | where the distance is measured from |
+| `of` | a mount | required | the mount that reaches |
+| `from` | a mount | required | the mount from which the distance is measured |
 | `min` | a length | no bound | `min`, `max` or both |
 | `max` | a length | no bound | |
 """
 
 KIND = CheckKind(
-    name="reach", position=3, summary="The greatest distance of two mounts, over the ranges of all joints.",
+    name="reach", position=3, summary="The greatest distance between two mounts is within bounds.",
     examples=[{"of": "hand.tip", "from": "plate.bottom", "min": "300 mm"}],
     stub={"of": "$mount", "from": "$base", "min": "1 mm"}, lengths=("reach",),
     page=PAGE, model=ReachTest, read=read_reach,

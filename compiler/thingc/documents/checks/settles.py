@@ -73,21 +73,22 @@ def read_settles(written: SettlesTest, reader: Reader) -> SettleCheck:
 
 
 PAGE = """\
-**Settles** simulates the mode's MuJoCo scene, as `build` writes it, from the keyframe of the pose with the drives set to it. After
-`within` the robot has to be at rest, and to stay so for the time `for`. What is looked at are the corners of the boxes around
-all parts.
+## Settles
+
+Simulates the mode's MuJoCo scene, as written by `build`, from the keyframe of the pose with the drives set to it. After `within`, the
+robot must be at rest and stay so for the time `for`. The test tracks the corners of the bounding boxes of all parts.
 
 <!-- keys: SettlesTest -->
-| key | value | without it | |
+| Key | Type | Default | Description |
 |---|---|---|---|
 | `mode` | modes | the first | |
 | `pose` | poses | where the mode starts | |
-| `within` | a time, at most 600 s | an error | the time that it may take |
-| `for` | a time, at most 600 s | `1 s` | how long it has to stay at rest |
-| `drift` | a length | an error | rest: no point is further than this from where it ends |
-| `moved` | a length | any | how far from the pose a point may end |
-| `penetration` | a length | `5 mm` | how deep contacts may give way at rest |
-| `floor` | flag | `true` | with the floor of the scene, the plane z = 0 of the world |
+| `within` | a time, at most 600 s | required | time until rest |
+| `for` | a time, at most 600 s | `1 s` | time of rest |
+| `drift` | a length | required | largest distance of a point from its final position, at rest |
+| `moved` | a length | any | largest distance of a final position from the pose |
+| `penetration` | a length | `5 mm` | largest penetration of contacts at rest |
+| `floor` | flag | `true` | adds the floor of the scene, the plane z = 0 of the world |
 """
 
 KIND = CheckKind(

@@ -91,26 +91,25 @@ def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findin
 
 
 PAGE = """\
-**Torque margin** is the effort limit of a drive by the torque (of a slide the force) that it has to give so that nothing moves:
-gravity and springs, without friction in joints. Joints that mimic load the one that they follow. Where loops, holds, feet or several drives
-on joints that mimic leave the torques open, two held feet for one, it is the answer with the least sum of squares of effort by limit:
-one that a controller can give, though another may have a greater least margin. The answer says that it is one of many. A pose that
-no effort of the drives holds fails. What carries the robot is its base, which is held for this unless it is `free`, or, of one that
-is, its holds and [feet](#feet); of one that has neither it is not known.
+## Torque margin
 
-With feet the problem is this: of all efforts of the drives, and all forces at the feet that lie in their friction cones (as far along
-the floor as friction times what presses), together with those of holds, that leave the robot at rest in that pose, the efforts with
-the least sum of squares. Cones are pyramids of 16 edges within them. Where no forces within the cones carry the robot, the test fails
-and says how far its centre of mass is outside of the polygon of the feet, or that it slides; feet that are more than 2 % of their greatest
-distance above the lowest one do not stand.
+The effort limit of a drive divided by the torque or force that it needs to hold the robot still against gravity and springs, without
+joint friction. Joints that mimic another load the joint that they follow. The base carries the robot; a `free` base needs
+[feet](modes.md#feet) or [holds](loops.md#holds). A pose that no efforts can hold fails.
 
-Efforts so small take a controller that pushes its feet apart or together as is best. Position drives at rest do not: robots that
-were put on the floor stand there nearly without sideways forces. What they have to give then is the answer without friction, and
-the test says that margin, too; `friction: 0` makes it the one that counts. Clamps are another robot: they carry moments, which no foot on
-a floor does. Of a hexapod of 1.3 kg on three legs of 1.5 N m a servo (`tests/statics/hexapod`, in `thingc test` and in MuJoCo):
+If loops, holds, feet or several drives make the efforts ambiguous, the test uses those with the least sum of squares of effort divided
+by limit, and reports this. A controller can apply them; other efforts can have a greater least margin.
+
+At the feet, forces are limited to friction cones (pyramids of 16 edges inside the cone). If no forces within the cones carry the
+robot, the test fails and reports how far the centre of mass is outside the polygon of the feet, or that the robot slides. A foot
+higher than the lowest one by more than 2 % of their greatest distance does not stand.
+
+Only a controller that controls the horizontal forces at the feet achieves these efforts. Position drives at rest need about the
+efforts without friction. The test reports this margin, too; with `friction: 0` it is the one that counts. For a hexapod of 1.3 kg on
+three legs with servos of 1.5 N m (`tests/statics/hexapod`, by `thingc test` and MuJoCo):
 
 <!-- hexapod -->
-| | least margin |
+| Case | Least margin |
 |---|---|
 | least squares within the cones, friction 0.8 | 8.27 |
 | the same without friction | 5.24 |
@@ -119,12 +118,12 @@ a floor does. Of a hexapod of 1.3 kg on three legs of 1.5 N m a servo (`tests/st
 | three clamps | 67.4 |
 
 <!-- keys: TorqueMarginTest -->
-| key | value | without it | |
+| Key | Type | Default | Description |
 |---|---|---|---|
-| `drive` | driven joints, patterns allowed | an error | each needs a limit of effort |
+| `drive` | driven joints, patterns allowed | required | each needs an effort limit |
 | `mode` | modes | the first | |
 | `pose` | poses | where the mode starts | |
-| `min` | a number | an error | the least margin |
+| `min` | a number | required | smallest allowed margin |
 """
 
 KIND = CheckKind(
