@@ -41,7 +41,7 @@ SOURCE = """\
     <fixed name="sum"><joint joint="hip.L" coef="1"/><joint joint="hip.R" coef="-1"/></fixed>
   </tendon>
   <actuator>
-    <muscle name="flex.or" tendon="cord" lengthrange="0.05 0.2"/>
+    <muscle name="flex.or" tendon="cord" lengthrange="0 0.2"/>
     <motor name="right" joint="hip.R"/>
     <adhesion name="suck" body="shank" ctrlrange="0 1" gain="2"/>
     <position name="pull" tendon="sum" kp="3"/>
@@ -172,3 +172,20 @@ def test_what_is_not_listed_comes_last_and_keyframes_have_the_order_of_the_model
     if not raw:
         some = modes["some"].model()
         assert names_of(some, mujoco.mjtObj.mjOBJ_ACTUATOR, some.nu) == ["first"]
+
+
+def test_an_accelerometer_a_gyro_and_an_orientation_on_one_site_are_an_imu(tmp_path: Path) -> None:
+    """Each alone, or as seen from elsewhere, is a sensor of its own; the indices and names are those of the source."""
+    inertial = """
+    <framequat name="heading" objtype="site" objname="end"/>
+    <accelerometer name="pull.1" site="end"/>
+    <gyro name="rate" site="end"/>
+  """
+    source = SOURCE.replace("    <clock/>\n  ", f"    <clock/>{inertial}")
+    theirs = mujoco.MjModel.from_xml_string(source)
+    imported = imported_from(source, tmp_path)
+    text = (tmp_path / imported.document).read_text()
+    assert text.count("type: imu") == 1 and "type: gyro" in text and "type: accelerometer" not in text
+    ours = thingc.compile(tmp_path / imported.document).modes["source"].model()
+    for number, name in enumerate(names_of(theirs, mujoco.mjtObj.mjOBJ_SENSOR, theirs.nsensor)):
+        assert ours.sensor_type[number] == theirs.sensor_type[number] and (not name or ours.sensor(number).name == name)

@@ -253,8 +253,10 @@ def test_a_wrong_value_in_a_pose_leaves_no_joint_beyond_its_limits(tmp_path: Pat
           down: {type: revolute, parent: a.x, child: c.y, limit: {lower: -20 deg, upper: -10 deg}}
         poses:
           typo: {upp: 7 mm, down: -15 deg}
+          other: {upp: 7 mm}
           fine: {up: 6 mm}
         """)
-    assert len(outcome.said) == 1
+    assert len(outcome.said) == 2
     assert outcome.pose("typo").values == pytest.approx({"up": 0.005, "down": math.radians(-15)})
+    assert outcome.pose("other").values == pytest.approx({"up": 0.005, "down": math.radians(-10)})
     assert outcome.pose("fine").values == {"up": 0.006}
