@@ -231,28 +231,13 @@ def _said(cell: Cell[Any]) -> str:
     return f"*{cell.how}*{_cell(cell.words)}"
 
 
-TEST_LINKS = {
-    "#collision": "shapes.md#collision", "#links-of-shapes": "shapes.md#links-of-shapes", "#feet": "modes.md#feet",
-    "codes/TC520.md": "../codes/TC520.md",
-}
-"""Targets of links in the texts of `documents/checks/`, which were written for one page of the whole language."""
-
-
 def tests() -> str:
     """The page of tests, with the texts of all kinds of tests."""
     rows = ["<!-- keys: TestSpec -->", "| Key | Type | Default | Description |", "|---|---|---|---|"]
     for kind in kinds().values():
         rows.append(f"| `{kind.name}` | mapping | | {_cell(kind.summary[0].lower() + kind.summary[1:].removesuffix('.'))} |")
-    parts = {"kinds of tests": "\n".join(rows), "pages of tests": "\n\n".join(_test_page(kind.page) for kind in kinds().values())}
+    parts = {"kinds of tests": "\n".join(rows), "pages of tests": "\n\n".join(kind.page.strip("\n") for kind in kinds().values())}
     return _marked(_read(TESTS), parts)
-
-
-def _test_page(text: str) -> str:
-    """Return the text of a kind of test with the links and column heads of `docs/language/`."""
-    for old, new in TEST_LINKS.items():
-        text = text.replace(f"]({old})", f"]({new})")
-    text = text.replace("| key | value | without it | |", "| Key | Type | Default | Description |")
-    return text.replace("| an error |", "| required |").strip("\n")
 
 
 def command_pages() -> dict[Path, str]:

@@ -106,19 +106,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
         report.add(Code.SOURCE_CONFLICT, f"the changes cannot be merged: {fault}", None, help="write it in plain form, and import again")
         return None
     _say_conflicts(one, read_text(path, one.text, Report()) or texts[2], report)
-    written: dict[str, Change] = {}
-    for name, content in files.items():
-        there = earlier.read(name)
-        now, before, after = None if there is None else _sha256(there), earlier.meshes.get(name), _sha256(content)
-        if name in (document, RECORD) or now == after:
-            continue
-        if now is None or now == before:
-            written[name] = there, content
-        elif after != before:
-            report.add(
-                Code.SOURCE_CONFLICT, f"`{name}` has changed both here and in the source: your version stays", None,
-                help="to use the version of the source, delete the file and import again",
-            )
+    written = _changed_meshes(earlier, {name: data for name, data in files.items() if name not in (document, RECORD)}, report)
     kept = tuple(name for name in earlier.edited() if name != earlier.document)
     written[document] = held, one.text.encode()
     written[RECORD] = earlier.read(RECORD), files[RECORD]
@@ -130,6 +118,24 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
         changes={os.path.join(earlier.folder, name): change for name, change in written.items() if change[0] != change[1]}, merged=one,
         kept=kept,
     )
+
+
+def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report: Report) -> dict[str, Change]:
+    """Return the changes of mesh files that the source has changed. Files that the user has changed, too, are reported and stay."""
+    written: dict[str, Change] = {}
+    for name, content in files.items():
+        there = earlier.read(name)
+        now, before, after = None if there is None else _sha256(there), earlier.meshes.get(name), _sha256(content)
+        if now == after:
+            continue
+        if now is None or now == before:
+            written[name] = there, content
+        elif after != before:
+            report.add(
+                Code.SOURCE_CONFLICT, f"`{name}` has changed both here and in the source: your version stays", None,
+                help="to use the version of the source, delete the file and import again",
+            )
+    return written
 
 
 def _say_conflicts(one: Merged, after: Text, report: Report) -> None:
