@@ -123,7 +123,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
 def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report: Report) -> dict[str, Change]:
     """Return the changes of mesh files that the source has changed. Files that the user has changed, too, are reported and stay."""
     written: dict[str, Change] = {}
-    for name, content in files.items():
+    for name, content in meshes.items():
         there = earlier.read(name)
         now, before, after = None if there is None else _sha256(there), earlier.meshes.get(name), _sha256(content)
         if now == after:
