@@ -103,7 +103,7 @@ def test_each_keeps_what_it_has_changed(lamp: Path, capsys: Said) -> None:
     assert "  shade:\n    frame: true\n    mass: 100 g\n    at: {in: tip.origin}\n" in text
     assert "\nmounts:" not in text and "  tip: {root: tip, base: held}\n" in text, "--root is as it was"
     told = capsys.readouterr().out
-    assert "taken over: " in told and "  components.upper_arm.mass: 500 g -> 600 g\n" in told and "  joints.lift.limit.lower: " in told
+    assert "merged: " in told and "  components.upper_arm.mass: 500 g -> 600 g\n" in told and "  joints.lift.limit.lower: " in told
     assert "your edits, preserved: 2\n  components.foot.mass\n  modes.flying\n" in told
     assert set(mine.splitlines()) - set(text.splitlines()) < set(mine.splitlines())
     assert main(["check", str(lamp)]) == 0
