@@ -196,8 +196,7 @@ def _told(arguments: argparse.Namespace, imported: Imported, folder: str, change
     robot, here = imported.robot, shown_path(folder)
     said = [f"{here}: {_read(arguments, imported)}", *changes]
     if imported.renamed:
-        are = "is another" if len(imported.renamed) == 1 else "are others"
-        said.append(f"{counted(len(imported.renamed), 'name')} {are} now: see import.json")
+        said.append(f"renamed: {counted(len(imported.renamed), 'element')}, listed in {os.path.join(here, 'import.json')}")
     if imported.repaired:
         said.append(f"repaired: {quoted([one.link.name for one in imported.repaired], 6)}; old and new numbers are in import.json")
     if imported.losses:
