@@ -220,7 +220,7 @@ def test_removed_options_name_what_to_use(small: Path, option: str, capsys: pyte
         patch.chdir(small)
         assert main(["schema", option]) != 0
     error = capsys.readouterr().err
-    assert f"error[TC801]: `{option}` was removed" in error and "`thingc lsp` keeps up with every save" in error
+    assert f"error[TC801]: `{option}` was removed" in error and "use `thingc lsp`, which follows every save" in error
     assert not (small / ".thingc").exists()
 
 

@@ -421,7 +421,7 @@ def test_a_worker_that_is_gone_is_not_waited_for(tmp_path: Path, shared_store: s
 def test_ship_alone_is_a_wrong_command_line(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     done = thingc("batch", "sweep.yaml", "--ship", cwd=here, env=environment(shared_store))
-    assert done.returncode == 2 and f"error[{Code.COMMAND_LINE.code}]: --ship says how files get to other machines" in done.stderr
+    assert done.returncode == 2 and f"error[{Code.COMMAND_LINE.code}]: --ship requires --cluster" in done.stderr
     assert "--cluster tcp://HOST:8786" in done.stderr and not (here / "build").exists()
 
 

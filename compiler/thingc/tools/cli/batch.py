@@ -235,7 +235,7 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
         lines.append(f"the variants are packed, {CHUNK} per file; to write the folder of one: {command} --unpack ID")
     if arguments.pictures is None and summary.count > MANY:
         asked = f"{command} --page-only --pictures {MOST}"
-        lines.append(f"the page of more than {MANY} variants has no pictures unless they are asked for: {asked}")
+        lines.append(f"by default, the page of more than {MANY} variants has no pictures; to draw them: {asked}")
     lines += _complaints(summary.folder) if code else []
     console.say(*lines, stream=sys.stderr)
     return code

@@ -60,7 +60,7 @@ def document_meant() -> str:
         )
         robots = _unnested(assemblies)
     if len(robots) == 1:
-        say(f"taking {shown_path(robots[0])}, the only robot here", stream=sys.stderr)
+        say(f"using {shown_path(robots[0])}, the only robot here", stream=sys.stderr)
         return shown_path(robots[0])
     hint = did_you_mean("", map(shown_path, robots), what="robots") if robots else "run `thingc new NAME` to create one"
     raise WrongCommandLine(f"missing: DOC, and there are {len(robots) or 'no'} robots here", hint)
