@@ -73,7 +73,7 @@ def test_what_is_said_at_the_end(capsys: pytest.CaptureFixture[str], monkeypatch
     monkeypatch.chdir(tmp_path)
     assert main(["import", str(HERE / "robots" / "constructs.urdf")]) == 0
     told = capsys.readouterr().out
-    assert told.startswith("constructs: 12 links and 6 joints of constructs.urdf\n5 names are others now")
+    assert told.startswith("constructs: 12 links and 6 joints of constructs.urdf\nrenamed: 5 elements, listed in constructs/import.json\n")
     for command in re.findall(r"^  thingc (check \S+)", told, re.MULTILINE):
         assert main(command.split()) == 0
     assert "thingc build constructs/constructs.yaml" in told
