@@ -75,13 +75,13 @@ def _chunks(folder: str) -> Iterator[Chunk]:
 
 
 def _is_there(folder: str, id: str) -> bool:
-    """Whether a variant that is said to be built is there, whole."""
+    """Return whether the files of a variant with the status `built` exist."""
     return packed(folder) or os.path.isfile(folder_layout.manifest_of(folder, id))
 
 
 class BuildRecords:
-    """What the batch in a folder has done until now, by place in the plan: `done` are the variants that are done, ascending, `built` those
-    that are built, and there. It keeps a few bytes for each variant, and what was asked for last."""
+    """Finished variants of the batch in a folder, by their index in the plan. `done` are all finished variants, ascending; `built` those
+    that were built and whose files exist. Uses a few bytes for each variant, and caches the chunk that was read last."""
 
     def __init__(self, folder: str) -> None:
         self.folder = folder
@@ -97,7 +97,7 @@ class BuildRecords:
             self._ids.extend(int(hash_name(id, 12), 16) for _, id, *_ in heads)
 
     def line(self, index: int) -> Line:
-        """What is told of one. Raises `KeyError` for one that is not done."""
+        """Return the journal line of a variant. Raises `KeyError` if the variant is not done."""
         with self._chunks.holding(index) as chunk:
             return chunk.line(index)
 

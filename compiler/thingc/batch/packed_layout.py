@@ -236,10 +236,10 @@ def _json(value: Any) -> str:
 
 
 class Chunk:
-    """One chunk, as far as it is done: what is sealed, and over it what its journal says. `indices` are the places in the plan, ascending;
-    `paths` those of the files that variants have of their own. Of a batch that is not packed the only chunk is its journal.
+    """The finished part of one chunk: its sealed file, overridden by its journal. `indices` are indices in the plan, ascending; `paths` are
+    the paths of files that differ between variants. A batch that is not packed has one chunk, which consists of its journal.
 
-    What is read stays readable while a batch goes on. Not thread-safe.
+    Open chunks stay readable while the batch continues. Not thread-safe.
     """
 
     def __init__(self, folder: str, number: int) -> None:
@@ -318,7 +318,7 @@ class Chunk:
         return {path: data for path in self.paths if (data := self.cell(index, path)) is not None}
 
     def cell(self, index: int, column: str) -> Any:
-        """What of a variant is in a column of the sealed file (of a file: its bytes), or in `run`; None where it has nothing there."""
+        """Return the value of a variant in a column, the bytes if the column is a file; None if it has no value there."""
         if index in self._begins:
             return _cell_of(self._noted(index), column)
         return self._sealed_cell(self._rows[index], column) if column in self._sealed_columns else None

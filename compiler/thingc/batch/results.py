@@ -186,9 +186,8 @@ class BatchResults(Sequence[BuiltVariant]):
         self, folder: str, described: Mapping[str, Any], mode: str | None, robot: str, records: BuildRecords, meshes: _Meshes,
         indices: Sequence[int] | None = None,
     ) -> None:
-        """The batch in a folder, as it was when it was loaded; `described` is what `batch.json` says of it, `mode` the one that is meant
-        unless another is said, `robot` the name of the assembly. Of the variants at the places `indices` of the plan; None: of all that
-        are built."""
+        """Use a batch as it was when it was loaded. `described` is the content of `batch.json`, `mode` the default mode, and `robot` the
+        name of the assembly. `indices` selects variants by their index in the plan (default: all that were built)."""
         self.folder = folder
         self.name: str = described["name"]
         self.robot = robot
@@ -460,11 +459,11 @@ def _because(row: Mapping[str, Any]) -> str:
 
 
 def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | None] | None:
-    """The variant of this id or name, and the rule that it does not keep; None where there is none.
+    """Return the variant with this id or name, and the rule that it violates (or None); None if there is no such variant.
 
-    An id is of what differs from the assembly's document, and names are counted: when a document has changed since the batch was built,
-    as it does with every variant that is adopted, either may be that of another variant. So what the batch in `folder` has under it is
-    looked for by its settings. Raises `BatchFault` where no variant has these any more.
+    Ids are computed from differences to the assembly document, and names are numbered. If a document has changed since the batch was built,
+    as after each adopted variant, an id or a name can belong to another variant. So the variant of the batch in `folder` is matched by its
+    settings. Raises `BatchFault` if no variant has these settings now.
     """
     line = _told(plan, wanted, folder)
     if line is None:

@@ -63,13 +63,8 @@ def changeable_fields() -> KeysView[str]:
     import numpy as np
 
     model = mujoco.MjSpec().compile()
-
-    def changeable(name: str) -> bool:
-        if name in BUFFERS or name.startswith((*SHAPES, "vis.")):
-            return False
-        return name in SHORTCUTS or np.asarray(getattr(*owner_of(model, name))).dtype.kind == "f"
-
-    return dict.fromkeys(filter(changeable, names(model))).keys()
+    read = (name for name in names(model) if name not in BUFFERS and not name.startswith((*SHAPES, "vis.")))
+    return {name: None for name in read if name in SHORTCUTS or np.asarray(getattr(*owner_of(model, name))).dtype.kind == "f"}.keys()
 
 
 class StructuresDiffer(FamilyError):

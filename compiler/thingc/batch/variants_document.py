@@ -94,8 +94,8 @@ def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
 
 
 def _missing(model: AssemblyDefinition, words: list[str]) -> tuple[str, Mapping[str, Any] | list[str], str] | None:
-    """The word of a reference to a mount that the model has not, what it has, and what that is; None where there is nothing
-    to say (the mounts of a part are not known before it is modelled)."""
+    """Return the unknown word of a reference to a mount, the known words, and their kind; None if nothing is wrong (the mounts of a part
+    are not known before it is modelled)."""
     if len(words) == 1:
         return None if words[0] in model.mounts else (words[0], model.mounts, "mounts")
     components = {component.name: component for component in model.components}

@@ -165,8 +165,8 @@ class PlanCaches(Generic[Made]):
     def planned(
         self, read: ParsedSettings, make: Callable[[ParsedSettings, PlanCache[Made]], NumericPlan[Made] | None],
     ) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
-        """The plan that is of settings, and what it works with, as `PlanCache` gives them; None where settings are refused or are no
-        numbers."""
+        """Return the plan for settings and its outputs, as `PlanCache.planned` does; None if the settings are refused or
+        contain no numbers."""
         if read.report is not None or not read.names:
             return None
         form = self.of(read)

@@ -221,14 +221,16 @@ OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
 }
 """Operators of two numbers."""
 
-
 Run = Callable[..., "tuple[float, ...] | None"]
-"""Values of the variables -> those of the outputs; None where a guard does not hold."""
+"""Maps values of the variables to values of the outputs; returns None if a guard fails."""
+
 
 def compiled(tape: Tape, outputs: Sequence[Any]) -> Run:
-    """The function that works `outputs` (numbers, traced or not) out anew. It does the same operations on doubles as the passes did, in
-    their order, so that what it gives is what they would give, to the last bit; it gives None where a pass would have decided otherwise,
-    or could not have gone on."""
+    """Return the function that computes `outputs` (numbers, traced or not) for other values of the variables.
+
+    It repeats the operations of the passes on doubles in the same order, so its results are equal to the last bit. It returns None if a
+    pass would have decided otherwise or would have failed.
+    """
     names: dict[str, Any] = {"inf": numeric.inf, "nan": numeric.nan, **numeric.OPERATIONS}
     guards = list(dict.fromkeys((operation, arguments, outcome, at) for at, operation, arguments, outcome in tape.guards))
     seen: set[Any] = set()

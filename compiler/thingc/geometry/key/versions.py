@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable
 from functools import cache
+from pathlib import Path
 
 from thingc.base.filesystem import listing
 from thingc.base.installed_packages import import_path
@@ -70,12 +71,8 @@ def compiler_version() -> dict[str, str]:
 
     digest = hashlib.sha256()
     for room in ("base", "geometry"):
-        for folder, below, names in os.walk(os.path.join(OWN_FOLDER, room)):
-            below.sort()
-            for file in (os.path.join(folder, name) for name in sorted(names) if name.endswith(".py")):
-                digest.update(os.path.relpath(file, OWN_FOLDER).encode())
-                with open(file, "rb") as stream:
-                    digest.update(hashlib.sha256(stream.read()).digest())
+        for file in sorted(Path(OWN_FOLDER, room).rglob("*.py")):
+            digest.update(str(file.relative_to(OWN_FOLDER)).encode() + hashlib.sha256(file.read_bytes()).digest())
     return {"version thingc": f"{getattr(thingc, '__version__', '0')} {digest.hexdigest()[:16]}"}
 
 

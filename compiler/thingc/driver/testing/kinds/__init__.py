@@ -20,7 +20,7 @@ def _one_pose(check: Any, pose: NamedPose) -> Sequence[NamedPose]:
 
 
 class CheckRunner(FrozenStruct, Generic[Stated]):
-    """How to run tests of one kind: the functions of these names in its module. `poses` and `finish` are optional.
+    """How to run tests of one kind.
 
     `measure(case, stated)` measures one case. `poses(stated, pose)` returns the poses of a case that is named after `pose`.
     `finish(linked, outcomes, report)` receives all outcomes, if the test was run in all of its modes.
@@ -33,5 +33,5 @@ class CheckRunner(FrozenStruct, Generic[Stated]):
 
 def runner_of(kind: str) -> CheckRunner[Any]:
     """Return the runner of a kind of test."""
-    own = vars(import_module(f"{__name__}.{kind}"))
-    return CheckRunner(**{name: own[name] for name in CheckRunner.__struct_fields__ if name in own})
+    runner: CheckRunner[Any] = import_module(f"{__name__}.{kind}").RUNNER
+    return runner

@@ -6,6 +6,7 @@ from thingc.base.diagnostics import Code
 from thingc.base.inertia import total
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.centre import CentreCheck
+from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.results import ROUNDING, Failure, Measure, Outcome, TestCase, shown
 from thingc.model.robot.kinematics import occurrence_poses
 
@@ -40,3 +41,6 @@ def measure(case: TestCase, check: CentreCheck) -> Outcome:
     if failures:
         failure = Failure(code=Code.TEST_CENTRE, key=failures[0].key, message="; ".join(one.message for one in failures))
     return Outcome(measured={"centre": list(place), "mass": whole.mass}, expected=expected, said=f"centre {text} mm", failure=failure)
+
+
+RUNNER = CheckRunner(measure=measure)

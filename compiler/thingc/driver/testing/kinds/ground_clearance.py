@@ -12,6 +12,7 @@ from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.ground_clearance import GroundClearance
+from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.results import Failure, Measure, Outcome, TestCase, shown
 from thingc.geometry.store.meshes import vertices
 from thingc.model.assembly.types import Occurrence, Surface
@@ -84,3 +85,6 @@ def _low(case: TestCase, occurrence: Occurrence, number: int, pose: Pose) -> flo
 
 def _over(height: float) -> str:
     return f"{shown(abs(height), LENGTH)} {'below' if height < 0.0 else 'above'} the plane"
+
+
+RUNNER = CheckRunner(measure=measure)

@@ -10,6 +10,7 @@ from thingc.base.one_line_repr import counted
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.no_collision import CollisionCheck
 from thingc.driver.testing.collisions import LOOK, Collisions, NearPair, collisions_of
+from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.poses import joints_text, swept
 from thingc.driver.testing.results import Failure, Measure, Outcome, TestCase, shown
 from thingc.model.assembly.types import Assembly, LinkedTest
@@ -144,3 +145,6 @@ def _at(case: TestCase, check: CollisionCheck, near: NearPair) -> str:
     if not check.ranges:
         return ""
     return f" at {joints_text(case.robot.assembly, {r.joint: near.where.q[r.joint] for r in check.ranges})}"
+
+
+RUNNER = CheckRunner(measure=measure, poses=poses, finish=finish)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from thingc.base.diagnostics import Code, Note
 from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.documents.checks.point import PointCheck
+from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.poses import joints_text
 from thingc.driver.testing.reach_search import ReachGoal, nearest
 from thingc.driver.testing.results import Failure, Measure, Outcome, TestCase, shown
@@ -43,3 +44,6 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
             f"{Quantity(check.angle, ANGLE)} were asked for",
         )
     return Outcome(measured={**measured, "joints": joints}, expected=expected, said=f"{said})", failure=failure)
+
+
+RUNNER = CheckRunner(measure=measure)

@@ -7,6 +7,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Note
 from thingc.base.units import LENGTH
 from thingc.documents.checks.reach import ReachCheck
+from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.poses import joints_text, posed, starting_pose
 from thingc.driver.testing.reach_search import farthest
 from thingc.driver.testing.results import Outcome, TestCase, check_bounds, unclosed
@@ -27,3 +28,6 @@ def measure(case: TestCase, check: ReachCheck) -> Outcome:
         note = Note(message=f"farthest at {where}") if where else None
         outcome = replace(outcome, failure=replace(outcome.failure, message=message, notes=(note,) if note else ()))
     return replace(outcome, measured={**outcome.measured, "joints": joints})
+
+
+RUNNER = CheckRunner(measure=measure)

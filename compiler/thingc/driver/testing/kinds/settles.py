@@ -7,6 +7,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Report
 from thingc.base.units import LENGTH, TIME, Quantity
 from thingc.documents.checks.settles import SettleCheck
+from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.results import Failure, Measure, Outcome, TestCase, shown
 from thingc.driver.testing.settle_simulation import SettleResult, simulated
 from thingc.targets.mjcf import emit as mjcf
@@ -73,3 +74,6 @@ def _diverged(time: float) -> Outcome:
         help="take a smaller `simulation: {timestep: ...}`, or look for parts that overlap in the pose",
     )
     return Outcome(measured={"diverged": time}, expected={}, said=f"diverges after {time:.3g} s", failure=failure)
+
+
+RUNNER = CheckRunner(measure=measure)

@@ -11,6 +11,7 @@ from thingc.base.diagnostics import Code, Note
 from thingc.base.pose import Pose
 from thingc.base.units import FORCE, LENGTH, TORQUE
 from thingc.documents.checks.torque_margin import TorqueCheck
+from thingc.driver.testing.kinds import CheckRunner
 from thingc.driver.testing.results import Failure, Measure, Outcome, TestCase, shown
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge
@@ -122,3 +123,6 @@ def _without_friction(robot: Robot, frame: Keyframe, bodies: Sequence[Pose], che
 
 def _effort(joint: JointEdge, value: float) -> str:
     return shown(abs(value), TORQUE if joint.twist.turns else FORCE)
+
+
+RUNNER = CheckRunner(measure=measure)
