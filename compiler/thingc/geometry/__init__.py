@@ -1,1 +1,1 @@
-"""The geometry service: the only door to the CAD kernel. Start reading at `service`; the worker starts at `worker.server`."""
+"""The geometry service: the only access to the CAD kernel. Start reading at `service`; the worker starts at `worker.server`."""

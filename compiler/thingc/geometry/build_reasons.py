@@ -1,4 +1,4 @@
-"""Why a part was modelled or not, in words; and the records that a service keeps at hand with those words."""
+"""Why a part was built or reused, as text, and the records that a service holds in memory with these reasons."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from thingc.geometry.key.result_cache import Results
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord
 
 RECENT = 512
-"""How many records a service keeps at hand for its next answer; the oldest goes first."""
+"""Number of records that a service holds in memory; the oldest is dropped first."""
 
 
 class BuildReason(FrozenStruct):
-    """Why a part was modelled, or not: `reason` in words: "module `arm` changed"."""
+    """Why a part was built (`reused` is False) or reused, as text: "module `arm` changed"."""
 
     text: str
     reused: bool
@@ -22,12 +22,12 @@ class BuildReason(FrozenStruct):
 
 
 def unchanged(reason: str) -> str:
-    """Why a part is reused that was modelled for a reason."""
+    """Return the reason for reusing a part that was built for `reason` ("" if unknown)."""
     return "nothing that it depends on changed" + (f" since it was modelled ({reason})" if reason else "")
 
 
 def why(definition: PartDefinition, build_key: BuildKey, results: Results) -> str:
-    """Why a part has to be modelled."""
+    """Return the reason why a part has to be built."""
     last = results.last(definition.text)
     if last is None:
         return "parameters are new" if results.met_before(definition.reference) else "first time"
@@ -37,20 +37,20 @@ def why(definition: PartDefinition, build_key: BuildKey, results: Results) -> st
 
 
 class RecentRecords:
-    """The last records of a service, by definition and by whether they have convex pieces: asked for again, they cost nothing."""
+    """The last records of a service, by definition and by whether they have convex pieces. Looking one up reads nothing from the store."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[PartDefinition, bool], tuple[PartRecord, str]] = {}
 
     def get(self, definition: PartDefinition, convex: bool) -> tuple[PartRecord, str] | None:
-        """The record, and why it is reused."""
+        """Return the record and why it is reused, or None."""
         return self._kept.get((definition, convex))
 
     def keep(
         self, definitions: Mapping[str, PartDefinition], answers: Mapping[str, PartRecord | PartFailure], convex: Collection[str],
         decisions: Mapping[str, BuildReason],
     ) -> None:
-        """Remember the records of one answer, with what another service would say of them then."""
+        """Store the records of one answer, each with the reason that a later service would give for reusing it."""
         for text, definition in definitions.items():
             record, decision, place = answers[text], decisions.get(text), (definition, text in convex)
             if isinstance(record, PartRecord) and decision is not None and place not in self._kept:

@@ -1,5 +1,4 @@
-"""The client's end of the pipe: starts worker processes, sends requests, gathers answers, reads traces of crashes, and leaves
-nothing alive."""
+"""The client's end of the pipe: start worker processes, send requests, collect answers, read traces of crashes, and end all processes."""
 
 from __future__ import annotations
 
@@ -25,21 +24,21 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 GRACE = 15.0
-"""How long [s] after a request's own deadline the worker may be silent before it is given up itself."""
+"""Time [s] after the deadline of a request until a silent worker is ended."""
 LOADING = 120.0
-"""How long [s] a worker may take to load the kernel."""
+"""Time limit [s] for a worker to load the kernel."""
 
 SPANS = 1000
-"""How many answers `busy` remembers."""
+"""Number of answers whose times `busy` uses."""
 
 CAN_FORK = hasattr(os, "fork")
 
 ABSENT = "absent"
-"""The kind of failure of a part of which the store knows nothing."""
+"""Kind of failure of a part that is not in the store."""
 
 
 class WorkerBroken(Exception):
-    """No worker starts: the kernel does not load (`detail` has the traceback), or the system has no process for it."""
+    """No worker can be started: the kernel does not load (`detail` is the traceback), or the system cannot start a process."""
 
     def __init__(self, message: str, detail: str = "") -> None:
         super().__init__(message)
@@ -48,7 +47,7 @@ class WorkerBroken(Exception):
 
 @dataclass(slots=True)
 class _Process:
-    """A worker process and what it has been asked."""
+    """A worker process and the requests that it has not answered."""
 
     process: JsonLinesProcess
     capacity: int
@@ -58,10 +57,10 @@ class _Process:
 
 
 class Workers:
-    """Worker processes for requests of one service: one that forks, where the system can, else one per job.
+    """Worker processes of one service: one that forks if the system supports it, else one per job.
 
-    Nothing is started before it is needed. `close` ends them all, and so does the end of this process. `seed` is that of Python's
-    hashes in them, which the order of sets of texts follows. `there`: there are some.
+    Processes are started when they are first needed. They end with `close`, or when this process ends. `seed` is the hash seed of Python in
+    them, which decides the iteration order of sets of texts. `there` is False if no worker will ever be started.
     """
 
     there = True
@@ -79,8 +78,10 @@ class Workers:
         self._spans: deque[tuple[float, float]] = deque(maxlen=SPANS)
 
     def busy(self, since: float) -> float:
-        """How long [s] parts have been modelled, measured and cut since a time (`time.monotonic`), as the workers say: several at once
-        count once. To load the modules of parts does not count."""
+        """Return the time [s] since `since` (`time.monotonic`) in which parts were built, measured or sliced, as reported by the workers.
+
+        Overlapping times count once. Loading the modules of parts does not count.
+        """
         total, until = 0.0, since
         for begun, ended in sorted(self._spans):
             total += max(0.0, ended - max(begun, until))
@@ -93,20 +94,21 @@ class Workers:
         return bool(self._processes)
 
     def warm(self) -> None:
-        """Start the workers without waiting for them: they load the kernel while the caller does something else. Where none starts, `run`
-        says so."""
+        """Start the workers without waiting, so that they load the kernel while the caller does something else. If none starts, `run`
+        raises.
+        """
         with contextlib.suppress(WorkerBroken):
             self.ensure()
 
     def _leave_others(self) -> None:
-        """After a fork: the workers are the parent's, which goes on asking them; this process has none."""
+        """Drop the workers after a fork: they belong to the parent, which goes on using them."""
         if self._owner != os.getpid():
             self._owner = os.getpid()
             self._processes, self._lines = [], queue.SimpleQueue()
             self._begun, self._early = {}, {}
 
     def ensure(self) -> None:
-        """Start the workers that are missing. Raises `WorkerBroken`."""
+        """Start the missing workers. Raises `WorkerBroken`."""
         self._leave_others()
         wanted = 1 if self.forking else self.jobs
         while len(self._processes) < wanted:
@@ -114,8 +116,10 @@ class Workers:
             self._processes.append(self._start(flags, self.jobs if self.forking else 1))
 
     def begin(self, requests: Iterable[Mapping[str, Any]]) -> None:
-        """Ask these without waiting: `run` has the answers sooner where it is asked for the same. Only workers that fork begin with
-        anything; where none can be had, `run` says so."""
+        """Send requests without waiting, so that a later `run` with the same requests gets their answers sooner.
+
+        Does nothing unless workers fork. If no worker starts, `run` raises.
+        """
         if self.forking:
             with contextlib.suppress(WorkerBroken):
                 self.ensure()
@@ -123,13 +127,13 @@ class Workers:
                     self._begun[_request_text(request)] = self._send(self._processes[0], request)
 
     def prepare(self, files: Sequence[str]) -> None:
-        """Let workers that are there, and fork, get ready for a part whose code is in these files."""
+        """Tell running workers that fork to prepare for a part whose code is in these files."""
         self._leave_others()
         for worker in self._processes if self.forking else ():
             worker.process.ask({"prepare": files})
 
     def forget(self, but: Iterable[Mapping[str, Any]] = ()) -> None:
-        """End what was begun and is not wanted: all but these requests."""
+        """End requests that were begun, except those in `but`."""
         self._leave_others()
         wanted = set(map(_request_text, but))
         for text in [text for text in self._begun if text not in wanted]:
@@ -140,10 +144,10 @@ class Workers:
                     worker.process.ask({"forget": number})
 
     def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
-        """Every request with its answer, in the order they come: `{"answer": ...}` or `{"failed", "words", "detail"}`.
+        """Yield every request with its answer, in the order in which answers arrive: `{"answer": ...}` or `{"failed", "words", "detail"}`.
 
-        A request has `op` and `timeout` [s]; `requests` are asked for shortly before it is their turn. Raises `WorkerBroken` when
-        no worker can be had.
+        A request has `op` and `timeout` [s]. `requests` is read lazily, shortly before each request is sent. Raises `WorkerBroken` if no
+        worker can be started.
         """
         source = iter(requests)
         waiting: deque[Mapping[str, Any]] = deque()
@@ -164,18 +168,18 @@ class Workers:
                 left = {number: request for number, request in worker.asked.items() if number in under_way}
                 under_way -= left.keys()
                 lost += 1
-                if self.forking and lost <= 1:  # the server itself was lost: nobody knows why, so once more
+                if self.forking and lost <= 1:  # the forking server itself ended, for an unknown reason: try once more
                     waiting.extendleft(reversed(left.values()))
                 else:
                     yield from ((request, dict(answer)) for request in left.values())
                 continue
             number, request = self._answered(worker, answer)
-            if number in under_way and request is not None:  # else of a run that was given up
+            if number in under_way and request is not None:  # otherwise the answer belongs to a run that was abandoned
                 under_way.remove(number)
                 yield request, answer
 
     def _hand_out(self, waiting: deque[Mapping[str, Any]], source: Iterator[Mapping[str, Any]], under_way: set[int]) -> None:
-        """Ask each worker for as much as it can take, first of what is `waiting`, then of the `source`."""
+        """Send each worker as many requests as it has capacity for, first those in `waiting`, then those of `source`."""
         for worker in self._processes:
             limit = (2 if self.forking else 1) * worker.capacity - (len(worker.asked) - len(self._begun))
             waiting.extend(islice(source, max(0, limit - len(waiting))))
@@ -184,15 +188,19 @@ class Workers:
                 under_way.add(self._send(worker, request) if (begun := self._taken(request)) is None else begun)
 
     def _taken(self, request: Mapping[str, Any]) -> int | None:
-        """The number under which a request was begun, which is an ordinary one from now on; an answer that has come is given again."""
+        """Return the number of a request that was begun, or None, and treat it as an ordinary request from now on. An early answer is
+        queued again.
+        """
         number = self._begun.pop(_request_text(request), None)
         if number is not None and number in self._early:
             self._lines.put(self._early.pop(number))
         return number
 
     def _heard(self) -> tuple[_Process, dict[str, Any], bool] | None:
-        """A worker and its answer, as soon as there is one (True), or how one failed that is ended now (False). None where something else
-        came to pass. Raises `WorkerBroken`."""
+        """Wait for a message of a worker. Raises `WorkerBroken`.
+
+        Return the worker and its answer (True), the worker and its failure if it was ended (False), or None for anything else.
+        """
         try:
             process, answer = self._lines.get(timeout=max(0.05, min(w.deadline for w in self._processes) - time.monotonic()))
         except queue.Empty:
@@ -219,8 +227,10 @@ class Workers:
         return known, answer, True
 
     def _answered(self, worker: _Process, answer: dict[str, Any]) -> tuple[int, Mapping[str, Any] | None]:
-        """The number and the request that an answer is to; None to one that was forgotten, or begun and is not asked for yet: that is put
-        aside. What only this end needs is taken from the answer."""
+        """Return the number and the request of an answer, after removing `id` and `span` from the answer.
+
+        The request is None if it was forgotten, or if it was begun and `run` has not asked for it yet; then the answer is stored for later.
+        """
         number: int = answer["id"]
         if number in self._begun.values():
             self._early[number] = (worker.process, answer)
@@ -235,12 +245,12 @@ class Workers:
         return number, request
 
     def close(self) -> None:
-        """End all workers and wait until they are gone."""
+        """End all workers and wait until their processes are gone."""
         self._leave_others()
         ended, self._processes = self._processes, []
         self._begun, self._early = {}, {}
         for worker in ended:
-            if not worker.ready or not self.forking and worker.asked:  # it does not listen, and has no children
+            if not worker.ready or not self.forking and worker.asked:  # it does not read its input, and has no children
                 worker.process.kill()
             worker.process.close()
 
@@ -248,7 +258,7 @@ class Workers:
         self._processes.remove(worker)
         self._begun = {text: number for text, number in self._begun.items() if number not in worker.asked}
         self._early = {number: early for number, early in self._early.items() if number not in worker.asked}
-        process_tree.stop(worker.process.pid)  # it may have lost its children out of sight
+        process_tree.stop(worker.process.pid)  # so that it forks no more children while they are ended
         process_tree.end_descendants(worker.process.pid)
         worker.process.kill()
         worker.process.close()
@@ -261,9 +271,9 @@ class Workers:
         return self._number
 
     def _put_off(self, worker: _Process) -> None:
-        """The worker gave a sign of life, or got work: until when the next sign must come.
+        """Set a new deadline for the next message of a worker, after a message from it or a request to it.
 
-        A forking worker keeps the deadlines of its children itself, so that one of them answers within a timeout.
+        A forking worker enforces the deadlines of its children, so one of them answers within a timeout.
         """
         longest = max((float(request["timeout"]) for request in worker.asked.values()), default=0.0)
         worker.deadline = time.monotonic() + longest + (GRACE if self.forking else 0.0) + (0.0 if worker.ready else LOADING)
@@ -277,7 +287,7 @@ class Workers:
 
 
 class NoWorkers(Workers):
-    """None at all: what is not in the store is `ABSENT`."""
+    """No workers: the failure of each request is `ABSENT`."""
 
     there = False
 
@@ -285,33 +295,33 @@ class NoWorkers(Workers):
         super().__init__(1)
 
     def warm(self) -> None:
-        """Nothing to start."""
+        """Do nothing."""
 
     def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
-        """Every request fails."""
+        """Yield a failure for every request."""
         for request in requests:
             yield request, {"failed": ABSENT, "words": "the store does not have it", "detail": ""}
 
 
 class EndingWorkers(Workers):
-    """Workers that stay ended: after `end` whoever still waits for an answer gets failures, and none is started again."""
+    """Workers that cannot be started again: after `end`, callers that wait for an answer get failures."""
 
     ended = False
 
     def ensure(self) -> None:
-        """Start those that are missing. Raises `WorkerBroken` after the end."""
+        """Start the missing workers. Raises `WorkerBroken`, also after `end`."""
         if self.ended:
             raise WorkerBroken("the workers have been ended for good")
         super().ensure()
 
     def end(self) -> None:
-        """End them for good."""
+        """End all workers and start none again."""
         self.ended = True
         self.close()
 
 
 def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
-    """One request to a short-lived worker of its own (`--assemble`): its answer, as `Workers.run` gives it."""
+    """Send one request to a worker process of its own (with `flags` such as `--assemble`) and return its answer, as in `Workers.run`."""
     try:
         process = _server(flags)
     except OSError as fault:
@@ -328,7 +338,7 @@ def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _request_text(request: Mapping[str, Any]) -> str:
-    """A request as it is compared with others: 1, 1.0 and True are not the same."""
+    """Return the text by which requests are compared: 1, 1.0 and True differ."""
     return json.dumps(request, sort_keys=True)
 
 
@@ -345,7 +355,7 @@ _FRAME = re.compile(r'^\s*File "(?P<file>.+?)", line (?P<line>\d+)', re.MULTILIN
 
 
 def failure_of(subject: str, answer: Mapping[str, Any], timeout: float, workspace: Workspace) -> PartFailure:
-    """What to say of a part that has ended its process, by the answer of the worker; `timeout` [s] is what it was given."""
+    """Return the failure of a part whose process ended, from the worker's answer; `timeout` [s] is the time that it had."""
     file, line = _place_of(answer.get("detail", ""), workspace)
     message = f"it was not done after {timeout:g} s" if answer["failed"] == "hung" else answer["words"]
     return PartFailure(
@@ -355,9 +365,9 @@ def failure_of(subject: str, answer: Mapping[str, Any], timeout: float, workspac
 
 
 def _place_of(trace: str, workspace: Workspace) -> tuple[str | None, int | None]:
-    """The innermost `(file, line)` of a part folder in what `faulthandler` wrote (most recent call first)."""
+    """Return the innermost `(file, line)` in a part folder from a trace of `faulthandler` (most recent call first), or `(None, None)`."""
     folders = tuple(os.path.join(folder, "") for folder in workspace.parts)
-    # of several threads, and of a trace before the last, the one that was written last counts
+    # several threads, or an earlier trace: the last one counts
     for match in _FRAME.finditer(trace[max(trace.rfind("most recent call first"), 0) :]):
         if match["file"].startswith(folders):
             return match["file"], int(match["line"])

@@ -1,4 +1,4 @@
-"""Bounds of mesh files, checked before memory is allocated for what they contain."""
+"""Limits for mesh files, checked before memory is allocated for their contents."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from typing import TypeVar
 from xml.etree import ElementTree
 
 LARGEST = 200_000_000
-"""Bytes of a mesh file, or of the model in a 3MF file when it is inflated."""
+"""Largest mesh file [bytes], and largest inflated model in a 3MF file."""
 MOST = 5_000_000
-"""Triangles of a mesh file."""
+"""Largest number of triangles of a mesh file."""
 INSTANCES = 10_000
-"""Objects that a mesh file places, each as often as it is placed."""
+"""Largest number of objects that a mesh file places, counting each placement."""
 LEVELS = 100
-"""How deep objects of a mesh file may nest."""
+"""Deepest nesting of objects in a mesh file."""
 
 _HEAD, _TRIANGLE = 84, 50
-"""Bytes of a binary STL file: before its triangles, and of each."""
+"""Bytes of a binary STL file before its triangles, and of each triangle."""
 _FACET, _FACE = re.compile(rb"endfacet", re.IGNORECASE), re.compile(rb"^[ \t]*f[ \t]", re.MULTILINE)
-"""Of an STL file of words, and of an OBJ file: once per facet."""
+"""Match once per facet of a text STL file, and of an OBJ file."""
 
 _NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-"""Of an element of a glTF accessor."""
+"""Number of components of an element of a glTF accessor, by its type."""
 
 _T = TypeVar("_T")
 
 
 class BadMesh(Exception):
-    """Why a file is not a mesh, in words that follow its name."""
+    """Why a file is not a mesh, as text that follows the file's name."""
 
 
 def damaged(suffix: str, fault: Exception) -> BadMesh:
-    """The reason for a file on which its reader failed: what Python reports of its own values is left out."""
+    """Return the reason for a file whose reader failed. Messages of Python about its own values are left out."""
     said = " ".join(str(fault).removeprefix(f"{type(fault).__name__}: ").split())
     inner = isinstance(fault, (LookupError, TypeError, AttributeError, NameError, OSError)) or not said
     return BadMesh(f"is damaged, or is not {suffix[1:].upper()}" + ("" if inner else f" ({said})"))
@@ -49,7 +49,7 @@ def read_bounded(path: str, suffix: str, most: int = MOST) -> bytes:
 
 
 def bounded(suffix: str, data: bytes, most: int = MOST) -> None:
-    """Raises `BadMesh` for a file that is empty, too large or cut off, or that declares more than `most` triangles or too many objects."""
+    """Raise `BadMesh` for a file that is empty, too large or cut off, or that declares more than `most` triangles or too many objects."""
     told: int | None = None
     if not data:
         raise BadMesh("is empty")
@@ -71,7 +71,7 @@ def bounded(suffix: str, data: bytes, most: int = MOST) -> None:
     elif suffix == ".obj":
         told = sum(1 for _ in _FACE.finditer(data))
     elif suffix == ".dae":
-        with contextlib.suppress(ElementTree.ParseError, ValueError, LookupError):  # which its reader reports
+        with contextlib.suppress(ElementTree.ParseError, ValueError, LookupError):  # its reader reports these
             _unfold_collada(ElementTree.fromstring(data))
     elif suffix in (".glb", ".gltf"):
         told = _told_by_gltf(data if suffix == ".gltf" else data[20 : 20 + int.from_bytes(data[12:16], "little")])
@@ -79,13 +79,13 @@ def bounded(suffix: str, data: bytes, most: int = MOST) -> None:
 
 
 def refuse_beyond(count: int, most: int = MOST, what: str = "triangles") -> None:
-    """Raises `BadMesh` for a file of more than `most` triangles, or whatever is counted."""
+    """Raise `BadMesh` if `count` of `what` is more than `most`."""
     if count > most:
         raise BadMesh(f"has {count} {what}, and {most} at most are read")
 
 
 def is_text(stl: bytes) -> bool:
-    """Whether an STL file is one of words."""
+    """Whether an STL file is in text form."""
     return b"\0" not in stl[:_HEAD] and stl.lstrip()[:5].lower() == b"solid"
 
 

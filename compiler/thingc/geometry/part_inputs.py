@@ -1,4 +1,4 @@
-"""What the answers for parts depend on, as far as that is known before a part is made: read, and nothing of it run."""
+"""Files on which the answers for parts depend, as far as they are known before a part is built. Code is read, not run."""
 
 from __future__ import annotations
 
@@ -17,15 +17,20 @@ if TYPE_CHECKING:
 
 
 class PartInputs(FrozenStruct):
-    """`files` are absolute paths, there or not: of the code of parts and of what it imports in the workspace, of where a module of it
-    would be found if it were there, and of the lock. `folders`: a part may read any file in them while it is made."""
+    """Inputs of parts.
+
+    `files` are absolute paths, whether they exist or not: of the code of parts and of the modules that it imports in the workspace, of
+    places where such a module would be found first, and of the lock. `folders` are those whose files a part may read when it is built.
+    """
 
     files: frozenset[str]
     folders: tuple[str, ...]
 
 
 def part_inputs(references: Iterable[str], workspace: Workspace, store: Store | None) -> PartInputs:
-    """Of the parts `module:Class` of a workspace. Without a store nobody trusts the workspace: what lies outside of it is not read."""
+    """Return the inputs of the parts `module:Class` of a workspace. Without a store the workspace is untrusted: files outside of it are not
+    read.
+    """
     code = PartCode(workspace, store)
     files = {os.path.join(workspace.root, LOCK_FILE)}
     own = False

@@ -1,4 +1,4 @@
-"""What workers are asked for to model a part, and what their answer is kept under."""
+"""Requests to workers to build parts, and the keys of their results."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 
 Likely = Callable[[], Mapping[str, Collection[LikelySlicing]]] | None
-"""How parts will likely be sliced, by text, asked for when one has to be modelled."""
+"""Returns the likely slicings of parts, by definition text. Called when a part has to be built."""
 
 
 class PartRequest(FrozenStruct):
-    """What the record of a definition is kept under, its code (None: of an installed package, or a file), and the request to make it."""
+    """The key of a definition's record, its code (None for a file or an installed package), and the request to build it."""
 
     build_key: BuildKey
     code: CodeIngredients | None
@@ -34,8 +34,11 @@ class PartRequest(FrozenStruct):
 
 
 class PartRequests:
-    """Requests for the parts of one workspace, each to be done within `timeout` [s]. `schemas` are what classes take, by reference, as far
-    as they have been described, and `slicings` how parts of them will be sliced: once they are modelled, it is done at once."""
+    """Requests for the parts of one workspace, each with a time limit of `timeout` [s].
+
+    `schemas` are the schemas of classes that have been described, by reference. `slicings` are the expected slicings of their parts, by
+    reference: a part is sliced right after it is built.
+    """
 
     def __init__(self, workspace: Workspace, store: Store, timeout: float, parts: PartCode, results: Results) -> None:
         self._workspace, self._store, self._timeout, self._parts, self._results = workspace, store, timeout, parts, results
@@ -43,33 +46,33 @@ class PartRequests:
         self.slicings: dict[str, set[LikelySlicing]] = {}
 
     def around(self, code: CodeIngredients | None) -> dict[str, Any]:
-        """What every request says about where it runs."""
+        """Return what every request contains about the place where it runs."""
         return {**self._parts.around(code), "store": self._store.root, "timeout": self._timeout, "memory": self._workspace.part_memory}
 
     def given(self, definition: PartDefinition) -> dict[str, Value]:
-        """The parameters of a definition that are not what its class says by itself; all of them where it has not been described."""
+        """Return the parameters of a definition that differ from their defaults; all parameters if the class has not been described."""
         schema = self.schemas.get(definition.reference)
         own = {parameter.name: parameter.default for parameter in schema.parameters} if schema is not None else {}
         return {name: value for name, value in definition.parameters if repr(value) != repr(own.get(name))}
 
     def expect_slicings(self, definitions: Sequence[PartDefinition], wanted: Mapping[str, Collection[LikelySlicing]]) -> None:
-        """Note how parts are sliced now, or will likely be, `wanted` by the text of their definition."""
+        """Store how parts are sliced now, or will likely be; `wanted` is by definition text."""
         self.slicings.update((definition.reference, set()) for definition in definitions)
         for definition in definitions:
             self.slicings[definition.reference].update(wanted.get(definition.text, ()))
 
     def suppose(self, definitions: Sequence[PartDefinition], likely: Likely) -> None:
-        """Note how parts of classes that were not sliced yet are likely to be."""
+        """Store the likely slicings of parts of classes that have none yet."""
         if likely is not None and (fresh := [one for one in definitions if one.reference not in self.slicings]):
             self.expect_slicings(fresh, likely())
 
     def modelling(self, definition: PartDefinition, prepared: PartRequest) -> dict[str, Any]:
-        """The request for a definition that is modelled now."""
+        """Return the request to build a definition now, with the slicings of its class."""
         slicings = sorted(self.slicings.get(definition.reference, ()), key=repr)
         return {**prepared.request, "slicings": [[asdict(one), own_up] for one, own_up in slicings]}
 
     def prepared(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> PartRequest | PartFailure:
-        """The request for a definition, which says of its parameters only those that are `given` (None: as `given` says)."""
+        """Return the request for a definition with the parameters in `given` (None: those of the method `given`), or the failure."""
         code: CodeIngredients | None = None
         extra: dict[str, str] = {}
         package = definition.reference

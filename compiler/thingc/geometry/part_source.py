@@ -1,4 +1,4 @@
-"""What the passes ask of parts, whoever answers: the geometry service, or a lock alone."""
+"""The interface through which passes get parts, from the geometry service or from a lock alone."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ SHOWN = 8
 
 
 class PartSource(Protocol):
-    """Part schemas and part records.
+    """A source of part schemas and part records.
 
-    `unknown` are the labels of definitions of which nobody may know more than their names, `broken` faults of the lock that were met."""
+    `unknown` are the labels of definitions without a record or with an inexact one; `broken` are faults found in the lock.
+    """
 
     workspace: Workspace
     unknown: list[str]
@@ -32,41 +33,46 @@ class PartSource(Protocol):
 
     @property
     def decisions(self) -> Mapping[str, BuildReason]:
-        """Why each record was modelled or found, by definition text."""
+        """Why each record was built or found, by definition text."""
 
     @property
     def inputs(self) -> frozenset[str]:
-        """Absolute paths of everything that decided about answers, there or not."""
+        """Absolute paths of everything that the answers depend on, whether it exists or not."""
 
     def anticipate(self) -> bool:
-        """Get ready to model, where that is likely to be needed: whether it is, and the kernel loads now."""
+        """Prepare to build parts if that is likely to be necessary. Return whether it is; then the kernel is being loaded."""
 
     def close(self) -> None:
-        """End what was started."""
+        """End all processes that were started."""
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """What each `module:Class` takes, by reference."""
+        """Return the schema or failure of each `module:Class`, by reference."""
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """The modules in reach of `module:Class` that hide others of their name."""
+        """Return the modules that `module:Class` depends on and that hide others of their name."""
 
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None,
     ) -> Mapping[str, PartRecord | PartFailure]:
-        """The record of each definition, by text; one that nobody may know is absent. `likely` is how parts will be sliced, for who
-        models them."""
+        """Return the record or failure of each definition, by text; a definition whose record cannot be obtained has no entry.
+
+        `likely` returns the expected slicings, for parts that are built.
+        """
 
     def slice(
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> Mapping[str, PartRecord | PartFailure]:
-        """The `records` of `definitions` with what is laid into them when they are sliced as `wanted`, by text. One of which nobody
-        may know that is not `exact`."""
+        """Return the `records` of `definitions` with the slices that are `wanted`, by text. A record whose slices cannot be obtained is not
+        `exact`.
+        """
 
 
 def report_hidden(parts: PartSource, references: Iterable[tuple[str, Span | None]], report: Report) -> None:
-    """A warning for each module that parts are made from and that hides another file of its name: where the first of those is named, or
-    where the module lies."""
+    """Report a warning for each module of a part that hides another file of its name.
+
+    It is shown where the first part with that module is referenced, or at the module itself if that place is None.
+    """
     said: set[str] = set()
     for reference, where in references:
         for module in parts.hiding(reference):
@@ -81,7 +87,7 @@ def report_hidden(parts: PartSource, references: Iterable[tuple[str, Span | None
 
 
 def report_gaps(parts: PartSource, report: Report, *, severity: Severity = Severity.ERROR) -> None:
-    """Say what was wrong with entries of the lock, and how many definitions could not be looked at for want of a record."""
+    """Report the faults found in the lock, and how many definitions could not be checked because there is no record."""
     file = lock_path(parts.workspace)
     for fault in parts.broken[:SHOWN]:
         report_bad(file, fault, report, severity=severity)

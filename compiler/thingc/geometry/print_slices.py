@@ -1,6 +1,6 @@
-"""What a printed part holds, layer by layer: how it is sliced, and the numbers that come of it. Plain frozen data, SI units.
+"""The material of a printed part: how it is sliced, and the resulting integrals. Plain frozen data, SI units.
 
-The numbers do not depend on the infill: the mass at any percentage is a sum of three terms (`Sliced.printed`).
+The integrals do not depend on the infill: the mass at any percentage is a sum of three terms (`SliceResult.printed`).
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Matrix, Vector, added
 
 UPRIGHT: Vector = (0.0, 0.0, 1.0)
-"""How a part lies on the printer where nobody says: as it is modelled."""
+"""Default orientation of a part on the printer: as it is modelled."""
 
 OVERLAP = 0.25
-"""By how much of a line infill reaches into the walls where nobody says: PrusaSlicer's `infill_overlap`."""
+"""Default overlap of infill and walls, as a fraction of the line width: PrusaSlicer's `infill_overlap`."""
 
 BRIDGE_FLOW = 1.0
-"""How much is laid into a bridge where nobody says: PrusaSlicer's `bridge_flow_ratio`."""
+"""Default flow ratio of bridges: PrusaSlicer's `bridge_flow_ratio`."""
 
 
 class Slicing(FrozenStruct):
-    """How a part is cut into layers and what is laid into them.
+    """How a part is cut into layers and filled.
 
-    `up` is the direction away from the bed, a unit vector in the part's frame; `layer` the height of a layer and `line_width` the
-    width of a line [m]; `walls` lines make a wall, `top` and `bottom` layers a lid; `overlap` is a share of a line, `bridge_flow`
-    a ratio.
+    `up` is the direction away from the bed, a unit vector in the part's frame. `layer` is the height of a layer and `line_width` the width
+    of a line [m]. `walls` is the number of lines in a wall, `top` and `bottom` the number of solid layers. `overlap` is a fraction of the
+    line width, `bridge_flow` a ratio.
     """
 
     up: Vector
@@ -41,12 +41,14 @@ class Slicing(FrozenStruct):
 
 
 LikelySlicing = tuple[Slicing, bool]
-"""How a part that is not modelled yet will be cut, and whether the way up that it may know itself goes before that of the slicing."""
+"""The expected slicing of a part that is not built yet, and whether `up` of the part itself takes precedence over that of the slicing."""
 
 
 class Moments(OneLineRepr, FrozenStruct):
-    """Of some matter, about the origin of the part's frame: `volume` [m^3], `first` the integrals of x, y, z [m^4], `second` those of
-    their products [m^5]."""
+    """Moments of a body about the origin of the part's frame.
+
+    `volume` [m^3]; `first` are the integrals of x, y, z [m^4]; `second` are those of their products [m^5].
+    """
 
     volume: float = 0.0
     first: Vector = (0.0, 0.0, 0.0)
@@ -54,7 +56,7 @@ class Moments(OneLineRepr, FrozenStruct):
 
     @classmethod
     def of(cls, numbers: Sequence[float]) -> Moments:
-        """The inverse of `numbers`."""
+        """Return the moments with these ten numbers, the inverse of `numbers`."""
         volume, x, y, z, xx, yy, zz, xy, xz, yz = numbers
         return cls(volume=volume, first=(x, y, z), second=((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
 
@@ -65,7 +67,7 @@ class Moments(OneLineRepr, FrozenStruct):
         return [self.volume, *self.first, s[0][0], s[1][1], s[2][2], s[0][1], s[0][2], s[1][2]]
 
     def plus(self, other: Moments, share: float = 1.0) -> Moments:
-        """With a share of some other matter."""
+        """Return the sum of these moments and a `share` of another body's."""
         return Moments(
             volume=self.volume + share * other.volume,
             first=added(self.first, other.first, share),
@@ -77,7 +79,7 @@ class Moments(OneLineRepr, FrozenStruct):
 
     @property
     def properties(self) -> MassProperties:
-        """At density 1: the volume as the mass, the centre, and the inertia [m^5] about it."""
+        """Mass properties at density 1: the volume [m^3] as the mass, the centre [m], and the inertia [m^5] about it."""
         if self.volume <= 0.0:
             return MassProperties(mass=0.0)
         v = self.volume
@@ -89,21 +91,25 @@ class Moments(OneLineRepr, FrozenStruct):
 
 
 class SliceResult(OneLineRepr, FrozenStruct, tag=True):
-    """What is laid into a part: `solid`, whatever the infill; `joins`, the pieces along the walls that join the lines of infill, as
-    soon as there is any; `sparse`, the lines themselves, as if the infill were 100 %."""
+    """The material of a part.
+
+    `solid` does not depend on the infill. `joins` are the pieces along the walls that connect infill lines, present with any infill.
+    `sparse` are the infill lines, as if the infill were 100 %.
+    """
 
     solid: Moments
     joins: Moments
     sparse: Moments
 
     def printed(self, infill: float) -> MassProperties:
-        """At density 1, with an infill between 0 and 1: volume [m^3], centre [m] and inertia [m^5] in the part's frame."""
+        """Return the mass properties at density 1: volume [m^3], centre [m] and inertia [m^5] in the part's frame. `infill` is from 0 to 1.
+        """
         if infill <= 0.0:
             return self.solid.properties
         return self.solid.plus(self.joins).plus(self.sparse, infill).properties
 
 
 class SliceFailure(FrozenStruct, tag=True):
-    """Why a part cannot be cut into layers, in words that follow its name."""
+    """Why a part cannot be sliced, as text that follows its name."""
 
     reason: str

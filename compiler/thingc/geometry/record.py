@@ -1,7 +1,7 @@
-"""What the geometry service answers with: plain frozen data, SI units, readable without the CAD kernel.
+"""The answers of the geometry service: plain frozen data in SI units, readable without the CAD kernel.
 
-A `PartSchema` says what a part can be asked for, a `PartDefinition` is one request, a `PartRecord` is everything the
-later passes ever learn of its geometry.
+A `PartSchema` describes the parameters of a part, a `PartDefinition` is one choice of them, and a `PartRecord` is everything that later
+passes get about its geometry.
 """
 
 from __future__ import annotations
@@ -21,26 +21,28 @@ from thingc.base.units import ANGLE, LENGTH, MASS, NUMBER, Dimension, Quantity
 from thingc.geometry.print_slices import SliceFailure, SliceResult, Slicing
 
 Value = float | int | bool | str
-"""A canonical parameter value: SI floats for dimensioned ones, ints for whole numbers, text and flags as they are."""
+"""A canonical parameter value: a float in SI units for a quantity, an int for a whole number, a text or a bool."""
 
 WHOLE = frozenset({"count", "integer"})
-"""Kinds of parameters that are whole numbers: of things, or any."""
+"""Kinds of parameters that are whole numbers."""
 
 DIMENSIONS: Mapping[str, Dimension] = {
     "length": LENGTH, "angle": ANGLE, "mass": MASS, "ratio": NUMBER, "number": NUMBER, **dict.fromkeys(WHOLE, NUMBER),
 }
-"""Of the kinds of parameters that are numbers."""
+"""Dimensions of the numeric kinds of parameters."""
 
 SchemaKind = Literal["thing", "shape", "function"]
-"""What a part is made by."""
+"""What makes a part: a Thing, a shape class or a function."""
 
 ParameterKind = Literal["length", "angle", "mass", "ratio", "number", "count", "integer", "flag", "text", "choice"]
-"""What a part takes: floats in SI, whole numbers (of things, or any), a bool, a text, or one of several texts."""
+"""Kinds of parameters. Quantities are floats in SI units; `count` and `integer` are whole numbers; `choice` is one of several texts."""
 
 
 def written(kind: str, value: Value, digits: int = 12) -> str:
-    """A canonical value of a parameter of that kind as a document would have it, to so many digits: `100 mm`, `30 deg`, `82 g`,
-    `15 %`, `true`, `M3`."""
+    """Return a canonical value of a parameter of this kind as text for a document, with at most `digits` digits.
+
+    For example `100 mm`, `30 deg`, `82 g`, `15 %`, `true`, `M3`.
+    """
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -53,7 +55,7 @@ def written(kind: str, value: Value, digits: int = 12) -> str:
 class ParameterSchema(OneLineRepr, FrozenStruct, array_like=True):
     """One argument of a part's `__init__`.
 
-    One of the kind `choice` takes one of `choices`. `default` is None where `required`.
+    A parameter of the kind `choice` has `choices`. `default` is None if it is `required`.
     """
 
     name: str
@@ -66,12 +68,12 @@ class ParameterSchema(OneLineRepr, FrozenStruct, array_like=True):
     doc: str = ""
 
     def shown(self, value: Value) -> str:
-        """A value of this parameter as a document would have it."""
+        """Return a value of this parameter as text for a document."""
         return written(self.kind, value)
 
 
 class PartSchema(OneLineRepr, FrozenStruct):
-    """What `module:Class` takes. `file`, `line` are where it is written."""
+    """The parameters and properties of `module:Class`. `file` and `line` are the place of its definition."""
 
     reference: str
     kind: SchemaKind
@@ -84,7 +86,7 @@ class PartSchema(OneLineRepr, FrozenStruct):
 
     @property
     def default(self) -> PartDefinition | None:
-        """The definition with every parameter at its default; None where one has none."""
+        """The definition with every parameter at its default, or None if a parameter has no default."""
         values: list[tuple[str, Value]] = []
         for parameter in self.parameters:
             if parameter.default is None:
@@ -96,11 +98,11 @@ class PartSchema(OneLineRepr, FrozenStruct):
 
     @property
     def defaults(self) -> dict[str, Value]:
-        """The defaults of those parameters that have one."""
+        """The defaults of all parameters that have one."""
         return {parameter.name: parameter.default for parameter in self.parameters if parameter.default is not None}
 
     def definition(self, values: Mapping[str, Value]) -> PartDefinition:
-        """The definition with canonical values of all parameters."""
+        """Return the definition with these canonical values of all parameters."""
         kinds = {parameter.name: parameter.kind for parameter in self.parameters}
         given = tuple(sorted(values.items()))
         words = {name: written(kinds[name], value, LABEL_DIGITS) for name, value in given}
@@ -111,18 +113,19 @@ class PartSchema(OneLineRepr, FrozenStruct):
 
 
 FILE_UNIT = "mm"
-"""What the numbers of a mesh file are in unless the document says otherwise."""
+"""Default unit of the numbers in a mesh file."""
 
 
 class PartDefinition(OneLineRepr, FrozenStruct):
     """A part class with its complete canonical parameters: equal definitions are one node of the HAG.
 
-    `reference` is `module:Class`, or for a part of a file its path in the workspace (`kind` says which: `code | file`). `parameters`
-    holds every parameter, sorted by name (of a file its `faces`, and its `unit` where that is not `FILE_UNIT`); `text` prints only
-    those that differ from their default, exactly (`arm:RotorBrace(length=0.1)`): programs know it by that. `label` is the same for
-    people (`arm:RotorBrace(length=100 mm)`), which two definitions that hardly differ may share, and `words` the values of all
-    parameters for them. A mirror image is a definition of its own (`arm:RotorBrace(length=0.1, mirror=y)`): `mirror` is the axis of the
-    part's frame that it is mirrored along, `plain` the definition that it mirrors.
+    `reference` is `module:Class`, or the path in the workspace for a part of `kind` `file`. `parameters` has every parameter, sorted by
+    name; for a file it has its `faces`, and its `unit` unless that is `FILE_UNIT`. `text` identifies the definition and contains the exact
+    values that differ from their defaults (`arm:RotorBrace(length=0.1)`). `label` is the same for people (`arm:RotorBrace(length=100 mm)`);
+    two definitions with almost equal values may share it. `words` are the values of all parameters for people.
+
+    A mirror image is a definition of its own (`arm:RotorBrace(length=0.1, mirror=y)`): `mirror` is the axis of the part's frame along which
+    it is mirrored, `plain` the definition that it mirrors.
     """
 
     reference: str
@@ -135,14 +138,16 @@ class PartDefinition(OneLineRepr, FrozenStruct):
     plain: PartDefinition | None = None
 
     def mirrored(self, axis: str) -> PartDefinition:
-        """The definition of the mirror image at the plane normal to `axis` (`x | y | z`) of the part's frame."""
+        """Return the definition of the mirror image at the plane normal to `axis` (`x | y | z`) of the part's frame."""
         label = f"{self.label}, mirror={axis}" if self.kind == "file" else with_mirror(self.label, axis)
         return replace(self, text=with_mirror(self.text, axis), label=label, mirror=axis, plain=self)
 
     @property
     def stem(self) -> str:
-        """The file stem: `arm.RotorBrace`, and 8 hex of the SHA-256 of `text` when any parameter differs; `-mirror_y` follows that of
-        the definition which is mirrored."""
+        """The stem of file names: `arm.RotorBrace`, with 8 hex digits of the SHA-256 of `text` if any parameter differs from its default.
+
+        For a mirror image, `-mirror_y` follows the stem of the mirrored definition.
+        """
         if self.plain is not None:
             return f"{self.plain.stem}-mirror_{self.mirror}"
         base = self.reference.replace(":", ".").replace("/", ".")
@@ -156,12 +161,12 @@ LABEL_DIGITS = 6
 
 
 def definition_text(reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value]) -> str:
-    """`arm:RotorBrace(length=0.1)`: the parameters that differ from their defaults, sorted, SI, `repr`."""
+    """Return `arm:RotorBrace(length=0.1)`: the parameters that differ from their defaults, sorted, in SI units, as `repr`."""
     return _printed(reference, {name: repr(parameters[name]) for name in _differing(parameters, defaults)})
 
 
 def definition_label(reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value], words: Mapping[str, str]) -> str:
-    """`arm:RotorBrace(length=100 mm)`: the same for people. `words` are the values as documents have them; a text is quoted."""
+    """Return `arm:RotorBrace(length=100 mm)`: the same for people. `words` are the values as in documents; a text is quoted."""
     return _printed(reference, {
         name: repr(value) if isinstance(value := parameters[name], str) else words[name] for name in _differing(parameters, defaults)
     })
@@ -172,18 +177,17 @@ def _differing(parameters: Mapping[str, Value], defaults: Mapping[str, Value]) -
 
 
 def with_mirror(printed: str, axis: str) -> str:
-    """The text or label of a definition with its mirror among what is given to it. Values that are texts are quoted, so that this is
-    no parameter's."""
+    """Add the mirror axis to the text or label of a definition. It cannot be confused with a parameter, because texts are quoted."""
     return f"{printed[:-1]}, mirror={axis})" if printed.endswith(")") else f"{printed}(mirror={axis})"
 
 
 def _printed(reference: str, arguments: Mapping[str, str]) -> str:
-    """The reference, and in brackets what is given to it, if anything is."""
+    """Return the reference, with its arguments in parentheses if there are any."""
     return f"{reference}({', '.join(f'{name}={value}' for name, value in arguments.items())})" if arguments else reference
 
 
 class MountRecord(OneLineRepr, FrozenStruct):
-    """A mount of a part: its frame in the part's frame, z out of the material."""
+    """A mount of a part: its frame in the part's frame, with z pointing out of the material."""
 
     pose: Pose
     interface: str | None = None
@@ -191,7 +195,7 @@ class MountRecord(OneLineRepr, FrozenStruct):
 
 
 class MountExpectation(OneLineRepr, FrozenStruct, array_like=True):
-    """`mount` was cut for the part `text` (a definition text; `label` for people) sitting on it with its mount `child_mount`."""
+    """`mount` was cut for the part `text` (a definition text; `label` is for people), mated at its mount `child_mount`."""
 
     mount: str
     text: str
@@ -203,18 +207,18 @@ Declared = TypeVar("Declared", float, Vector, Matrix)
 
 
 class DeclaredValue(OneLineRepr, FrozenStruct, Generic[Declared]):
-    """A number (or three, or a matrix) that a Thing states, and its source (`measured | vendor | estimated | stated`)."""
+    """A number, vector or matrix that a Thing declares, and its source (`measured | vendor | estimated | stated`)."""
 
     value: Declared
     source: str = "stated"
 
 
 DriveType = Literal["position", "velocity", "motor"]
-"""What a drive is told: where to go, how fast, or how hard to push."""
+"""What a drive controls: position, velocity or force."""
 
 
 class ActuatorRecord(OneLineRepr, FrozenStruct):
-    """A Thing's actuator in SI; `sources` says where a number came from, by field name."""
+    """The actuator of a Thing in SI units. `sources` are the sources of its numbers, by field name."""
 
     kind: DriveType
     stall_torque: float | None = None
@@ -227,12 +231,12 @@ class ActuatorRecord(OneLineRepr, FrozenStruct):
 
     @property
     def armature(self) -> float | None:
-        """Rotor inertia seen at the output [kg m^2]: rotor inertia times gear ratio squared."""
+        """Rotor inertia at the output [kg m^2]: rotor inertia times the square of the gear ratio."""
         return None if self.rotor_inertia is None else self.rotor_inertia * self.gear_ratio * self.gear_ratio
 
 
 class Mesh(OneLineRepr, FrozenStruct, array_like=True, tag=True):
-    """A mesh file in the store by content. `closed` and `flat` say whether simulators can take it as a solid."""
+    """A mesh file in the store by content. Simulators can use it as a solid if it is `closed` and not `flat`."""
 
     sha256: str
     size: int
@@ -243,8 +247,7 @@ class Mesh(OneLineRepr, FrozenStruct, array_like=True, tag=True):
 
 
 class ImpureInputs(str, Enum):
-    """What a part may ask besides its inputs. Such an answer is not in its key, so it stays as it was when the part was made. `left` are
-    processes that it has started and not waited for."""
+    """Inputs of a part that are not in its key: the part is not rebuilt when they change. `left`: it left processes running."""
 
     ENVIRONMENT = "environment"
     CLOCK = "clock"
@@ -255,8 +258,10 @@ class ImpureInputs(str, Enum):
 
 
 class PartWarning(OneLineRepr, FrozenStruct, array_like=True):
-    """Something the part's author should know, and the line of the part file where there is one. `asked` is what the part asked
-    there, None for a remark of its own."""
+    """A warning for the author of a part, with the line of the part file if known.
+
+    `asked` is the impure input that the part used, or None for any other warning.
+    """
 
     message: str
     file: str | None = None
@@ -265,20 +270,23 @@ class PartWarning(OneLineRepr, FrozenStruct, array_like=True):
 
 
 class PartRecord(OneLineRepr, FrozenStruct):
-    """Everything the passes know of a part. All lengths in metres, in the part's own frame.
+    """Everything that the passes know about a part. Lengths are in metres, in the part's own frame.
 
-    `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals
-    over the B-rep; all zero for a Thing without geometry (`box` None). `meshes`: `visual`, `hull` and `mesh` (OBJ, metres), `print`
-    (binary STL, millimetres), absent without geometry; `simulation` (OBJ, metres) where the definition bounds the triangles of what
-    simulators draw and touch; `fits` the smallest primitives that enclose the part, by shape; `pieces` the solids of the Thing's own
-    `collision()`, primitives where they are exactly that, else OBJ files; `convex` the OBJ files of the convex decomposition where it
-    was asked for.
-    `up` is how the Thing wants to lie on a printer (a unit vector); `slices` what it holds when printed, as far as that was asked for.
-    `apart` are the volumes [m^3] of the bodies of a part that should be one solid, the largest first; empty where they hang
-    together, or are meant to be several. `own_image` is True of a mirror image that is the same as what it mirrors: solid, and place
-    and z of each mount. `brep` is the B-rep in the store. `code` is `(file, line)` of the class. A record that is
-    not `exact` stands in for one that nobody may model now: only the names of its mounts, its material and that it has an actuator
-    hold, no number does.
+    `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals over the B-rep. They
+    are zero for a Thing without geometry, whose `box` is None.
+
+    `meshes` is empty without geometry; else it has `visual`, `hull` and `mesh` (OBJ, metres), `print` (binary STL, millimetres), and
+    `simulation` (OBJ, metres) if the definition limits the triangles for simulators. `fits` are the smallest primitives that enclose the
+    part, by shape. `pieces` are the solids of the Thing's own `collision()`: primitives if they are exactly that, else OBJ files. `convex`
+    are the OBJ files of the convex decomposition, if requested.
+
+    `up` is the Thing's preferred direction away from the print bed (a unit vector). `slices` are the requested results of slicing. `apart`
+    are the volumes [m^3] of the bodies of a part that should be one solid, the largest first; empty if they are connected or several are
+    intended. `own_image` is True for a mirror image that equals the part it mirrors: the solid, and the place and z of each mount. `brep`
+    is the digest of the B-rep in the store. `code` is `(file, line)` of the class.
+
+    A record that is not `exact` is a placeholder for a part that may not be built now: only the names of its mounts, its material and
+    whether it has an actuator are valid.
     """
 
     text: str
@@ -313,7 +321,7 @@ class PartRecord(OneLineRepr, FrozenStruct):
 
     @property
     def simulated(self) -> Mesh | None:
-        """The mesh that simulators touch, whole or in convex pieces; None without geometry."""
+        """The mesh that simulators use for collisions, whole or in convex pieces; None without geometry."""
         return self.meshes.get("simulation") or self.meshes.get("mesh")
 
 
@@ -321,14 +329,14 @@ FailureKind = Literal[
     "refused", "missing", "raised", "trespassed", "hung", "crashed", "swarmed", "starved", "empty", "invalid", "unbounded",
     "resultless", "stale", "unlocked", "absent",
 ]
-"""How it goes wrong that a part is described or modelled; `absent`: nobody was there to do it."""
+"""Ways in which describing or building a part fails. `absent`: it is not in the store, and there are no workers."""
 
 
 class PartFailure(OneLineRepr, FrozenStruct):
-    """Why a part could not be described or modelled.
+    """Why a part could not be described or built.
 
-    `message` is the exception's words; `file`, `line` the place in the part file; `candidates`, for
-    a part that is `missing`, modules, references or files that may have been meant; `detail` the traceback, for `--debug` only.
+    `message` is the text of the exception; `file`, `line` are the place in the part file; `candidates` of a `missing` part are similar
+    modules, references or files; `detail` is the traceback, which only `--debug` shows.
     """
 
     subject: str
@@ -341,11 +349,11 @@ class PartFailure(OneLineRepr, FrozenStruct):
 
 
 NO_PARTS = frozenset({"invalid", "missing", "resultless"})
-"""Kinds of failures of classes that are no parts: news only where somebody asks for such a class by name."""
+"""Kinds of failures of classes that are not parts. They are reported only if a document references such a class."""
 
 
 class Placed(OneLineRepr, FrozenStruct):
-    """One instance in a STEP assembly: its name, B-rep, pose and colour (`#rrggbb`); groups nest by `/` in the name."""
+    """An instance in a STEP assembly: its name, B-rep, pose and colour (`#rrggbb`). `/` in the name separates nested groups."""
 
     path: str
     definition: str
@@ -355,14 +363,14 @@ class Placed(OneLineRepr, FrozenStruct):
 
 
 class StoredFile(OneLineRepr, FrozenStruct):
-    """A file in the store by content: what `assemble` answers with."""
+    """A file in the store by content, such as the result of `assemble`."""
 
     sha256: str
     size: int
 
 
 class AssemblyFailed(Exception):
-    """The kernel could not write the STEP file of the assembly `name`: `reason` in words, `detail` the traceback."""
+    """The kernel could not write the STEP file of the assembly `name`: `reason` is the message, `detail` the traceback."""
 
     def __init__(self, name: str, reason: str, detail: str = "") -> None:
         super().__init__(f"the STEP file of {name} could not be written: {reason}")

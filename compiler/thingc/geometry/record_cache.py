@@ -1,4 +1,4 @@
-"""Part records in the store: found under a part's key, or under that of its outline together with what ran when they were made."""
+"""Part records in the store, found by the part's key, or by the key of its outline and the functions that ran when it was built."""
 
 from __future__ import annotations
 
@@ -25,23 +25,26 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 Ran = Mapping[str, Sequence[int] | None]
-"""By module's label, the numbers of the functions that ran; None for all."""
+"""Numbers of the functions that ran, by label of the module; None for all functions."""
 
 
 def outlined(code: CodeIngredients) -> CodeIngredients:
-    """The code without the bodies of its functions."""
+    """Return the code without the bodies of its functions."""
     return dataclasses.replace(code, ingredients={one.label: f"{one.facts.outline} {one.path}" for one in code.sources.values()})
 
 
 def executed_functions(code: CodeIngredients, ran: Mapping[str, Sequence[int] | None]) -> dict[str, Any] | None:
-    """What is kept of the functions that ran, by file: their numbers by module, and their digest; None where they do not tell."""
+    """Return the functions that ran, as stored in the cache: their numbers by module, and their digest.
+
+    Return None if a file or a function is not in the code.
+    """
     labelled = {code.sources[file].label: numbers for file, numbers in ran.items() if file in code.sources}
     digest = _digest(code, labelled)
     return None if digest is None or len(labelled) < len(ran) else {"ran": labelled, "digest": digest}
 
 
 def is_unchanged(code: CodeIngredients, kept: Mapping[str, Any]) -> bool:
-    """Whether everything that ran then is the same in this code."""
+    """Whether all functions that ran are the same in this code."""
     digest: str = kept["digest"]
     return _digest(code, kept["ran"]) == digest
 
@@ -58,17 +61,18 @@ def _digest(code: CodeIngredients, ran: Ran) -> str | None:
 
 
 class KeptRecords:
-    """The records of a workspace's parts that are whole: everything that they speak of is in the store."""
+    """The complete records of a workspace's parts: those for which the store has every referenced file."""
 
     def __init__(self, workspace: Workspace, store: Store, parts: PartCode, results: Results) -> None:
         self._workspace, self._store, self._parts, self._results = workspace, store, parts, results
 
     def under(self, key: str) -> CachedResult | None:
-        """The record, or failure, under a part's key."""
+        """Return the record, or failure, under a part's key, or None."""
         return self._results.find("record", key, self._whole)
 
     def find(self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None) -> CachedResult | None:
-        """What is under the part's key; else a record with the same outline, where what ran for it is as it was."""
+        """Return the record under the part's key, else one with the same outline for which all functions that ran are unchanged, or None.
+        """
         kept = self.under(build_key.key)
         if kept is not None or code is None or not code.sources:
             return kept
@@ -76,8 +80,8 @@ class KeptRecords:
             if not is_unchanged(code, one):
                 continue
             kept = self.under(one["record"])
-            if kept is not None and [list(read) for read in kept.reads] == one["reads"]:  # with other files something else may have run
-                with contextlib.suppress(StoreUnusable):  # kept for speed only
+            if kept is not None and [list(read) for read in kept.reads] == one["reads"]:  # with other reads, other functions may run
+                with contextlib.suppress(StoreUnusable):  # this entry only saves time
                     self._results.keep("record", build_key, kept.value, list(kept.reads), kept.reason)
                 return kept
         return None
@@ -86,7 +90,7 @@ class KeptRecords:
         self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None, ran: Mapping[str, Sequence[int] | None] | None,
         reads: list[list[str]],
     ) -> None:
-        """Keep which functions ran, by file (None: nobody knows), for the record under a part's key with these reads."""
+        """Store which functions ran, by file (None if unknown), for the record with this build key and these reads."""
         if code is None or not code.sources or ran is None:
             return
         traces = executed_functions(code, ran)
@@ -104,7 +108,7 @@ class KeptRecords:
 
 
 class ConvexAnswers:
-    """Pieces by mesh, kept in a store. `versions` are those of everything that makes them."""
+    """Convex pieces by mesh, cached in a store. `versions` returns the versions of everything that makes them."""
 
     def __init__(self, store: Store, versions: Callable[[], Mapping[str, str]]) -> None:
         self._store = store
@@ -113,8 +117,10 @@ class ConvexAnswers:
     def add(
         self, records: Records, convex: Collection[str], run: Run, timeout: float, broken: Callable[[str, dict[str, Any]], PartFailure],
     ) -> None:
-        """Give their pieces to `records` for the texts in `convex`. `run` asks the workers, `broken` puts an answer that failed
-        into words."""
+        """Add the pieces to the `records` of the texts in `convex`.
+
+        `run` sends requests to the workers; `broken` makes a failure of an answer that failed.
+        """
         wanted: dict[str, list[str]] = {}
         for text in sorted(convex):
             record = records.get(text)

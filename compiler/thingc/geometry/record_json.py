@@ -1,6 +1,6 @@
-"""Part schemas, records and failures as plain JSON values, as the store and the worker's pipe carry them.
+"""Part schemas, records and failures as JSON values, for the store and for the pipe to workers.
 
-Files in the workspace are written relative to it (`root`), so that records can be shared between machines.
+Files in the workspace are written relative to its `root`, so that machines can share records.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from thingc.geometry.record import ImpureInputs, PartFailure, PartRecord, PartSc
 
 
 def shortened(file: str | None, root: str) -> str | None:
-    """A file relative to the workspace, with `/`; as it is outside of it."""
+    """Return the path relative to the workspace, with `/`; a path outside of it is unchanged."""
     if file is None:
         return None
     inside = os.path.join(root, "")
@@ -24,7 +24,7 @@ def shortened(file: str | None, root: str) -> str | None:
 
 
 def full(file: str | None, root: str) -> str | None:
-    """The inverse of `shortened`."""
+    """Return the absolute path, the inverse of `shortened`."""
     return None if file is None else os.path.normpath(os.path.join(root, file))
 
 
@@ -35,18 +35,20 @@ Answer = TypeVar("Answer", PartSchema, PartFailure)
 
 
 def to_json(answer: PartSchema | PartFailure, root: str) -> Any:
-    """The inverse of `from_json`."""
+    """Return the JSON value of a schema or failure, the inverse of `from_json`."""
     return {**to_builtins(answer), "file": shortened(answer.file, root)}
 
 
 def from_json(value: Any, root: str, kind: type[Answer]) -> Answer:
-    """A part schema or a failure."""
+    """Return a part schema or a failure."""
     return convert({**value, "file": full(value["file"], root)}, kind)
 
 
 def with_left(answer: dict[str, Any], commands: Iterable[str]) -> dict[str, Any]:
-    """What a worker has made of a part, with a word on each of the processes that the part has left behind: their command lines, empty
-    for a copy of itself."""
+    """Return a worker's answer with a warning for each process that the part left running.
+
+    `commands` are their command lines; an empty one is a copy of the part's own process.
+    """
     if "record" not in answer:
         return answer
     names = sorted({"a copy of itself" if not line else f"`{line if len(line) <= 60 else line[:57] + '...'}`" for line in commands})
@@ -58,8 +60,10 @@ def with_left(answer: dict[str, Any], commands: Iterable[str]) -> dict[str, Any]
 
 
 def record_to_json(record: PartRecord, root: str) -> Any:
-    """The inverse of `record_from_json`; without `convex` and `slices`, which are kept apart. `mount_order` is the order of the mounts: the
-    store sorts keys."""
+    """Return the JSON value of a record, the inverse of `record_from_json`.
+
+    `convex` and `slices` are left out; they are cached separately. `mount_order` is added, because the store sorts keys.
+    """
     code = None if record.code is None else (shortened(record.code[0], root) or "", record.code[1])
     warnings = tuple(replace(warning, file=shortened(warning.file, root)) for warning in record.warnings)
     plain = replace(record, code=code, warnings=warnings, convex=(), slices={})
@@ -67,14 +71,14 @@ def record_to_json(record: PartRecord, root: str) -> Any:
 
 
 def record_from_json(value: Any, root: str) -> PartRecord:
-    """A part record, without convex pieces and slices."""
+    """Return a part record, without convex pieces and slices."""
     record = convert({**value, "mounts": {name: value["mounts"][name] for name in value["mount_order"]}}, PartRecord)
     code = None if record.code is None else (full(record.code[0], root) or "", record.code[1])
     return replace(record, code=code, warnings=tuple(replace(warning, file=full(warning.file, root)) for warning in record.warnings))
 
 
 def blobs_of(value: Any) -> list[tuple[str, int | None]]:
-    """The blobs that a record's JSON needs: `(sha256, size)`, the size None where it is not known."""
+    """Return the blobs that a record's JSON refers to: `(sha256, size)`, with size None if it is unknown."""
     meshes = [*value["meshes"].values(), *(piece for piece in value["pieces"] if piece[0] == "Mesh")]
     blobs: list[tuple[str, int | None]] = [(sha256, size) for _, sha256, size, *_ in meshes]
     return blobs if value["brep"] is None else [*blobs, (value["brep"], None)]

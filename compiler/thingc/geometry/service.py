@@ -1,6 +1,6 @@
-"""The geometry service: what the passes ask for parts. Answers from the store where it can, else through workers.
+"""The geometry service, through which the passes get parts: from the store if possible, else from workers.
 
-With nothing new to model no process is started and nothing heavy is imported.
+If nothing has to be built, no process is started and nothing heavy is imported.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
     from thingc.geometry.client import Workers
 
 PATIENCE = 150.0
-"""How long [s] beyond a part's own timeout to wait for the process that has locked it: its worker may have to load the kernel."""
+"""Time [s] beyond a part's own timeout to wait for the process that has locked it, whose worker may have to load the kernel."""
 
 Progress = Callable[[str, int, int], None]
 Printed = Callable[[str, Sequence[str]], None]
 
 
 class _Task(FrozenStruct):
-    """A request for the worker and what its answer is for."""
+    """A request to the worker, and the subject of its answer."""
 
     subject: str
     build_key: BuildKey
@@ -52,18 +52,20 @@ class _Task(FrozenStruct):
 
 
 class GeometryService:
-    """Part schemas, part records and STEP files for one workspace. A context manager: leaving it ends its workers.
+    """Part schemas, part records and STEP files of one workspace. A context manager, which ends its workers on exit.
 
-    `jobs` parts are modelled at once, each for at most `timeout` [s]; `on_progress(what, done, total)` hears of it,
-    `on_printed(part, lines)` of what they print.
-    `modelled` and `reused` are the definition texts of parts made and of parts found by the last `realize`, `decisions` says why, and
-    `wanted` are the definitions that it was asked for; `inputs` are the absolute paths of all files and folders that decided about
-    answers, there or not.
-    `workers` are those of somebody else, who also ends them (many services in one long-lived process). `lock` reads the
-    workspace's lock when first needed: it answers what the store cannot, for callers who need no meshes. `broken` are its faults.
-    `seed` is that of Python's hashes in workers of its own: another one belongs with a store of its own, for no key has it.
-    `reads` are the files that decided about answers that were not taken from a lock, by what was asked: states by path.
-    Raises `StoreUnusable` where the store cannot be written and something has to be.
+    At most `jobs` parts are built at once, each in at most `timeout` [s]. `on_progress(what, done, total)` is called for each,
+    `on_printed(part, lines)` with the lines that it printed.
+
+    After `realize`, `modelled` and `reused` are the definition texts of parts that were built or found, `decisions` are the reasons, and
+    `wanted` are the requested definitions. `inputs` are the absolute paths of all files and folders that the answers depend on, whether
+    they exist or not. `reads` are the files that answers depend on, as states by path, by subject; answers from a lock have none.
+
+    Pass `workers` to share those of a long-lived process; they are not ended here. `lock` reads the workspace's lock when it is first
+    needed, for callers that need no meshes; the lock is used for what is not in the store, and its faults are in `broken`. `seed` is the
+    hash seed of Python in its own workers; use a separate store for each seed, because it is not part of any key.
+
+    Raises `StoreUnusable` if something has to be written and the store is not writable.
     """
 
     def __init__(
@@ -103,12 +105,12 @@ class GeometryService:
 
     @property
     def modelled(self) -> list[str]:
-        """Definition texts of the parts that the last `realize` modelled, in the order in which they were done."""
+        """Definition texts of the parts that the last `realize` built, in the order in which they were finished."""
         return [text for text, decision in self.decisions.items() if not decision.reused]
 
     @property
     def reused(self) -> list[str]:
-        """Definition texts of the parts whose records the last `realize` found in the store."""
+        """Definition texts of the parts whose records the last `realize` found."""
         return [text for text, decision in self.decisions.items() if decision.reused]
 
     @property
@@ -117,22 +119,25 @@ class GeometryService:
         return frozenset(self._parts.probed | self._results.consulted | self._locked.consulted)
 
     def warm(self) -> None:
-        """Start the worker without waiting for it: it loads the kernel while the caller does something else."""
+        """Start the worker without waiting, so that it loads the kernel while the caller does something else."""
         self._worker_pool().warm()
 
     def anticipate(self) -> bool:
-        """`warm` when a file that parts depend on has changed since the last run in this workspace, or there was none: whether it has.
+        """Call `warm` if a file that parts depend on has changed since the last run in this workspace, or if there was none. Return whether
+        it did.
 
-        Worth calling before the documents are read: that is the longest part of a build. Where a lock may answer, it is likely not needed.
+        Call it before reading documents, since loading the kernel takes longest. With a lock, the kernel is probably not needed.
         """
         if needed := not self._locked.there and self._results.files_changed():
             self.warm()
         return needed
 
     def expect(self, last: GeometryService, saved: Collection[str] = ()) -> None:
-        """Begin with what will likely have to be modelled anew: parts that the service before this one was asked for, whose code is
-        another now, for these files (absolute paths) were `saved`. What they take is described meanwhile, and `realize` finds them under
-        way where that left them what they were: with the parameters that were given to them, and defaults as they are now."""
+        """Begin to build parts that will probably be requested: those of the `last` service whose code has changed.
+
+        `saved` are the files that changed (absolute paths). The classes are described in the meantime. `realize` uses a part that was begun
+        if its parameters turn out as they were given to `last`, with the defaults as they are now.
+        """
         begun = 0
         self._worker_pool().prepare([path for path in saved if path.endswith(".py")])
         self._requests.slicings = dict(last._requests.slicings)
@@ -148,29 +153,29 @@ class GeometryService:
                 begun += 1
 
     def close(self) -> None:
-        """End the workers; nothing of them is alive afterwards."""
+        """End the workers, unless they are shared."""
         if self._workers is not None and not self._lent:
             self._workers.close()
             self._workers = None
 
     def catalogue(self) -> list[str]:
-        """`module:Class` of every public class in the part folders and in the allowed packages tracked by content."""
+        """Return `module:Class` of every public class in the part folders and in the allowed packages tracked by content."""
         from thingc.geometry.key.catalogue import classes_in_reach
 
         return classes_in_reach(self._parts.sources, self.workspace.packages)
 
     @property
     def part_code(self) -> PartCode:
-        """The code of the parts asked for so far."""
+        """The code of the parts requested so far."""
         return self._parts
 
     def code(self, reference: str) -> CodeIngredients | None:
-        """The code of a part that was described; None for one of an installed package."""
+        """Return the code of a part that was described, or None for a part of an installed package."""
         code = self._parts.code(reference)
         return code if isinstance(code, CodeIngredients) else None
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """The modules in reach of `module:Class` that hide others of their name."""
+        """Return the modules that `module:Class` depends on and that hide others of their name."""
         return self._parts.hiding(reference)
 
     def in_part_folders(self, reference: str) -> bool:
@@ -178,11 +183,11 @@ class GeometryService:
         return self._parts.sources.finder.find(reference.partition(":")[0]).workspace
 
     def state(self, path: str) -> str:
-        """What lies at a path in the workspace (see `reads`)."""
+        """Return the state of a path in the workspace (see `reads`)."""
         return self._results.state(path, "file:")
 
     def not_python(self) -> list[PartFailure]:
-        """The modules in the same places that are no well-formed Python."""
+        """Return a failure for each module in the part folders and tracked packages that is not valid Python."""
         from thingc.geometry.key.catalogue import not_python
 
         return not_python(self._parts.sources, self.workspace.packages)
@@ -190,7 +195,7 @@ class GeometryService:
     # --- describe ------------------------------------------------------------------------------------------------
 
     def describe(self, references: Sequence[str], meanwhile: Callable[[], object] | None = None) -> dict[str, PartSchema | PartFailure]:
-        """What each `module:Class` takes, by reference. Something to do `meanwhile` is done when the workers have been asked."""
+        """Return the schema or failure of each `module:Class`, by reference. `meanwhile` is called after the workers have been asked."""
         answers: dict[str, PartSchema | PartFailure] = {}
         tasks: dict[str, list[_Task]] = {}
         for reference in dict.fromkeys(references):
@@ -210,7 +215,7 @@ class GeometryService:
                 continue
             request = {"op": "describe", "references": [reference], **self._requests.around(code)}
             tasks.setdefault(reference.partition(":")[0], []).append(_Task(subject=reference, build_key=build_key, request=request))
-        groups = list(tasks.values())  # one child per module: what the classes of a file share is loaded once
+        groups = list(tasks.values())  # one child per module, so that code shared by the classes of a file is loaded once
         if meanwhile is not None:
             self._worker_pool().begin(self._describing(groups))
             meanwhile()
@@ -230,7 +235,7 @@ class GeometryService:
         for request, answer in self._run(list(self._describing(groups))):
             group = groups[request["group"]]
             if "failed" in answer:
-                if len(group) > 1:  # one of them: ask for each by itself
+                if len(group) > 1:  # one class ended the process: describe each by itself
                     alone.extend([task] for task in group)
                 else:
                     self._printed(group[0].subject, answer)
@@ -238,11 +243,11 @@ class GeometryService:
                 continue
             given = answer["answer"]
             failed = [task.subject for task in group if "failure" in given["answers"][task.subject]]
-            if failed:  # what the others print is said when they are modelled
+            if failed:  # the output of the others is shown when they are built
                 self._printed(failed[0], answer)
             for task in group:
                 value = given["answers"][task.subject]
-                # what was read for one class of a module counts for all that were asked for together
+                # files read for one class of a module count for all that were described together
                 self._results.keep("schema", task.build_key, value, given["reads"])
                 self.reads[task.subject] = dict(given["reads"])
                 described[task.subject] = self._schema(task.subject, value, self._parts.code(task.subject))
@@ -252,7 +257,7 @@ class GeometryService:
         if "failure" in value:
             return self._parts.with_namesakes(from_json(value["failure"], self.workspace.root, PartFailure))
         schema = from_json(value["schema"], self.workspace.root, PartSchema)
-        if isinstance(code, CodeIngredients) and code.place is not None:  # comments move lines, and rebuild nothing
+        if isinstance(code, CodeIngredients) and code.place is not None:  # comments move lines without a rebuild
             schema = replace(schema, file=code.place[0], line=code.place[1])
         self._requests.schemas[reference] = schema
         return schema
@@ -262,8 +267,11 @@ class GeometryService:
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None, *, locked: bool = True,
     ) -> dict[str, PartRecord | PartFailure]:
-        """The record of each definition, by text; with convex pieces for the texts in `convex`. Unless it may be `locked`, it has
-        its meshes. As it is `likely` to be sliced, it is where it is modelled."""
+        """Return the record or failure of each definition, by text, with convex pieces for the texts in `convex`.
+
+        With `locked` False, records from the lock are not used, so that every record has its meshes. `likely` returns the expected
+        slicings, which are computed when a part is built.
+        """
         self.decisions = {}
         self.wanted = tuple(definitions)
         answers: dict[str, PartRecord | PartFailure] = {}
@@ -290,7 +298,7 @@ class GeometryService:
             elif locked and (held := self._locked.record(definition)) is not None:
                 self._decide(text, True, f"{LOCK_FILE} holds it")
                 answers[text] = held
-                del build_keys[text]  # nothing was modelled, which is what `thingc why` would say of it
+                del build_keys[text]  # nothing was built, and `thingc why` reports the last build
             else:
                 unmade.append((definition, prepared))
         tasks = self._tasks(unmade, likely)
@@ -311,7 +319,7 @@ class GeometryService:
         return {text: answers[text] for text in unique}
 
     def _tasks(self, parts: Sequence[tuple[PartDefinition, PartRequest]], likely: Likely) -> list[_Task]:
-        """Parts that will be sliced come first: they take longest, and the others fill up what is left at the end."""
+        """Return the tasks. Parts that will be sliced come first, because they take longest and shorter tasks fill the gaps at the end."""
         self._requests.suppose([definition for definition, _ in parts], likely)
         tasks = [
             _Task(
@@ -325,12 +333,12 @@ class GeometryService:
     def _model(
         self, tasks: Sequence[_Task], definitions: Mapping[str, PartDefinition], answers: dict[str, PartRecord | PartFailure],
     ) -> None:
-        """Fill `answers` for these tasks, each modelled here or by the process that has locked it."""
+        """Add the answers of these tasks to `answers`. Each part is built here or by the process that has locked it."""
         by_text = {task.subject: task for task in tasks}
         elsewhere: list[_Task] = []
 
         def reuse(task: _Task) -> bool:
-            """Whether somebody else has modelled it in the meantime."""
+            """Whether another process has built the part in the meantime."""
             kept = self._kept.under(task.build_key.key)
             if kept is not None:
                 self._decide(task.subject, True, unchanged(kept.reason))
@@ -341,7 +349,7 @@ class GeometryService:
 
         def own() -> Iterator[dict[str, Any]]:
             for task in tasks:
-                if self._workers is not None and not self._workers.there:  # it will not be modelled: nobody else is waited for
+                if self._workers is not None and not self._workers.there:  # it will not be built, so do not wait for other processes
                     yield task.request
                 elif not self._build_locks.take(task.build_key.key):
                     elsewhere.append(task)
@@ -362,7 +370,7 @@ class GeometryService:
                     take_in(self._run([task.request]))
 
     def _modelled(self, task: _Task, definition: PartDefinition, answer: dict[str, Any]) -> PartRecord | PartFailure:
-        """What a worker has made of a part, kept for the next time."""
+        """Return the record or failure that a worker made, after storing it."""
         self._decide(task.subject, False, task.reason)
         self._printed(definition.label, answer)
         if "failed" in answer:
@@ -382,7 +390,7 @@ class GeometryService:
         return record
 
     def in_store(self, definition: PartDefinition) -> bool:
-        """Whether a part need not be modelled."""
+        """Whether the record of a part is in the store."""
         prepared = self._requests.prepared(definition)
         return not isinstance(prepared, PartFailure) and self._kept.find(definition, prepared.build_key, prepared.code) is not None
 
@@ -399,7 +407,7 @@ class GeometryService:
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
-        """The `records` of `definitions` with what is laid into them when they are sliced as `wanted`, by text."""
+        """Return the `records` of `definitions` with the slices that are `wanted`, by text."""
         modelled = [definition for definition in definitions if definition.text in lacking(records, wanted)]  # only the lock has them
         if modelled:
             decisions = self.decisions
@@ -411,9 +419,7 @@ class GeometryService:
     # --- assemble ------------------------------------------------------------------------------------------------
 
     def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
-        """The STEP file of an assembly, kept by everything in it: the same placements and colours are written once.
-
-        Raises `AssemblyFailed` where the kernel cannot write it.
+        """Return the STEP file of an assembly, cached by all placements and colours. Raises `AssemblyFailed` if the kernel cannot write it.
         """
         listed = to_builtins(instances)
         key = repr([name, sorted(self._parts.versions(None).items()), listed])
@@ -448,8 +454,10 @@ class GeometryService:
         return self._workers
 
     def _run(self, requests: Sequence[dict[str, Any]], what: str = "", wanted: Iterator[dict[str, Any]] | None = None) -> Any:
-        """Answers of the workers as they come; where no worker starts, every request fails. `wanted` are those of the requests
-        that are still wanted when it is their turn."""
+        """Yield the answers of the workers as they arrive. If no worker starts, every request fails.
+
+        `wanted` yields the requests that are still needed when it is their turn.
+        """
         chosen = iter(requests) if wanted is None else wanted
         first = next(chosen, None)
         if first is None:
@@ -482,7 +490,7 @@ class GeometryService:
             self._on_printed(part, answer["printed"])
 
     def _broken(self, subject: str, answer: dict[str, Any]) -> PartFailure:
-        """A part that ended its worker. Such failures are not kept: the next run tries again."""
+        """Return the failure of a part that ended its worker. It is not cached, so that the next run tries again."""
         from thingc.geometry.client import failure_of
 
         return failure_of(subject, answer, self.timeout, self.workspace)

@@ -1,1 +1,1 @@
-"""What a part's answer depends on: code, files that were read, versions; and the answers that are kept by that."""
+"""What a part's result depends on (code, files that it read, versions), and the cache of results by these."""

@@ -1,4 +1,4 @@
-"""What a result is made of: labelled ingredients, whose digest is the key, and the words for what changed between two."""
+"""The labelled ingredients of a result. Their digest is the key; two sets of ingredients give the reason of a rebuild."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from thingc.geometry.record import PartDefinition
 
 
 class BuildKey(FrozenStruct):
-    """Ingredients by label (`module arm`, `parameter length`, `version build123d`) and the key they make."""
+    """Ingredients by label (`module arm`, `parameter length`, `version build123d`) and their key."""
 
     ingredients: dict[str, str]
 
@@ -26,12 +26,12 @@ class BuildKey(FrozenStruct):
 
 
 def schema_key(reference: str, code: CodeIngredients | None, versions: Mapping[str, str]) -> BuildKey:
-    """Of a part schema: the code with its docstrings, and versions. `code` None: the part of an installed package."""
+    """Return the key of a part schema: its code with docstrings, and versions. `code` is None for a part of an installed package."""
     return BuildKey(ingredients={"part": reference, **versions, **(code.documented if code is not None else {})})
 
 
 def record_key(definition: PartDefinition, code: CodeIngredients | None, versions: Mapping[str, str], workspace: Workspace) -> BuildKey:
-    """Of a part record; of the workspace it depends on the tessellations."""
+    """Return the key of a part record. The only settings of the workspace in it are the tessellations."""
     mesh, simulation = workspace.mesh, workspace.simulation
     parameters = {f"parameter {name}": f"{type(value).__name__} {value!r}" for name, value in definition.parameters}
     return BuildKey(
@@ -45,10 +45,10 @@ def record_key(definition: PartDefinition, code: CodeIngredients | None, version
 
 
 def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
-    """In words, what changed between two sets of ingredients of a part; at most three things are named, modules first."""
+    """Describe what changed between two sets of ingredients of a part: at most three changes, modules first."""
     changed = [label for label in {**old, **new} if old.get(label) != new.get(label)]
     if any(label.startswith("module ") and label in old and label in new for label in changed):
-        # what an edited module newly imports, or imports no longer, says less than the edit
+        # the edit of a module is the reason; modules that it newly imports or no longer imports follow from it
         changed = [label for label in changed if label in old and label in new]
     changed.sort(key=lambda label: (not label.startswith("module "), label))
     phrases = list(dict.fromkeys(_phrase(label, old, new) for label in changed))

@@ -1,4 +1,4 @@
-"""Every Thing in reach of a workspace, found by reading code, not by importing it."""
+"""Every Thing that a workspace can use, found by reading code without importing it."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from thingc.geometry.record import PartFailure
 
 
 def classes_in_reach(sources: ModuleSources, packages: Sequence[str]) -> list[str]:
-    """`module:Class` of every public class in the part folders and in the allowed packages that are tracked by content.
+    """Return `module:Class` of every public class in the part folders and in the allowed packages that are tracked by content, sorted.
 
-    Sorted. Which of them are Things only `describe` can tell. Packages that are merely installed (bd_warehouse) are not
-    listed: they have hundreds (see `installed_modules`).
+    Only `describe` can decide which of them are Things. Packages that are merely installed (bd_warehouse) are not listed, because they have
+    hundreds of classes (see `installed_modules`).
     """
     references: list[str] = []
     for module in _modules(sources, packages):
@@ -28,7 +28,9 @@ def classes_in_reach(sources: ModuleSources, packages: Sequence[str]) -> list[st
 
 
 def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[str, str]:
-    """The files of the public modules right in the allowed packages that are merely installed, by module (`bd_warehouse.fastener`)."""
+    """Return the files of the public modules directly in the allowed packages that are merely installed, by module
+    (`bd_warehouse.fastener`).
+    """
     files: dict[str, str] = {}
     for package in packages:
         module = sources.finder.find(package)
@@ -42,7 +44,8 @@ def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[s
 
 
 def classes_installed(module: str, file: str) -> list[str]:
-    """`module:Class` of every public class in the file of such a module, in order; none where that is no Python."""
+    """Return `module:Class` of every public class in the file of such a module, in the order of the file; empty if it is not valid Python.
+    """
     try:
         with open(file, "rb") as stream:
             body = parse_python(stream.read()).body
@@ -52,7 +55,7 @@ def classes_installed(module: str, file: str) -> list[str]:
 
 
 def not_python(sources: ModuleSources, packages: Sequence[str]) -> list[PartFailure]:
-    """The modules in the same places that are no well-formed Python, in which no class can be found."""
+    """Return a failure for each module of `classes_in_reach` that is not valid Python, in which no class can be found."""
     failures: list[PartFailure] = []
     for module in _modules(sources, packages):
         source = sources.source(module)

@@ -1,4 +1,4 @@
-"""What workers see of the environment: nothing whose value is not either the same everywhere or in the key of every part."""
+"""The environment of workers: each variable has either a fixed value, or a value that is in the key of every part."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import os
 from collections.abc import Mapping
 
 PASSED = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
-"""Variables without which Python or the kernel may not start: they are passed, and their values are in every key."""
+"""Variables without which Python or the kernel may not start. They are passed on, and their values are in every key."""
 
 FIXED: Mapping[str, str] = {
     "PATH": os.defpath, "LC_ALL": "C.UTF-8", "PYTHONUTF8": "1", "TZ": "UTC",
     "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",
-    # freed memory is kept for what is asked for next: a child lives for a second, and fresh pages took a tenth of its time
+    # freed memory is reused: a child lives for about a second, a tenth of which was spent on fresh pages
     "GLIBC_TUNABLES": ":".join(f"glibc.malloc.{name}={number}" for name, number in (
         ("mmap_threshold", 1 << 25), ("top_pad", 1 << 24), ("trim_threshold", 1 << 30), ("tcache_count", 64),
     )),
@@ -23,13 +23,14 @@ HOMES = ("HOME", "USERPROFILE")
 
 
 def passed() -> dict[str, str]:
-    """The variables that are passed on, as they are here."""
+    """Return the variables in `PASSED` that are set, with their values."""
     return {name: os.environ[name] for name in PASSED if name in os.environ}
 
 
 def environment(seed: int = 0) -> dict[str, str]:
-    """The environment of a worker, with the hash seed `seed`. Where temporary files go is for the worker alone: a part gets a folder
-    of its own there."""
+    """Return the environment of a worker, with the hash seed `seed`. `TEMPORARY` is for the worker itself; each part gets its own folder
+    there.
+    """
     variables = {name: os.environ[name] for name in TEMPORARY if name in os.environ}
     variables.update(passed())
     variables.update(FIXED)

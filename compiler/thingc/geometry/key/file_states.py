@@ -1,9 +1,9 @@
-"""How a file is, in a word that a part's answer can be kept by:
+"""The state of a file as a short text, which results of parts are cached by:
 
-    file:<sha256>     its content
-    folder:<sha256>   the names in a folder that was listed
-    folder            a folder that was only looked at
-    absent            nothing there
+  file:<sha256>     its content
+  folder:<sha256>   the names in a folder that was listed
+  folder            a folder that was only checked for existence
+  absent            nothing there
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from thingc.base.filesystem import opened
 
 
 def state_of(path: str, *, listed: bool = False) -> str:
-    """What lies at `path` now, in the words above; `listed` makes a folder count by its names."""
+    """Return the state of `path` in the form above. With `listed`, the state of a folder is the digest of its names."""
     try:
         with opened(path) as stream:
             return "file:" + hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,9 +1,8 @@
-"""Which code a part depends on, found by reading: all of its module, and of every module that this one imports.
+"""The code that a part depends on, found by reading: its module, and every module that this one imports.
 
-Modules are followed through import statements wherever they stand, in functions, too, and with the packages that they lie in, to
-every module of the part folders and of packages that are tracked by content. Comments and layout do not count, nor docstrings, unless some
-code may look at them: then the text of every file counts. What is imported in another way is met when the part runs, and counts as a file
-that it read.
+Import statements are followed wherever they are, also in functions, to every module of the part folders and of packages that are tracked by
+content, with the packages that contain them. Comments, layout and docstrings do not count, unless some code may read docstrings: then the
+text of every file counts. A module that is imported in another way is noticed when the part runs, and counts as a file that the part read.
 """
 
 from __future__ import annotations
@@ -19,24 +18,24 @@ from thingc.geometry.key.modules import Finder, Module
 from thingc.geometry.store.local import Store
 
 VERSION = 4
-"""Of `ModuleFacts`: a change of their meaning must raise it, since they are kept by the content of a file."""
+"""Version of `ModuleFacts`. Raise it when their meaning changes, since they are cached by the content of a file."""
 
 MAX_UNTRUSTED = 1_000_000
-"""Bytes of source that are read of a workspace that is not trusted: the syntax tree takes a hundred times as much memory."""
+"""Limit of bytes of source that are read from an untrusted workspace: the syntax tree takes a hundred times as much memory."""
 
 MAX_STEPS = 20
-"""Modules through which a name is followed to where it is defined, which is for messages."""
+"""Limit of modules through which a name is followed to its definition, for messages."""
 
 
 class ModuleFacts(FrozenStruct):
-    """What a source file says, made by `source_reader` and kept as JSON.
+    """Facts about a source file, made by `source_reader` and cached as JSON.
 
-    `syntax` is the digest of its syntax tree without positions and docstrings, `documented` that with docstrings, `outline` that without
-    what counts only where a function is called; of that `bodies` are the digests, function by function. `imports` are the
-    modules and names that it imports (`pkg.leg`, `pkg.leg:foot`, `.shapes:*`); `names` what it binds at its top level: kind
-    (`class | function | import | value`), line, and where an imported name comes from. `telling`: it may look at docstrings or lines;
-    `looking`: at functions that it does not call; `more`: it may have names that reading does not show; `broken`: it is no Python, and
-    counts by its bytes.
+    `syntax` is the digest of its syntax tree without positions and docstrings, `documented` with docstrings, `outline` without the parts of
+    functions that only matter when they are called; `bodies` are the digests of these parts, one for each function. `imports` are the
+    modules and names that it imports (`pkg.leg`, `pkg.leg:foot`, `.shapes:*`). `names` are the names that it binds at top level: kind
+    (`class | function | import | value`), line, and the origin of an imported name. `telling`: it may read docstrings or line numbers.
+    `looking`: it may inspect functions without calling them. `more`: it may have names that reading does not find. `broken`: it is not
+    valid Python; its digests are those of its bytes.
     """
 
     syntax: str
@@ -52,8 +51,11 @@ class ModuleFacts(FrozenStruct):
 
 
 class ModuleSource(FrozenStruct, kw_only=False):
-    """A module's source as read. `path` is where it lies in the workspace, since code looks for files beside itself; of what lies
-    elsewhere only the file's name, which is the same on every machine."""
+    """The source of a module, as read.
+
+    `path` is its path in the workspace, since code looks for files beside itself; outside of the workspace only the file's name, which is
+    the same on every machine.
+    """
 
     module: Module
     sha256: str
@@ -62,18 +64,18 @@ class ModuleSource(FrozenStruct, kw_only=False):
 
     @property
     def label(self) -> str:
-        """What the module is called among the ingredients of a key."""
+        """The label of the module in the ingredients of a key."""
         return f"module {self.module.name}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CodeIngredients:
-    """What a part's code is made of.
+    """The code of a part.
 
-    `ingredients` are digests and paths by module (`module arm`), `documented` the same with docstrings; `installed` the modules of
-    installed packages that it imports; `files` the files that it is loaded from, with their SHA-256; `plain` its packages without
-    `__init__.py`; `hiding` its modules that hide others of their name; `place` is `(file, line)` of the class. `sources` are the modules by
-    file, none where its code may look at itself: then it counts as a whole, whatever of it runs.
+    `ingredients` are digests and paths by module (`module arm`), `documented` the same with docstrings. `installed` are the modules of
+    installed packages that it imports. `files` are the files that it is loaded from, with their SHA-256. `plain` are its packages without
+    `__init__.py`. `hiding` are its modules that hide others of the same name. `place` is `(file, line)` of the class. `sources` are the
+    modules by file; it is empty if some code may inspect itself, because then the code counts as a whole, whichever parts run.
     """
 
     ingredients: dict[str, str] = field(default_factory=dict)
@@ -87,10 +89,10 @@ class CodeIngredients:
 
 
 class ModuleSources:
-    """Reads the source files of content-tracked modules, each once; their facts are kept in the store by content.
+    """Reads the source files of content-tracked modules, each once. Their facts are cached in the store by content.
 
-    `root` is the folder of the workspace. `within` is for workspaces that are not trusted: only files of part folders for which it holds
-    are read, and at most `MAX_UNTRUSTED` bytes of them. What is not read has no source, so that the key of what uses it is another.
+    `root` is the folder of the workspace. Pass `within` for an untrusted workspace: only files of part folders for which it returns True
+    are read, and at most `MAX_UNTRUSTED` bytes in all. A file that is not read has no source, so keys that depend on it differ.
     """
 
     def __init__(self, finder: Finder, root: str, store: Store | None = None, within: Callable[[str], bool] | None = None) -> None:
@@ -102,7 +104,7 @@ class ModuleSources:
         self._read: dict[str, ModuleSource | None] = {}
 
     def source(self, name: str) -> ModuleSource | None:
-        """The source of the content-tracked module `name`, or None when it has none or is of another kind."""
+        """Return the source of the content-tracked module `name`, or None if it has no source or is of another kind."""
         if name not in self._read:
             module = self.finder.find(name)
             data = self._bytes(module)
@@ -122,7 +124,7 @@ class ModuleSources:
             return None
         if within is None:
             return data
-        self._left -= len(data)  # to -1 at the least
+        self._left -= len(data)  # at least -1
         return data if self._left >= 0 else None
 
     def _source(self, module: Module, data: bytes) -> ModuleSource:
@@ -142,7 +144,7 @@ class ModuleSources:
 
 
 def code_of(reference: str, sources: ModuleSources) -> CodeIngredients:
-    """The code that `module:Class` depends on. The module must be found and content-tracked."""
+    """Return the code that `module:Class` depends on. The module must exist and be content-tracked."""
     module, _, name = reference.partition(":")
     reached = [sources.finder.find(one) for one in reached_from(module, sources)]
     tracked = [source for one in reached if (source := sources.source(one.name)) is not None]
@@ -161,7 +163,10 @@ def code_of(reference: str, sources: ModuleSources) -> CodeIngredients:
 
 
 def reached_from(module: str, sources: ModuleSources) -> list[str]:
-    """The names of `module` and of all that it and those import, with the packages that they lie in, there or not. Sorted."""
+    """Return the names of `module`, of all modules imported directly or indirectly, and of the packages around them, sorted.
+
+    Modules that do not exist are included.
+    """
     reached: set[str] = set()
     waiting = [module]
     while waiting:
@@ -182,12 +187,12 @@ def reached_from(module: str, sources: ModuleSources) -> list[str]:
 
 
 def may_have(module: str, name: str, sources: ModuleSources) -> bool:
-    """Whether `module` may have a `name`, by itself or through stars; reading cannot always be sure that it has not."""
+    """Whether `module` may have a `name`, by itself or through star imports. True if reading cannot decide."""
     return any(source is None or source.facts.more or name in source.facts.names for source in _namespaces(module, sources))
 
 
 def defined_in(module: str, sources: ModuleSources) -> tuple[str, ...]:
-    """The public classes and functions that `module` defines or has through stars, sorted."""
+    """Return the public classes and functions that `module` defines or gets through star imports, sorted."""
     return tuple(sorted({
         name for source in _namespaces(module, sources) if source is not None for name, (kind, _, _) in source.facts.names.items()
         if kind in ("class", "function") and name[0] != "_"
@@ -195,7 +200,7 @@ def defined_in(module: str, sources: ModuleSources) -> tuple[str, ...]:
 
 
 def _namespaces(module: str, sources: ModuleSources) -> list[ModuleSource | None]:
-    """The module, and those whose names it has by stars; None stands for one that cannot be read."""
+    """Return the module, and those whose names it has through star imports; None in place of a module that cannot be read."""
     met = [module]
     namespaces: list[ModuleSource | None] = []
     for name in met:
@@ -208,7 +213,7 @@ def _namespaces(module: str, sources: ModuleSources) -> list[ModuleSource | None
 
 
 def _definition_line(module: str, name: str, sources: ModuleSources) -> tuple[str, int] | None:
-    """Where a name is defined, through imports."""
+    """Return `(file, line)` of the definition of a name, followed through imports, or None."""
     for _ in range(MAX_STEPS):
         source = next((one for one in _namespaces(module, sources) if one is not None and name in one.facts.names), None)
         if source is None or source.module.file is None:
@@ -221,14 +226,16 @@ def _definition_line(module: str, name: str, sources: ModuleSources) -> tuple[st
 
 
 def _absolute(source: ModuleSource, origin: str) -> tuple[str, str]:
-    """The module that an import in `source` names, and what it takes from it ("" where it takes the module itself). A relative one that
-    leads out of its package names no module, which is ""."""
+    """Return the module that an import in `source` names, and the name taken from it ("" for the module itself).
+
+    The module is "" if a relative import leads out of its package.
+    """
     written, _, inner = origin.partition(":")
     target = written.lstrip(".")
     dots = len(written) - len(target)
     if dots:
         steps = source.module.name.split(".")
-        above = dots - 1 if source.module.folders else dots  # `__init__.py` stands for its package
+        above = dots - 1 if source.module.folders else dots  # a dot in `__init__.py` means the package itself
         package = ".".join(steps[: max(len(steps) - above, 0)])
         target = f"{package}.{target}" if package and target else package
     return target, inner

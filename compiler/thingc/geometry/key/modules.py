@@ -1,7 +1,7 @@
-"""Where modules lie: in the workspace's part folders, in a package tracked by content, elsewhere in the environment, or nowhere.
+"""Where modules are: in a part folder of the workspace, in a package tracked by content, elsewhere in the environment, or absent.
 
-Shared by the client, which reads part files without importing them, and the worker, which imports them, so that both
-mean the same file by the same name.
+The client, which reads part files without importing them, and the worker, which imports them, share this module, so that a name means the
+same file for both.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.installed_packages import import_path, specification_of
 
 OWN_FOLDER = os.path.dirname(os.path.abspath(thingc.__file__))
-"""Where thingc itself lies."""
+"""The folder of thingc itself."""
 
 CONTENT_TRACKED = frozenset({"thingc_stock"})
 """Packages tracked by content wherever they are installed."""
@@ -31,26 +31,26 @@ SELDOM_USED = frozenset({
     "IPython", "ezdxf", "fontTools", "lib3mf", "ocp_gordon", "ocpsvg", "requests", "scipy", "sklearn", "svgpathtools",
     "sympy", "threejs_materials", "trianglesolver",
 })
-"""Top-level packages that build123d imports for a few of its functions only."""
+"""Top-level packages that build123d imports for only a few of its functions."""
 
 PROTECTED = frozenset(sys.stdlib_module_names) | SELDOM_USED | {
     "OCP", "anytree", "bd_materials", "bd_warehouse", "build123d", "coacd", "manifold3d", "numpy", "thingc", "typing_extensions",
     "webcolors",
 }
-"""Names that a part folder cannot take: the standard library, and what the geometry worker itself stands on."""
+"""Names that a module in a part folder cannot have: the standard library, and the packages that the geometry worker uses."""
 
 
 MAX_NAME = 500
-"""Characters of a dotted name that is looked for: no module lies deeper."""
+"""Longest dotted name [characters] that is looked up."""
 
 
 class Module(FrozenStruct):
     """A module as found by name, without importing it.
 
-    `kind` is `content` (its code is read, followed and counts), `installed` (what Python finds by itself: it counts by its version,
-    or by its files as they were loaded) or `absent`. `file` is its source (None for a folder without `__init__.py`, and for
-    what is built in), or the binary of an extension; `folders` are where its submodules lie, empty for a plain module.
-    `hides` are further files in the part folders that would be this module, were the others not there.
+    `kind` is `content` (its code is read, followed and in the key), `installed` (found by Python itself: it counts by its version, or by
+    its files as they were loaded) or `absent`. `file` is its source, or the binary of an extension; None for a folder without `__init__.py`
+    and for built-in modules. `folders` contain its submodules; empty for a plain module. `hides` are other files in the part folders that
+    have the same module name but lower precedence.
     """
 
     name: str
@@ -63,7 +63,7 @@ class Module(FrozenStruct):
 
 @cache
 def own_roots() -> tuple[str, ...]:
-    """The interpreter's own folders, as they are named and as they really are: the standard library and site-packages."""
+    """Return the interpreter's own folders, the standard library and site-packages, as configured and with links resolved."""
     named = sysconfig.get_paths()
     roots = {named[key] for key in ("stdlib", "platstdlib", "purelib", "platlib")}
     roots.update(site.getsitepackages() if hasattr(site, "getsitepackages") else ())
@@ -74,8 +74,9 @@ def own_roots() -> tuple[str, ...]:
 
 @cache
 def installed_roots() -> tuple[str, ...]:
-    """The folders whose contents count by version: the interpreter's own, and those that the import path leads to besides
-    (a `.pth` file does that) and packages were installed into."""
+    """Return the folders whose contents count by version: those of the interpreter, and other folders of the import path into which
+    packages were installed (for example through a `.pth` file).
+    """
     others = [folder for folder in import_path() if any(name.endswith(".dist-info") for name in listing(folder))]
     return tuple(dict.fromkeys((*own_roots(), *_in_both_forms(others))))
 
@@ -85,15 +86,16 @@ def _in_both_forms(folders: Iterable[str]) -> tuple[str, ...]:
 
 
 def is_installed(file: str) -> bool:
-    """Whether a file lies in one of `installed_roots`."""
+    """Whether a file is in one of `installed_roots`."""
     return (os.path.realpath(file) + os.sep).startswith(installed_roots())
 
 
 class Finder:
-    """Finds modules by name for one workspace: `parts` are its absolute part folders, in order of precedence, `packages` the
-    packages that it allows. Those are followed as code, unless they are installed; whatever else is imported is not.
+    """Finds modules by name for one workspace.
 
-    `probed` collects the absolute paths that were looked at in folders tracked by content, there or not.
+    `parts` are its absolute part folders in order of precedence, `packages` the packages that it allows. These are followed as code, unless
+    they are installed; other imports are not. `probed` collects the absolute paths that were tested in folders tracked by content, whether
+    they exist or not.
     """
 
     def __init__(self, parts: Sequence[str], packages: Iterable[str] = ()) -> None:
@@ -104,7 +106,7 @@ class Finder:
         self._part_modules: list[str] | None = None
 
     def find(self, name: str) -> Module:
-        """The module `name` (dotted, absolute)."""
+        """Return the module `name` (dotted, absolute)."""
         module = self._found.get(name)
         if module is None:
             module = self._found[name] = self._find(name)
@@ -133,12 +135,14 @@ class Finder:
         return module or Module(name=name, kind="absent")
 
     def hidden(self, name: str) -> str | None:
-        """The file in a part folder that would be the top-level module `name`, were that not one of `PROTECTED`."""
+        """Return the file in a part folder that would be the top-level module `name` if that were not in `PROTECTED`, or None."""
         module = self._in_folders(name, name, self.parts, True, plain_folders=False) if name in PROTECTED else None
         return module.file if module is not None else None
 
     def _in_folders(self, name: str, last: str, folders: Iterable[str], workspace: bool, *, plain_folders: bool = True) -> Module | None:
-        """As Python's path finder does: a package, else a module, else (where allowed) a folder without `__init__.py`."""
+        """Find a module in folders as Python's path finder does: a package, else a module, else (if allowed) a folder without
+        `__init__.py`.
+        """
         candidates: list[tuple[str, tuple[str, ...]]] = []
         plain: list[str] = []
         for folder in folders:
@@ -157,7 +161,7 @@ class Finder:
         return None
 
     def part_modules(self) -> list[str]:
-        """Names of the modules in the part folders (two levels) that may be named, for near-name hints."""
+        """Return the names of the modules in the part folders (two levels) that a reference may use, for suggestions."""
         if self._part_modules is None:
             self._part_modules = self._list_modules()
         return self._part_modules
@@ -179,7 +183,7 @@ class Finder:
 
 
 def _on_path(name: str, followed: Collection[str]) -> Module | None:
-    """A top-level module of the environment (editable packages that bring a finder of their own are asked for, too)."""
+    """Return a top-level module of the environment, or None. Finders of editable packages are asked, too."""
     specification = specification_of(name)
     if specification is None:
         return None
@@ -187,7 +191,7 @@ def _on_path(name: str, followed: Collection[str]) -> Module | None:
     folders = tuple(specification.submodule_search_locations or ())
     if origin is None and folders and all(is_installed(os.path.join(folder, "")) for folder in folders):
         return Module(name=name, kind="installed")
-    if origin is None:  # a folder without __init__.py: the project's own build/ or docs/ count for nothing
+    if origin is None:  # a folder without __init__.py, such as the project's own build/ or docs/, is ignored
         return None
     if origin.endswith(".py") and name in followed and (name in CONTENT_TRACKED or not is_installed(origin)):
         return Module(name=name, kind="content", file=origin, folders=folders)

@@ -1,4 +1,4 @@
-"""May a part be loaded, where is its code, and what does that code depend on: all before anything is imported."""
+"""Decide, before anything is imported, whether a part may be loaded, where its code is, and what that code depends on."""
 
 from __future__ import annotations
 
@@ -24,8 +24,10 @@ FILES = (".step", ".stp", ".brep", ".brp", ".stl", ".3mf", ".obj")
 
 
 class PartCode:
-    """The code of parts of one workspace, each read once; `sources` are the files. Without a store the workspace is not trusted:
-    files of part folders that lie outside of it are not read."""
+    """The code of the parts of one workspace, each read once.
+
+    `sources` reads the files. Without a store the workspace is untrusted: part folders outside of it are not read.
+    """
 
     def __init__(self, workspace: Workspace, store: Store | None) -> None:
         self.workspace = workspace
@@ -37,18 +39,18 @@ class PartCode:
 
     @property
     def probed(self) -> set[str]:
-        """Absolute paths that decided which file a module is, there or not."""
+        """Absolute paths that decided which file a module is, whether they exist or not."""
         return self.sources.finder.probed
 
     def code(self, reference: str) -> CodeIngredients | None | PartFailure:
-        """The code of `module:Class`; None for an installed package; or why it may not or cannot be loaded."""
+        """Return the code of `module:Class`, None for a part of an installed package, or the failure if it may not or cannot be loaded."""
         if reference not in self._codes:
             code = self._read_code(reference)
             self._codes[reference] = self.with_namesakes(code) if isinstance(code, PartFailure) else code
         return self._codes[reference]
 
     def with_namesakes(self, failure: PartFailure) -> PartFailure:
-        """Add references to classes of the same name in other modules to a failure to find a part."""
+        """Add references to classes of the same name in other modules to the failure of a part that was not found."""
         from thingc.geometry.key.catalogue import classes_in_reach
 
         name = failure.subject.rpartition(":")[2]
@@ -58,7 +60,9 @@ class PartCode:
         return replace(failure, candidates=(*failure.candidates, *namesakes))
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """The modules in reach of `module:Class` that hide others of their name; where there is no such class, its module alone."""
+        """Return the modules that `module:Class` depends on and that hide others of their name. If there is no such class, check its module
+        only.
+        """
         code = self.code(reference)
         if isinstance(code, PartFailure) and code.file is not None:
             return tuple(one for one in (self.sources.finder.find(reference.partition(":")[0]),) if one.hides)
@@ -100,8 +104,10 @@ class PartCode:
         return code_of(reference, self.sources)
 
     def versions(self, code: CodeIngredients | None, reference: str = "") -> dict[str, str]:
-        """Versions of the kernel, of thingc, and of everything installed that the code uses; where the part is of an
-        installed package (`code` None), of that."""
+        """Return the versions of the kernel, of thingc, and of all installed packages that the code uses.
+
+        If `code` is None, the package of `reference` is included.
+        """
         package = reference.partition(":")[0].partition(".")[0]
         own = {name.partition(".")[0] for name in code.installed} if code is not None else {package} - {""}
         used = (*KERNEL, *own)
@@ -111,15 +117,18 @@ class PartCode:
         return self._known_versions[key]
 
     def file_of(self, package: str) -> str | None:
-        """The file of a top-level module of the environment, which then is one that decides."""
+        """Return the file of a top-level module of the environment, and add it to `probed`."""
         file = self.sources.finder.find(package).file
         if file is not None:
             self.probed.add(file)
         return file
 
     def around(self, code: CodeIngredients | None) -> dict[str, Any]:
-        """What a request to the worker says of the code: the workspace's folders and packages, the files that have a key (SHA-256
-        by file), part packages without `__init__.py`, and installed packages worth loading before the fork."""
+        """Return what a request to the worker contains about the code.
+
+        These are the folders and packages of the workspace, the SHA-256 of files that are in the key, part packages without `__init__.py`,
+        and installed packages to load before the fork.
+        """
         code = code or CodeIngredients()
         return {
             "root": self.workspace.root, "parts": list(self.workspace.parts), "packages": list(self.workspace.packages),
@@ -128,13 +137,13 @@ class PartCode:
         }
 
     def files(self) -> dict[str, str]:
-        """The files of all code read so far (in the workspace relative to it) with their states, as `reads` has them."""
+        """Return the states of the files of all code read so far, by path (relative if inside the workspace), as in `reads`."""
         code = [code for code in self._codes.values() if isinstance(code, CodeIngredients)]
         return {shortened(file, self.workspace.root) or file: f"file:{sha256}" for one in code for file, sha256 in one.files.items()}
 
 
 def file_state(definition: PartDefinition, workspace: Workspace, results: Results) -> str | PartFailure:
-    """What lies at the place of a part that is a file, as `reads` has it; or why there is none."""
+    """Return the state of a part that is a file, as in `reads`, or the failure if there is none."""
     path = os.path.join(workspace.root, definition.reference)
     if os.path.isabs(definition.reference) or not workspace.contains(path):
         return PartFailure(subject=definition.text, kind="refused", message=f"`{definition.reference}` is outside of the workspace")

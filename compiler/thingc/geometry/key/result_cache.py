@@ -1,6 +1,6 @@
-"""Answers kept in the store: by build_key, and under each build_key by the files that were read.
+"""Results cached in the store: by build key, and under each build key by the files that were read.
 
-One build_key may have several answers, each with its reads; the one whose reads are all still as they were is the answer.
+A build key can have several results, each with its reads. The one whose reads all have the same states now is the answer.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from thingc.geometry.key.file_states import state_of
 from thingc.geometry.store.local import Store
 
 CANDIDATES = 8
-"""How many answers are kept under one build_key; the oldest goes first."""
+"""Number of results that are stored under one build key; the oldest is dropped first."""
 
 
 class CachedResult(FrozenStruct):
-    """An answer from the store, the reads it depends on, and why it was made."""
+    """A result from the store, the reads that it depends on, and why it was made."""
 
     value: Any
     reads: tuple[tuple[str, str], ...]
@@ -28,9 +28,9 @@ class CachedResult(FrozenStruct):
 
 
 class Results:
-    """The answers for one workspace (`root`). Files are read once per service: a state that was seen stays.
+    """The results for one workspace (`root`). A file is read once: its first state is used for the lifetime of this object.
 
-    `consulted` are the absolute paths looked at; `met` the reads of the answers given, with their states.
+    `consulted` are the absolute paths that were read; `met` are the reads of the results that were returned, with their states.
     """
 
     def __init__(self, store: Store, root: str) -> None:
@@ -41,12 +41,13 @@ class Results:
         self._states: dict[tuple[str, bool], str] = {}
 
     def state(self, path: str, like: str) -> str:
-        """What lies at `path` (relative to the workspace, or absolute); `like` is a state that tells how to look."""
+        """Return the state of `path` (relative to the workspace, or absolute). `like` is an earlier state: a listed folder is listed again.
+        """
         self.consulted.add(os.path.normpath(os.path.join(self.root, path)))
         return self._seen(path, like)
 
     def _seen(self, path: str, like: str) -> str:
-        """The same for what decides about no answer."""
+        """Return the same for a file that no result depends on: the path is not added to `consulted`."""
         listed = like.startswith("folder:")
         absolute = os.path.normpath(os.path.join(self.root, path))
         if (absolute, listed) not in self._states:
@@ -54,7 +55,7 @@ class Results:
         return self._states[absolute, listed]
 
     def find(self, kind: str, key: str, usable: Callable[[Any], bool] = lambda _: True) -> CachedResult | None:
-        """The answer under a build key's key whose reads match and which is `usable`, or None."""
+        """Return the result under a key whose reads match and that is `usable`, or None."""
         for candidate in self._candidates(kind, key):
             if all(self.state(path, state) == state for path, state in candidate["reads"]) and usable(candidate["value"]):
                 self.met.update((path, state) for path, state in candidate["reads"])
@@ -63,7 +64,7 @@ class Results:
         return None
 
     def keep(self, kind: str, build_key: BuildKey, value: Any, reads: list[Any], reason: str = "") -> None:
-        """Keep an answer, before the others of its build_key."""
+        """Store a result, before the others of its build key."""
         plain = [list(read) for read in reads]
         self.met.update((path, state) for path, state in plain)
         for path, _ in plain:
@@ -76,30 +77,29 @@ class Results:
         return candidates if isinstance(candidates, list) else []
 
     def note_files(self, files: Mapping[str, str]) -> None:
-        """Remember what the files that parts depend on were like (`path` in the workspace or absolute: state)."""
+        """Store the states of the files that parts depend on, by path (in the workspace, or absolute)."""
         if self.store.get_json("files", self.root) != dict(files):
             self.store.note_json("files", self.root, dict(files))
 
     def files_changed(self) -> bool:
-        """Whether a file that parts depended on in the last run is another now; also True when there was no last run."""
+        """Whether a file that parts depended on in the last run has changed; also True if there was no last run."""
         files = self.store.get_json("files", self.root)
         return not isinstance(files, dict) or any(self._seen(path, state) != state for path, state in files.items())
 
-    # --- what was built last, for `thingc why` ----------------------------------------------------------------------
+    # --- last builds, for `thingc why` -------------------------------------------------------------------------------
 
     def last(self, text: str) -> BuildKey | None:
-        """The build_key that a definition had when it was last realized in this workspace."""
+        """Return the build key of a definition when it was last realized in this workspace, or None."""
         key = self.store.get_json("last", self._of(text))
         ingredients = self.store.get_json("build_key", key) if isinstance(key, str) else None
         return BuildKey(ingredients=ingredients) if isinstance(ingredients, dict) else None
 
     def met_before(self, reference: str) -> bool:
-        """Whether some definition of a `module:Class` (or a file) has been realized in this workspace."""
+        """Whether any definition of a `module:Class` (or a file) has been realized in this workspace."""
         return self.store.get_json("met", self._of(reference)) is not None
 
     def remember(self, realized: Iterable[tuple[str, str, BuildKey]]) -> None:
-        """Note what was realized now (reference, definition text, build_key); nothing is written when it is what was realized
-        before."""
+        """Store what was realized (reference, definition text, build key). Nothing is written if it is the same as before."""
         for reference, text, build_key in realized:
             if self.store.get_json("last", self._of(text)) == build_key.key:
                 continue
@@ -109,11 +109,11 @@ class Results:
                 self.store.note_json("met", self._of(reference), True)
 
     def _of(self, name: str) -> str:
-        """A key for something of this workspace alone."""
+        """Return a key for a value of this workspace only."""
         return f"{self.root}\n{name}"
 
     def changed_read(self, key: str) -> str | None:
-        """In words, what keeps the newest answer under a build key from being the answer."""
+        """Describe which reads of the newest result under a build key have changed; None if none has."""
         for candidate in self._candidates("record", key)[:1]:
             changed = [(path, state, now) for path, state in candidate["reads"] if (now := self.state(path, state)) != state]
             if changed:

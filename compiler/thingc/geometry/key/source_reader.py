@@ -1,4 +1,4 @@
-"""Reads off the syntax tree of a source file what counts of it. Never imports or runs anything."""
+"""Read the relevant facts from the syntax tree of a source file. Never imports or runs anything."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ TELLING = frozenset({
     "__doc__", "f_lineno", "tb_lineno", "co_firstlineno", "co_lines", "co_positions", "co_linetable", "co_lnotab", "co_consts",
     "inspect", "linecache", "pydoc", "traceback",
 })
-"""Words by which code looks at docstrings, lines or source texts, which are otherwise no part of a key."""
+"""Words with which code reads docstrings, line numbers or source texts, which are otherwise not part of a key."""
 
 BINDING = frozenset({
     "exec", "eval", "globals", "locals", "vars", "setattr", "modules", "f_globals", "__dict__", "__getattr__", "__builtins__",
 })
-"""Words by which a module can have names that no statement of it binds; so can a function that says `global`."""
+"""Words with which a module can have names that none of its statements binds. `global` in a function has the same effect."""
 
 LOOKING = re.compile(
     rb"\b(?:__code__|__defaults__|__kwdefaults__|__globals__|co_code|settrace|setprofile|gc|dis|marshal|dill|cloudpickle"
     rb"|n?jit|numba|cython|FunctionType|LambdaType|CodeType)\b"
 )
-"""Words by which code looks at functions that it does not call, or has others run them in another way."""
+"""Words with which code inspects functions that it does not call, or has them run in another way."""
 
 _IMPLIED = ("ctx", "kind")
-"""Fields of nodes that tell nothing: what a name is used for shows where it stands, and `u"x"` is `"x"`."""
+"""Fields of nodes that carry no information: the position of a name shows its use, and `u"x"` equals `"x"`."""
 _END, _LEFT = object(), object()
 
 PLAIN = frozenset({"classmethod", "property", "staticmethod"})
-"""Decorators that do nothing with a function but call it."""
+"""Decorators after which a function still only runs when it is called."""
 
 
 def read_source(source: bytes) -> dict[str, Any]:
-    """The facts of a source file, as JSON (see `module_key.Facts`)."""
+    """Return the facts of a source file, as JSON (see `module_key.ModuleFacts`)."""
     try:
         tree = parse_python(source)
         tree.body = [statement for statement in tree.body if not _is_main_guard(statement)]
@@ -51,8 +51,11 @@ def read_source(source: bytes) -> dict[str, Any]:
 
 
 def functions(tree: ast.Module, source: bytes) -> list[ast.FunctionDef]:
-    """The functions and methods of a module that run when they are called and not before, in the order of the text. Left out are those
-    that others may have looked at by then (decorated ones, but for what Python itself has), and those whose call runs nothing yet."""
+    """Return the functions and methods of a module that run only when they are called, in the order of the text.
+
+    Left out are functions that other code may have inspected before (those with decorators other than `PLAIN`), and those whose call runs
+    nothing yet (generators and coroutines).
+    """
     definitions: list[ast.FunctionDef] = []
     yields = b"yield" in source
     waiting: list[ast.AST] = [statement for statement in tree.body if not _is_main_guard(statement)]
@@ -68,7 +71,7 @@ def functions(tree: ast.Module, source: bytes) -> list[ast.FunctionDef]:
 
 
 def _own(function: ast.FunctionDef) -> list[Any]:
-    """What of a function counts where it is called: its body, and defaults that are plain values."""
+    """Return the parts of a function that matter only when it is called: its body, and defaults that are plain values."""
     defaults = [*function.args.defaults, *function.args.kw_defaults]
     return [function.body, *(one for one in defaults if one is not None and _is_value(one))]
 
@@ -78,7 +81,7 @@ def _is_value(node: ast.expr) -> bool:
 
 
 def _facts(tree: ast.Module, source: bytes) -> dict[str, Any]:
-    """One walk in the order of the text, without recursion: sums grow deeper than Python's stack."""
+    """Return the facts of a module in one walk in the order of the text. Not recursive: sums nest deeper than Python's stack."""
     syntax: list[str] = []
     outline: list[str] = []
     called = functions(tree, source)
@@ -98,7 +101,7 @@ def _facts(tree: ast.Module, source: bytes) -> dict[str, Any]:
         elif node is _LEFT:
             part = outline
             continue
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):  # it does nothing: a docstring
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):  # a constant as a statement does nothing: a docstring
             docstrings.append(f"{len(syntax)} {node.value.value!r}")
             continue
         if isinstance(node, (ast.Import, ast.ImportFrom)):
@@ -122,9 +125,9 @@ def _digest(lines: list[str]) -> str:
 
 
 def _word(node: Any) -> tuple[str, Sequence[Any]]:
-    """What a node, a list of some, or a value of one is in the line of its own, and what is in it, in order."""
+    """Return the line of text for a node, a list of nodes or a value, and its children in order."""
     if isinstance(node, ast.AST):
-        # what is not there is left out: other versions of Python have more fields
+        # fields without a value are left out, since other versions of Python have more fields
         fields = {
             name: value for name in node._fields
             if name not in _IMPLIED and (value := getattr(node, name, None)) is not None and value != []
@@ -136,7 +139,7 @@ def _word(node: Any) -> tuple[str, Sequence[Any]]:
 
 
 def _is_main_guard(statement: ast.stmt) -> bool:
-    """`if __name__ == "__main__":` without `else` never runs in a module that is imported."""
+    """Whether a statement is `if __name__ == "__main__":` without `else`, which never runs in an imported module."""
     return (
         isinstance(statement, ast.If) and not statement.orelse
         and ast.unparse(statement.test) in ("__name__ == '__main__'", "'__main__' == __name__")
@@ -144,7 +147,8 @@ def _is_main_guard(statement: ast.stmt) -> bool:
 
 
 def _imported(statement: ast.Import | ast.ImportFrom) -> list[tuple[str, str]]:
-    """What an import binds, with where that comes from: `module`, or `module:name` with the dots of a relative import before it."""
+    """Return the names that an import binds, each with its origin: `module`, or `module:name`, with the dots of a relative import in front.
+    """
     if isinstance(statement, ast.Import):
         return [(alias.asname or alias.name.partition(".")[0], alias.name) for alias in statement.names]
     module = "." * statement.level + (statement.module or "")
@@ -152,7 +156,7 @@ def _imported(statement: ast.Import | ast.ImportFrom) -> list[tuple[str, str]]:
 
 
 def _names(tree: ast.Module) -> dict[str, tuple[str, int, str]]:
-    """What the module's own statements bind, conditional ones among them: kind, line, and where an imported name comes from."""
+    """Return the names that the module's own statements bind, also conditionally: kind, line, and the origin of an imported name."""
     names: dict[str, tuple[str, int, str]] = {}
     waiting: list[ast.AST] = list(tree.body)
     for node in waiting:

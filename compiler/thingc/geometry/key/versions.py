@@ -1,4 +1,4 @@
-"""Versions of everything that has a part in a result but is no code of the workspace: Python, packages, and thingc itself."""
+"""Versions of everything that affects a result but is not code of the workspace: Python, packages, and thingc itself."""
 
 from __future__ import annotations
 
@@ -22,15 +22,18 @@ KERNEL = ("build123d", "OCP", "numpy", "manifold3d")
 """Top-level packages that every record depends on."""
 
 OF_FILES = ("fast_simplification", "trimesh")
-"""Those that read meshes and make fewer triangles of them."""
+"""Packages that read and simplify meshes."""
 
 _DISTRIBUTIONS = {"OCP": ("cadquery_ocp", "cadquery_ocp_novtk"), "sklearn": ("scikit_learn",), "yaml": ("pyyaml",), "PIL": ("pillow",)}
 _METADATA = re.compile(r"(?P<name>[^-]+)-(?P<version>.+)\.(dist-info|egg-info)$")
 
 
 def versions_of(names: Iterable[str], file_of: Callable[[str], str | None], store: Store | None = None) -> dict[str, str]:
-    """`{"version build123d": "0.13.0"}` for top-level packages of the environment: the version of their distribution, else a hash
-    of the file `file_of(name)`. The standard library counts with Python."""
+    """Return `{"version build123d": "0.13.0"}` for top-level packages of the environment.
+
+    The value is the version of the distribution, else a hash of the file `file_of(name)`. Modules of the standard library are left out,
+    since the version of Python covers them.
+    """
     ingredients: dict[str, str] = {}
     unknown: list[str] = []
     for name in sorted(set(names) - sys.stdlib_module_names):
@@ -48,12 +51,12 @@ def versions_of(names: Iterable[str], file_of: Callable[[str], str | None], stor
 
 
 def _file_version(file: str | None) -> str:
-    """What stands for the version of a module that no distribution brings."""
+    """Return the value used as the version of a module that belongs to no distribution."""
     return "unknown" if file is None else state_of(file)
 
 
 def platform_versions() -> dict[str, str]:
-    """Python, the machine, and what workers see of its environment."""
+    """Return Python, the machine, and the variables that workers get from the environment."""
     return {
         **{f"variable {name}": value for name, value in passed().items()},
         "version Python": f"{platform.python_implementation()} {'.'.join(map(str, sys.version_info[:3]))}",
@@ -63,9 +66,9 @@ def platform_versions() -> dict[str, str]:
 
 @cache
 def compiler_version() -> dict[str, str]:
-    """The state of thingc's own code that makes records: a digest of its files, and for people its version.
+    """Return the state of thingc's own code that makes records: its version, for people, and a digest of its files.
 
-    `base` counts, too: records are written in the form of its structs.
+    `base` is included, because its structs define the form of records.
     """
     import thingc
 
@@ -78,7 +81,7 @@ def compiler_version() -> dict[str, str]:
 
 @cache
 def _installed() -> dict[str, str]:
-    """Versions by normalised distribution name, read off the names of the metadata folders."""
+    """Return versions by normalised distribution name, taken from the names of the metadata folders."""
     versions: dict[str, str] = {}
     for folder in reversed(import_path()):
         if not is_installed(os.path.join(folder, "")):
@@ -91,7 +94,7 @@ def _installed() -> dict[str, str]:
 
 
 def _by_import_name(store: Store | None) -> dict[str, str]:
-    """Versions by the name that is imported, for packages called otherwise than their distribution: slow, so it is kept."""
+    """Return versions by import name, for packages whose distribution has another name. Cached in the store, because it is slow."""
     key = hashlib.sha256(repr(sorted(_installed().items())).encode()).hexdigest()
     kept = store.get_json("packages", key) if store is not None else None
     if isinstance(kept, dict):

@@ -1,1 +1,1 @@
-"""`parts.lock.json`: what parts take and are, written down beside the documents, and asked in their place."""
+"""`parts.lock.json`: the schemas and records of parts, stored beside the documents and used in place of building the parts."""

@@ -1,5 +1,6 @@
-"""What `parts.lock.json` says of a part, to and from plain JSON values. What is read was perhaps written by nobody we know:
-every value is looked at before it is used.
+"""Conversion of part schemas and records to and from the JSON values of `parts.lock.json`.
+
+A lock that is read may come from an untrusted source: every value is checked before it is used.
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ from thingc.geometry.record import (
 )
 
 UNITS = {"length": "m", "angle": "rad", "mass": "kg", "ratio": "1", "number": "1"}
-"""The units that the lock names for people who read it; values are SI."""
+"""The units that the lock shows for readers; values are in SI units."""
 
 KINDS: frozenset[ParameterKind] = frozenset(get_args(ParameterKind))
 SOURCES = frozenset({"measured", "vendor", "estimated", "stated"})
 _ORTHOGONAL = 1e-6
 _NOTHING = 1e-20
-"""Far below any inertia of a part at density 1 [m^5] that weighs something."""
+"""Far below any inertia at density 1 [m^5] of a part with a mass."""
 _ENTRIES = 9
 _MOMENTS = 10
 _LAID = ("solid", "joins", "sparse")
@@ -45,7 +46,7 @@ _POSE = 12
 
 
 class BadLock(Exception):
-    """A value of the lock that cannot be: `path` says where (`things.arm:Pen.parameters.length`), the text what."""
+    """An invalid value in the lock: `path` is its place (`things.arm:Pen.parameters.length`), the text the reason."""
 
     def __init__(self, path: str, message: str) -> None:
         super().__init__(message)
@@ -56,7 +57,8 @@ class BadLock(Exception):
 
 
 def schema_values(schema: PartSchema) -> dict[str, Any]:
-    """The inverse of `read_schema`: without the place in the part file, which every comment moves."""
+    """Return the JSON values of a schema, the inverse of `read_schema`. The place in the part file is left out: every comment changes it.
+    """
     return {
         "kind": schema.kind, "doc": schema.doc, "material": schema.material, "actuator": schema.actuator,
         "parameters": {parameter.name: _parameter_values(parameter) for parameter in schema.parameters},
@@ -80,7 +82,8 @@ def _parameter_values(parameter: ParameterSchema) -> dict[str, Any]:
 
 
 def record_values(record: PartRecord) -> dict[str, Any]:
-    """The inverse of `read_record`: what assemblies are checked with, without meshes and without places in part files."""
+    """Return the JSON values of a record, the inverse of `read_record`: what checks of assemblies need, without meshes and places in files.
+    """
     values: dict[str, Any] = {
         "material": record.material, "color": record.color, "volume": _rounded(record.volume), "area": _rounded(record.area),
         "centre": [_rounded(entry) for entry in record.centre],
@@ -103,7 +106,7 @@ def record_values(record: PartRecord) -> dict[str, Any]:
 
 
 def _rounded(value: float) -> float:
-    """Twelve digits: what two builds of the CAD kernel differ by must not show in the difference of two locks."""
+    """Round to twelve digits, so that differences between two builds of the CAD kernel do not show as differences of locks."""
     return 0.0 if abs(value) < _NOTHING else float(f"{value:.12g}")
 
 
@@ -148,7 +151,7 @@ def _stated_values(stated: DeclaredValue[Any] | None) -> Any:
 
 
 def read_schema(reference: str, value: Any, path: str) -> PartSchema:
-    """The part schema of `module:Class`, without its place. Raises `BadLock`."""
+    """Return the part schema of `module:Class`, without its place. Raises `BadLock`."""
     table = mapping(value, path)
     return PartSchema(
         reference=reference, kind=_one_of({"thing", "shape", "function"}, table, "kind", path), doc=_text_at(table, "doc", path) or "",
@@ -191,7 +194,7 @@ def _of_kind(kind: str, value: Value, choices: tuple[Value, ...]) -> bool:
 
 
 def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) -> PartRecord:
-    """The part record of the definition `text`, without meshes; `code` is where its class is written. Raises `BadLock`."""
+    """Return the part record of the definition `text`, without meshes. `code` is the place of its class. Raises `BadLock`."""
     table = mapping(value, path)
     box = None if table.get("box") is None else numbers(table["box"], 6, f"{path}.box")
     inertia = numbers(table.get("inertia"), _ENTRIES, f"{path}.inertia")
@@ -239,7 +242,7 @@ def _sliced(value: Any, path: str) -> tuple[Slicing, SliceResult | SliceFailure]
 
 
 def _matter(value: Any, path: str) -> Moments:
-    """Moments that some matter can have."""
+    """Return the ten moments in `value`. Raises `BadLock` unless matter can have them."""
     moments = Moments.of(numbers(value, _MOMENTS, path))
     of = moments.properties
     if moments.volume < 0.0 or moments.volume > 0.0 and physical_fault(of.inertia) is not None:
@@ -326,22 +329,22 @@ def _of_type(kind: type[_T], value: Any, path: str, words: str) -> _T:
 
 
 def mapping(value: Any, path: str) -> Mapping[str, Any]:
-    """The value, which must be a mapping."""
+    """Return the value as a mapping. Raises `BadLock` if it is not one."""
     return _of_type(dict, value, path, "a mapping")
 
 
 def sequence(value: Any, path: str) -> list[Any]:
-    """The value, which must be a list."""
+    """Return the value as a list. Raises `BadLock` if it is not one."""
     return _of_type(list, value, path, "a list")
 
 
 def text_at(table: Mapping[str, Any], key: str, path: str) -> str:
-    """The value of a key, which must be a text."""
+    """Return the text at a key. Raises `BadLock` if there is none."""
     return _of_type(str, table.get(key), f"{path}.{key}", "a text")
 
 
 def number(value: Any, path: str) -> float:
-    """The value, which must be a finite number."""
+    """Return the value as a float. Raises `BadLock` unless it is a finite number."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         try:
             as_float = float(value)
@@ -353,7 +356,7 @@ def number(value: Any, path: str) -> float:
 
 
 def numbers(value: Any, count: int, path: str) -> tuple[float, ...]:
-    """The value, which must be a list of so many finite numbers."""
+    """Return the value as a tuple of `count` floats. Raises `BadLock` unless it is a list of as many finite numbers."""
     entries = sequence(value, path)
     if len(entries) != count:
         raise BadLock(path, f"expected {count} numbers")

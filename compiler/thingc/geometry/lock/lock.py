@@ -1,7 +1,7 @@
-"""`parts.lock.json`: what the parts of a workspace take and are, written down so that documents can be checked without their
-code. It lies at the root of the workspace, is written by `thingc lock` and kept with the documents.
+"""`parts.lock.json`: the schemas and records of the parts of a workspace, so that documents can be checked without running code.
 
-Whoever reads it need not trust it: its size, its structure and every number in it are looked at, and nothing in it is run.
+It is in the root of the workspace, is written by `thingc lock` and committed with the documents. Reading it is safe for an untrusted
+workspace: its size, its structure and every number in it are checked, and nothing in it is run.
 """
 
 from __future__ import annotations
@@ -26,12 +26,15 @@ LOCK_FILE = "parts.lock.json"
 VERSION = "lock/1"
 MAX_BYTES = 10_000_000
 REMAKE = "run `thingc lock` where the code of the parts may run, and keep what it writes with the documents"
-"""What to do about any fault of the lock."""
+"""The instruction for any fault of the lock."""
 
 
 class LockedThing(FrozenStruct):
-    """What the lock says of one Thing. `code` is the hash of its code, `reads` are the files that it read (states by path in
-    the workspace), `values` its schema as it stands there, `records` those of its definitions by their text."""
+    """The entry of one Thing in the lock.
+
+    `code` is the hash of its code, `reads` are the files that it read (states by path in the workspace), `values` its schema as parsed
+    JSON, `records` the records of its definitions by text.
+    """
 
     code: str
     reads: Mapping[str, str]
@@ -40,9 +43,11 @@ class LockedThing(FrozenStruct):
 
 
 class Lock(FrozenStruct):
-    """A lock that has been read. `things` by `module:Class`, `files` (parts that are files) by path in the workspace: the state
-    of the file's content and its record; `others` are the classes in reach that are no Things. Records and schemas are looked
-    at when they are asked for."""
+    """A parsed lock.
+
+    `things` are by `module:Class`. `files` are the parts that are files, by path in the workspace: the state of the content, and the
+    record. `others` are classes in reach that are not Things. Records and schemas are validated when they are requested.
+    """
 
     file: str
     sha256: str
@@ -52,7 +57,7 @@ class Lock(FrozenStruct):
     _schemas: dict[str, PartSchema] = {}
 
     def schema(self, reference: str) -> PartSchema | None:
-        """The part schema of `module:Class` (without its place), None where the lock has none. Raises `BadLock`."""
+        """Return the part schema of `module:Class` (without its place), or None if the lock has none. Raises `BadLock`."""
         thing = self.things.get(reference)
         if thing is None:
             return None
@@ -61,7 +66,7 @@ class Lock(FrozenStruct):
         return self._schemas[reference]
 
     def record(self, definition: PartDefinition, code: tuple[str, int] | None = None) -> PartRecord | None:
-        """The record of a definition, None where the lock has none. Raises `BadLock`."""
+        """Return the record of a definition, or None if the lock has none. Raises `BadLock`."""
         if definition.kind == "file":
             held = self.files.get(definition.text)
             return None if held is None else read_record(definition.text, held[1], f"files.{definition.text}.record", None)
@@ -72,31 +77,33 @@ class Lock(FrozenStruct):
         return read_record(definition.text, values, f"things.{definition.reference}.records.{definition.text}", code)
 
     def relatives(self, reference: str, code: tuple[str, int] | None = None) -> Iterable[PartRecord]:
-        """Every record of `module:Class`, whatever its parameters. Raises `BadLock`."""
+        """Yield every record of `module:Class`, for any parameters. Raises `BadLock`."""
         thing = self.things.get(reference)
         for text, values in (thing.records if thing is not None else {}).items():
             yield read_record(text, values, f"things.{reference}.records.{text}", code)
 
 
 def lock_path(workspace: Workspace) -> str:
-    """Where the lock of a workspace lies."""
+    """Return the path of the lock of a workspace."""
     return os.path.join(workspace.root, LOCK_FILE)
 
 
 def code_hash(code: CodeIngredients | None, version: str = "") -> str:
-    """The hash of everything in a part's code that can change what it is; of a part of an installed package (`code` None) that
-    of the package's `version`. Comments, layout and docstrings do not count."""
+    """Return the hash of everything in a part's code that can change the part. Comments, layout and docstrings do not count.
+
+    If `code` is None (a part of an installed package), it is the hash of the package's `version`.
+    """
     ingredients = [["version", version]] if code is None else sorted(code.ingredients.items())
     return hashlib.sha256(json.dumps(ingredients, separators=(",", ":")).encode()).hexdigest()
 
 
 def top_of(file: str) -> Span:
-    """The beginning of the lock: where faults are shown that concern all of it."""
+    """Return the first line of the lock, where faults of the whole lock are shown."""
     return line_of(file)
 
 
 def read_lock(workspace: Workspace, report: Report) -> Lock | None:
-    """The lock of a workspace; None where there is none, or where it has been reported why it is none."""
+    """Read the lock of a workspace. Return None if there is none, or if it is invalid, which is reported."""
     path = lock_path(workspace)
     if not os.path.lexists(path):
         return None
@@ -120,7 +127,7 @@ def read_lock(workspace: Workspace, report: Report) -> Lock | None:
 
 
 def report_missing(workspace: Workspace, report: Report) -> None:
-    """Say that there is no lock, unless it has been said that it is broken."""
+    """Report that there is no lock. If the file exists, `read_lock` has reported it as broken."""
     if not os.path.lexists(lock_path(workspace)):
         report.add(
             Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the folder of the workspace: without it nothing is known of parts unless their "
@@ -129,13 +136,13 @@ def report_missing(workspace: Workspace, report: Report) -> None:
 
 
 def report_bad(path: str, fault: BadLock, report: Report, *, severity: Severity = Severity.ERROR) -> None:
-    """Say what cannot be in the lock at `path`."""
+    """Report an invalid value in the lock at `path`."""
     where = f" at `{fault.path[:200]}`" if fault.path else ""
     report.add(Code.LOCK_BROKEN, f"`{LOCK_FILE}` is broken{where}: {fault}", top_of(path), help=REMAKE, severity=severity)
 
 
 def parse_lock(path: str, data: bytes) -> Lock:
-    """The lock in `data`. Raises `BadLock`."""
+    """Parse the lock in `data`. Raises `BadLock`."""
     if len(data) > MAX_BYTES:
         raise BadLock("", f"it has more than {MAX_BYTES} bytes")
     try:

@@ -1,4 +1,4 @@
-"""Part schemas and records from `parts.lock.json`: beside the store, or, where no code of the workspace may run, alone."""
+"""Part schemas and records from `parts.lock.json`: in addition to the store, or alone if no code of the workspace may run."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
     from thingc.geometry.build_reasons import BuildReason
 
 MAX_READ = 200_000_000
-"""Bytes of files (parts that are files, and what parts read) that are compared with the lock."""
+"""Limit of bytes of files (parts that are files, and files that parts read) that are compared with the lock."""
 
 _CONTINUOUS = frozenset({"length", "angle", "mass", "ratio", "number"})
 _SOME = 1e-6
-"""A volume, an area, a moment that nobody reads."""
+"""Placeholder for a volume, an area or a moment that is not used."""
 _T = TypeVar("_T")
 
 
 class LockAnswers:
-    """What a lock can answer for the code and the files as they are now. `consulted` are the absolute paths looked at."""
+    """What a lock can answer for the current code and files. `consulted` are the absolute paths that were read."""
 
     def __init__(self, lock: Lock, workspace: Workspace, parts: PartCode) -> None:
         self.lock = lock
@@ -45,7 +45,7 @@ class LockAnswers:
         self._current: dict[str, bool] = {}
 
     def current(self, reference: str) -> bool:
-        """Whether the lock has `module:Class` as its code and the files that it read are now."""
+        """Whether the lock matches the current code of `module:Class` and the files that it read."""
         if reference not in self._current:
             thing = self.lock.things.get(reference)
             code = self._parts.code(reference)
@@ -56,7 +56,7 @@ class LockAnswers:
         return self._current[reference]
 
     def state(self, path: str, like: str) -> str:
-        """What lies at a path in the workspace now, as `reads` has it; only regular files and folders are looked into."""
+        """Return the state of a path in the workspace, as in `reads`. Only regular files and folders are read."""
         folder = like.startswith("folder:")
         if (path, folder) not in self._states:
             self._states[path, folder] = self._look(os.path.join(self.workspace.root, path), folder)
@@ -75,7 +75,9 @@ class LockAnswers:
         return state_of(path, listed=folder)
 
     def schema(self, reference: str) -> PartSchema | None:
-        """What `module:Class` takes, with the place of its class; None where the lock cannot say. Raises `BadLock`."""
+        """Return the part schema of `module:Class`, with the place of its class, or None if the lock is out of date or has none. Raises
+        `BadLock`.
+        """
         if not self.current(reference):
             return None
         schema = self.lock.schema(reference)
@@ -83,7 +85,7 @@ class LockAnswers:
         return replace(schema, file=place[0], line=place[1]) if schema is not None and place is not None else schema
 
     def record(self, definition: PartDefinition) -> PartRecord | None:
-        """The record of a definition; None where the lock cannot say. Raises `BadLock`."""
+        """Return the record of a definition, or None if the lock is out of date or has none. Raises `BadLock`."""
         if definition.kind == "file":
             held = self.lock.files.get(definition.text)
             if held is None or self.state(definition.reference, "file:") != held[0]:
@@ -93,8 +95,11 @@ class LockAnswers:
         return self.lock.record(definition, self.place(definition.reference))
 
     def relative(self, definition: PartDefinition) -> PartRecord | None:
-        """A stand-in for a definition that the lock does not hold: the mounts that its class has with other parameters, none where
-        counts, flags, choices or texts may decide about their names. None where the lock has no such class. Raises `BadLock`."""
+        """Return a placeholder for a definition that is not in the lock, or None if the lock does not have its class. Raises `BadLock`.
+
+        It has the mounts that the class has with other parameters, and no mounts if counts, flags, choices or texts that differ from their
+        defaults may decide about the names of mounts.
+        """
         schema = self.lock.schema(definition.reference)
         if schema is None:
             return None
@@ -111,13 +116,13 @@ class LockAnswers:
         )
 
     def place(self, reference: str) -> tuple[str, int] | None:
-        """File and line of a class."""
+        """Return the file and line of a class, or None."""
         code = self._parts.code(reference) if ":" in reference else None
         return code.place if isinstance(code, CodeIngredients) else None
 
 
 class LockFallback:
-    """A lock that answers what the store cannot: read when first needed, its faults kept in `broken`."""
+    """A lock used for what is not in the store. It is read when it is first needed; its faults are collected in `broken`."""
 
     def __init__(self, lock: Callable[[], Lock | None] | None, workspace: Workspace, parts: PartCode) -> None:
         self.broken: list[BadLock] = []
@@ -128,7 +133,7 @@ class LockFallback:
 
     @property
     def there(self) -> bool:
-        """Whether a lock may answer."""
+        """Whether there is a lock to use."""
         return self._answers is not None or self._lock is not None and os.path.lexists(lock_path(self._workspace))
 
     @property
@@ -137,11 +142,11 @@ class LockFallback:
         return self._answers.consulted if self._answers is not None else set()
 
     def schema(self, reference: str) -> PartSchema | None:
-        """What `module:Class` takes; None where the lock cannot say."""
+        """Return the part schema of `module:Class`, or None if the lock has none that is up to date."""
         return self._asked(lambda answers: answers.schema(reference))
 
     def record(self, definition: PartDefinition) -> PartRecord | None:
-        """The record of a definition; None where the lock cannot say."""
+        """Return the record of a definition, or None if the lock has none that is up to date."""
         return self._asked(lambda answers: answers.record(definition))
 
     def _asked(self, ask: Callable[[LockAnswers], _T | None]) -> _T | None:
@@ -159,16 +164,16 @@ class LockFallback:
 
 
 def hash_of(reference: str, code: CodeIngredients | None, parts: PartCode) -> str:
-    """`code_hash` of a part of the workspace or of an installed package."""
+    """Return `code_hash` of a part of the workspace or of an installed package."""
     package = reference.partition(":")[0].partition(".")[0]
     return code_hash(code, "" if code is not None else parts.versions(None, reference).get(f"version {package}", "unknown"))
 
 
 class LockOnlyGeometry:
-    """Answers as `GeometryService` does, from a lock alone: nothing of the workspace is imported, no process started, no store
-    touched. `unknown` are the labels of definitions that the lock does not hold; `broken` what was wrong with the lock itself.
+    """A replacement for `GeometryService` that uses only a lock: no code of the workspace is imported, no process started, no store used.
 
-    Without a lock (the caller has said so) nothing is answered but that a part may not or cannot be there.
+    `unknown` are the labels of definitions that are not in the lock; `broken` are the faults of the lock. Without a lock, which the caller
+    reports, the only answers are failures of parts that may not or cannot be loaded.
     """
 
     def __init__(self, workspace: Workspace, lock: Lock | None) -> None:
@@ -181,18 +186,19 @@ class LockOnlyGeometry:
 
     @property
     def inputs(self) -> frozenset[str]:
-        """Absolute paths of everything that the answers depend on."""
+        """Absolute paths that the answers depend on."""
         return frozenset(self._parts.probed | (self._answers.consulted if self._answers is not None else set()))
 
     def anticipate(self) -> bool:
-        """Nothing is got ready: nothing will be modelled."""
+        """Do nothing, since nothing will be built, and return False."""
         return False
 
     def close(self) -> None:
-        """Nothing is to be ended."""
+        """Do nothing."""
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """What each `module:Class` takes, by reference."""
+        """Return the part schema or failure of each `module:Class`, by reference. Without a lock, references without failure are left out.
+        """
         answers = {reference: self._described(reference) for reference in dict.fromkeys(references)}
         return {reference: answer for reference, answer in answers.items() if answer is not None}
 
@@ -219,14 +225,16 @@ class LockOnlyGeometry:
         )
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """The modules in reach of `module:Class` that hide others of their name."""
+        """Return the modules that `module:Class` depends on and that hide others of their name."""
         return self._parts.hiding(reference)
 
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None,
     ) -> dict[str, PartRecord | PartFailure]:
-        """The record of each definition, by text. Of a definition that the lock does not hold only the names of its mounts are
-        answered, where they are sure, else nothing."""
+        """Return the record or failure of each definition, by text.
+
+        A definition that is not in the lock has a placeholder with the names of its mounts if they are known, else no entry.
+        """
         records: dict[str, PartRecord | PartFailure] = {}
         answers = self._answers
         for definition in definitions if answers is not None else ():
@@ -247,7 +255,7 @@ class LockOnlyGeometry:
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
-        """The same records; one whose slices the lock does not hold stands for what nobody may know."""
+        """Return the same records. A record whose slices are not in the lock becomes inexact, and its label is added to `unknown`."""
         sliced = dict(records)
         labels = {definition.text: definition.label for definition in definitions}
         for text in lacking(records, wanted):

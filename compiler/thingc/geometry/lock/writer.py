@@ -1,4 +1,4 @@
-"""Makes `parts.lock.json`: asks the geometry service for every Thing in reach and for every definition that documents use."""
+"""Make `parts.lock.json`: ask the geometry service for every Thing in reach and for every definition that documents use."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from thingc.geometry.service import GeometryService
 
 @dataclass(slots=True, kw_only=True)
 class LockResult:
-    """The values of a lock that was made, and what could not be made for it (of what documents use, and of what is a Thing)."""
+    """The values of a new lock, and the failures of Things and of definitions that documents use."""
 
     values: dict[str, Any]
     failures: list[PartFailure] = field(default_factory=list)
@@ -31,11 +31,10 @@ def locked(
     geometry: GeometryService, references: Sequence[str], definitions: Sequence[PartDefinition],
     slicings: Mapping[str, Collection[Slicing]],
 ) -> LockResult:
-    """The lock of a workspace of whose documents `references` (`module:Class`), `definitions` and their `slicings` (by text) are all
-    that they use.
+    """Make the lock of a workspace whose documents use `references` (`module:Class`), `definitions` and `slicings` (by definition text).
 
-    Things of the part folders are in it whether they are used or not, those of packages where they are used. A Thing that cannot
-    be made with its defaults has no record for them, unless a document uses it so.
+    It contains all Things of the part folders, and the Things of packages that are used. A Thing that cannot be built with its defaults has
+    no record for them, unless a document uses it so.
     """
     in_folders = [reference for reference in geometry.catalogue() if geometry.in_part_folders(reference)]
     schemas = geometry.describe(sorted({*references, *in_folders}))
@@ -87,8 +86,10 @@ def _thing(
 
 
 def lock_text(values: Mapping[str, Any]) -> str:
-    """The file: two spaces, a list on one line, so that a change of one number is a change of one line; and nothing in
-    it that who reads the change would not see."""
+    """Return the text of the file: indented by two spaces, lists of numbers on one line, so that a change of a number changes one line.
+
+    The text has no invisible characters, so that a reviewer sees every change.
+    """
     return json_text(_format_json(values, "\n")) + "\n"
 
 
@@ -107,7 +108,7 @@ def _long(value: Any) -> bool:
 
 
 def differences(held: Mapping[str, Any], made: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """What a lock (`held`) says otherwise than one that was made now: `(key in it, in words)`, in the order of the lock."""
+    """Return the differences between a lock (`held`) and one that was made now (`made`): `(key, description)`, in the order of the lock."""
     differing: list[tuple[str, str]] = []
     for section, what in (("things", "part"), ("files", "file")):
         old, new = held.get(section, {}), made.get(section, {})
@@ -151,7 +152,7 @@ _CLOSE = 1e-9
 
 
 def _first_difference(old: Any, new: Any, path: str) -> str | None:
-    """The path of the first value that differs (numbers beyond what two builds of the CAD kernel differ by), None without one."""
+    """Return the path of the first value that differs, or None. Numbers may differ as they do between two builds of the CAD kernel."""
     if isinstance(old, Mapping) and isinstance(new, Mapping):
         if list(old) != list(new):
             return next((f"{path}.{key}".lstrip(".") for key in (*old, *new) if key not in old or key not in new), path or "order")

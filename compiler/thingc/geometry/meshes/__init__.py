@@ -1,1 +1,1 @@
-"""Mesh files that links list: what is known of them, read by trimesh and kept by content. The CAD kernel never sees one."""
+"""Mesh files that links list: facts about them, read by trimesh and cached by content. They are never passed to the CAD kernel."""

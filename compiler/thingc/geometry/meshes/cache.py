@@ -1,4 +1,4 @@
-"""What is known of mesh files, kept in the store by their content."""
+"""Records of mesh files, cached in the store by the content of the files."""
 
 from __future__ import annotations
 
@@ -17,14 +17,17 @@ from thingc.geometry.meshes.files import MeshFile, MeshRecord
 from thingc.geometry.store.local import Store
 
 KIND = "mesh-files"
-"""Documents in the store."""
+"""Kind of the documents in the store."""
 
 VERSION = 3
-"""Of what is read of a file: another one is read anew."""
+"""Version of the records. Raise it when they change, so that every file is read again."""
 
 
 def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | None:
-    """What is known of a file, from the store, else by reading it; without `read` None where nobody has read it yet. Raises `BadMesh`."""
+    """Return the record of a file, from the store or by reading the file. Raises `BadMesh`.
+
+    With `read` False, return None unless the record is in the store.
+    """
     key = json.dumps([VERSION, *file.content])
     known = store.get_json(KIND, key)
     if known is not None and all(store.has(sha256, size) for sha256, size in known["blobs"]):
@@ -34,14 +37,17 @@ def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | No
     from thingc.geometry.meshes.mesh_reader import read_mesh
 
     record = read_mesh(file, store)
-    gc.collect(1)  # what trimesh makes of a mesh refers to itself, and is large: that of many meshes would wait for a command's end
+    gc.collect(1)  # trimesh's meshes are large and refer to themselves: collect them now, not when the command ends
     store.put_json(KIND, key, _as_json(record))
     return record
 
 
 def mesh_records(listed: Mapping[MeshFile, tuple[Origin, bool]], store: Store, report: Report, memo: Memo) -> dict[MeshFile, MeshRecord]:
-    """The records of mesh files, each with the place where it is listed and whether it has to be read, without those of which nothing is
-    known. One that is no mesh is an error at its place."""
+    """Return the records of mesh files.
+
+    `listed` has for each file the place where it is listed and whether to read it if it is not cached; without that, an uncached file has
+    no record. A file that is not a mesh is reported as an error at its place.
+    """
     records: dict[MeshFile, MeshRecord] = {}
     for file, (origin, read) in listed.items():
         try:

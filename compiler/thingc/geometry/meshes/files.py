@@ -1,4 +1,4 @@
-"""Mesh files as documents name them, before anybody reads one: what is in them by content, and in which unit."""
+"""Mesh files as documents name them, before they are read: the digests of their contents, and the unit."""
 
 from __future__ import annotations
 
@@ -16,8 +16,12 @@ from thingc.geometry.store.file_digests import digest_of
 
 
 class MeshFile(OneLineRepr, FrozenStruct):
-    """A mesh file of the workspace: its path there, the SHA-256 of its content (and of those that its colours come from), and the factors
-    by which its numbers are metres along x, y and z; of one that is mirrored some are negative. `folder` is where it lies (absolute)."""
+    """A mesh file of the workspace.
+
+    `path` is its path in the workspace, `folder` its absolute folder, `sha256` the digest of its content. `beside` are the names and
+    digests of the files that its colours come from. `scale` are the factors to metres along x, y and z; some are negative if the mesh is
+    mirrored.
+    """
 
     path: str
     sha256: str
@@ -27,13 +31,14 @@ class MeshFile(OneLineRepr, FrozenStruct):
 
     @property
     def suffix(self) -> str:
-        """`.stl`."""
+        """The suffix in lower case, such as `.stl`."""
         return os.path.splitext(self.path)[1].lower()
 
     @property
     def name(self) -> str:
-        """What it is called among other files: `meshes.trunk.stl`, with 8 hex of the SHA-256 of its scale before the suffix where its
-        numbers are no metres."""
+        """The file name in the build output: `meshes.trunk.stl`. If the unit is not metres, 8 hex digits of the SHA-256 of the scale are
+        added.
+        """
         stem, suffix = os.path.splitext(self.path.replace("/", "."))
         if self.scale == (1.0, 1.0, 1.0):
             return stem + suffix
@@ -41,12 +46,14 @@ class MeshFile(OneLineRepr, FrozenStruct):
 
     @property
     def content(self) -> tuple[object, ...]:
-        """All that what is read of it depends on."""
+        """All values on which the record of the file depends."""
         return self.suffix, self.sha256, self.beside, self.scale
 
 
 def mesh_file(absolute: str, path: str, scale: Vector, digest: Callable[[str], str] = digest_of) -> MeshFile:
-    """The mesh file at an absolute path, which is `path` in the workspace; `digest` gives the SHA-256 of a file. Raises `OSError`."""
+    """Return the mesh file at an absolute path; `path` is its path in the workspace, `digest` returns the SHA-256 of a file. Raises
+    `OSError`.
+    """
     folder = os.path.dirname(absolute)
     beside = [(name, os.path.join(folder, name)) for name in libraries(absolute)]
     return MeshFile(
@@ -56,16 +63,19 @@ def mesh_file(absolute: str, path: str, scale: Vector, digest: Callable[[str], s
 
 
 class MeshPiece(OneLineRepr, FrozenStruct, array_like=True):
-    """The triangles of one colour (`#rrggbb`, `#rrggbbaa`; None: the file says none)."""
+    """The triangles of one colour (`#rrggbb`, `#rrggbbaa`; None if the file specifies none)."""
 
     mesh: Mesh
     color: str | None
 
 
 class MeshRecord(OneLineRepr, FrozenStruct):
-    """A mesh file [m], mirrored and turned as its scale, unit and up axis say. `mesh` is all of it, in the store as OBJ; `pieces` what is
-    drawn, by colour. `matter` is what it holds at density 1: volume [m^3], centre, inertia [m^5]; None of a surface that is open. `box` are
-    two corners. `own` are the bytes of the file, in the store, where MuJoCo reads them as they are."""
+    """The contents of a mesh file [m], mirrored and rotated as its scale, unit and up axis specify.
+
+    `mesh` is the whole mesh, in the store as OBJ; `pieces` are the visual meshes, one for each colour. `matter` is the solid at density 1:
+    volume [m^3], centre, inertia [m^5]; None for an open surface. `box` are two corners. `own` is the digest and the size of the file
+    itself in the store, if MuJoCo can read it unchanged.
+    """
 
     mesh: Mesh
     pieces: tuple[MeshPiece, ...]

@@ -1,4 +1,4 @@
-"""Mesh files, read by trimesh: triangles in metres, welded, in their colours."""
+"""Mesh files, read by trimesh: welded triangles in metres, by colour."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MUJOCO_MOST = 200_000
-"""Triangles of an STL file that MuJoCo reads."""
+"""Largest number of triangles of an STL file that MuJoCo reads."""
 
 LEAST_SCALE = 1e-4
-"""Factors below it leave a mesh of some units no volume for MuJoCo."""
+"""Smallest scale factor with which MuJoCo still finds a volume in a mesh of some units."""
 
 FLAT = 1e-9
-"""How thick a mesh may be, of its size, and have all points in one plane: coordinates have single precision."""
+"""Thickness relative to its size up to which a mesh is flat: coordinates have single precision."""
 
 _AXES = re.compile(rb"<up_axis>\s*([XYZ])_UP")
 _COLLADA = re.compile(rb"<(\w+:)?COLLADA\s[^>]*xmlns")
@@ -38,19 +38,19 @@ _METER = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)")
 _TEXTURE = re.compile(rb"<texture\b[^>]*?(?:/>|>.*?</texture>)", re.DOTALL)
 _PARAMETER = re.compile(rb"<newparam\b.*?</newparam>", re.DOTALL)
 _MATERIALS = re.compile(rb"<bind_material\b.*?</bind_material>", re.DOTALL)
-"""Of COLLADA, in effects a colour that is an image and what leads to images, and what materials a geometry has."""
+"""In COLLADA effects: a colour that is an image, the parameters of images, and the materials of a geometry."""
 _FACE, _NEXT = (re.compile(rb"^[ \t]*%s[ \t]" % word, re.MULTILINE) for word in (b"f", b"[og]"))
-"""Of an OBJ file, a line of a face, and one with which an object or a group begins."""
+"""In an OBJ file: the line of a face, and the line that begins an object or a group."""
 
 
 class _Beside(trimesh.resolvers.Resolver):
-    """Files that a mesh file names: those of its colours, which are known by content, and no others."""
+    """Resolves files that a mesh file names: only those of its colours, whose digests are known."""
 
     def __init__(self, file: MeshFile) -> None:
         self._file = file
 
     def get(self, name: str) -> bytes:
-        """The content of a file beside it. Raises `KeyError` where there is none that it may name."""
+        """Return the content of a file beside the mesh. Raises `KeyError` for any other name, `BadMesh` if the file has changed."""
         content = dict(self._file.beside)[name.strip()]
         with open(os.path.join(self._file.folder, name.strip()), "rb") as stream:
             data = stream.read(LARGEST)
@@ -69,7 +69,7 @@ class _Beside(trimesh.resolvers.Resolver):
 
 
 def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
-    """What there is to know of a file; its triangles, and its bytes where MuJoCo reads them, are in the store then. Raises `BadMesh`."""
+    """Return the record of a file, after writing its triangles, and its bytes if MuJoCo reads them, to the store. Raises `BadMesh`."""
     data = read_bounded(os.path.join(file.folder, os.path.basename(file.path)), file.suffix)
     if hashlib.sha256(data).hexdigest() != file.sha256:
         raise BadMesh("changes while it is read")
@@ -96,7 +96,8 @@ def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
 
 
 def _in_order(several: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Triangles of several geometries as one, in an order that is theirs: in which trimesh hands geometries out, nobody says."""
+    """Return the triangles of several geometries as one array, sorted by coordinates: the order of geometries in trimesh is not specified.
+    """
     if len(several) == 1:
         return several[0]
     together = np.concatenate(several)
@@ -105,7 +106,7 @@ def _in_order(several: list[NDArray[np.float64]]) -> NDArray[np.float64]:
 
 
 def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArray[np.float64]]]:
-    """The corners of triangles (n x 3 x 3) in the file's numbers, by colour."""
+    """Yield the corners of triangles `(n, 3, 3)` in the unit of the file, by colour."""
     try:
         scene: Any = _scene(file, data)
         count = 0
@@ -128,15 +129,19 @@ def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArra
 
 
 def _unreadable(file: MeshFile, data: bytes, fault: Exception) -> str:
-    """Why a file cannot be read. Of XML that is no COLLADA, such as the page of a server that has no such file, trimesh only stumbles."""
+    """Return why a file cannot be read. For XML other than COLLADA, such as the error page of a server, trimesh's message is not helpful.
+    """
     if file.suffix == ".dae" and isinstance(fault, AttributeError):
         return "shows nothing: it has no `<scene>`" if _COLLADA.search(data) else "is no COLLADA: it has no `<COLLADA xmlns=...>`"
     return str(damaged(file.suffix, fault))
 
 
 def _scene(file: MeshFile, data: bytes) -> Any:
-    """As trimesh has it. Of a COLLADA file it would leave out, without a word, each geometry of which any material names what is not there:
-    such a file is read without images, of which nothing is wanted, or else without materials."""
+    """Return the file as a scene of trimesh.
+
+    From a COLLADA file, trimesh silently drops each geometry with a material whose references are missing. Such a file is read without
+    images, which are not needed, or else without materials.
+    """
 
     def loaded(text: bytes, **options: Any) -> Any:
         return trimesh.load_scene(io.BytesIO(text), file_type=file.suffix[1:], resolver=_Beside(file), process=False, **options)
@@ -152,14 +157,14 @@ def _scene(file: MeshFile, data: bytes) -> Any:
 
 
 def _readings(dae: bytes) -> Iterator[bytes]:
-    """A COLLADA file as it is, then with white for images, then without materials."""
+    """Yield a COLLADA file unchanged, then with white in place of images, then without materials."""
     yield dae
     yield _PARAMETER.sub(b"", _TEXTURE.sub(b"<color>1 1 1 1</color>", dae))
     yield _MATERIALS.sub(b"", dae)
 
 
 def _color(geometry: Any, file: MeshFile) -> str | None:
-    """The colour that a file gives a geometry. An OBJ without a library of materials, and other files without colours, give none."""
+    """Return the colour of a geometry, or None. Without a material library, the colours of an OBJ file are defaults of trimesh."""
     visual = geometry.visual
     if not visual.defined or file.suffix in (".stl", ".obj") and not file.beside:
         return None
@@ -171,7 +176,9 @@ def _color(geometry: Any, file: MeshFile) -> str | None:
 
 
 def _placed(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """In metres, z up: glTF has y up, COLLADA says which axis is; turned round where an odd number of axes is mirrored."""
+    """Return the corners in metres with z up: glTF has y up, COLLADA specifies the axis. Faces are flipped if an odd number of axes is
+    mirrored.
+    """
     up, unit = b"Z", 1.0
     if file.suffix == ".glb":
         up = b"Y"
@@ -192,10 +199,13 @@ def _placed(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDArra
 
 
 def _kept(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassProperties | None, bool]:
-    """Triangles as a mesh in the store, what they enclose (None: they are open), and whether they had to be turned inside out."""
+    """Store triangles as a mesh.
+
+    Return the mesh, its mass properties (None if it is open or flat), and whether its faces were flipped because they pointed inwards.
+    """
     points = np.ascontiguousarray(corners.reshape(-1, 3))
     first, inverse = _equal_rows(points)
-    order = np.argsort(np.argsort(first))  # vertices in the order in which they are met
+    order = np.argsort(np.argsort(first))  # number vertices in the order of their first use
     vertices, faces = points[np.sort(first)], order[inverse].reshape(-1, 3)
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
     if len(faces) == 0:
@@ -218,8 +228,10 @@ def _kept(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassPropert
 
 
 def _equal_rows(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The first of each set of equal rows, and of every row the number of its set. Rows are told apart by a hash of their bits, three times
-    as fast as by themselves; should two that differ have the same, by themselves."""
+    """Return the index of the first row of each set of equal rows, and the number of the set of each row.
+
+    Rows are compared by a hash of their bits, which is three times as fast. If rows with the same hash differ, they are compared directly.
+    """
     bits = points.view(np.uint64)
     with np.errstate(over="ignore"):
         x, y, z = (bits * np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)).T
@@ -231,7 +243,7 @@ def _equal_rows(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray
 
 
 def _is_closed(faces: NDArray[np.int64], count: int) -> bool:
-    """Whether through every edge another triangle runs the other way."""
+    """Whether every edge is used once in each direction."""
     a, b = faces.ravel(), faces[:, (1, 2, 0)].ravel()
     return bool(np.array_equal(np.sort(a * count + b), np.sort(b * count + a)))
 
@@ -243,8 +255,10 @@ def _is_flat(vertices: NDArray[np.float64]) -> bool:
 
 
 def _for_mujoco(file: MeshFile, data: bytes, count: int) -> bool:
-    """Whether MuJoCo reads a file as it is: it takes binary STL files up to a size, and OBJ files of one object, in units that leave them a
-    volume."""
+    """Whether MuJoCo can read a file unchanged.
+
+    It reads binary STL files up to a size, and OBJ files with one object. The scale must leave the mesh a volume.
+    """
     if min(map(abs, file.scale)) < LEAST_SCALE:
         return False
     if file.suffix == ".obj":
@@ -253,6 +267,6 @@ def _for_mujoco(file: MeshFile, data: bytes, count: int) -> bool:
 
 
 def _has_one_object(obj: bytes) -> bool:
-    """Whether behind the first face of an OBJ file no other object, or group, begins: of that MuJoCo reads the points, and no face."""
+    """Whether no object or group begins after the first face of an OBJ file: MuJoCo would read its vertices, but not its faces."""
     face = _FACE.search(obj)
     return face is None or _NEXT.search(obj, face.end()) is None

@@ -1,1 +1,1 @@
-"""The store: what is kept by content, of this machine or of several, and who is modelling what for it."""
+"""The content-addressed cache, on this machine or shared by several, and the locks of parts that are being built."""

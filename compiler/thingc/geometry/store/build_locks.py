@@ -1,8 +1,8 @@
-"""Who is modelling what, among all processes that share a store: a part that two of them need is modelled once.
+"""Build locks: a part that several processes with the same store need is built once.
 
-A build lock is on one byte of the store's file `build_locks`, whose place follows from the build key. The system frees it when its
-process ends, however it ends. Nobody waits for one lock while holding another, so that no circle can form. Where locks do not
-work (some network file systems, Windows) every one is granted, and a part may be modelled twice, with the same result.
+A build lock is a lock on one byte of the store's file `build_locks`, at an offset computed from the build key. The system releases it when
+its process ends in any way. No process waits for one lock while it holds another, so there is no deadlock. If locks do not work (some
+network file systems, Windows), every lock is granted, and a part may be built twice, with the same result.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ except ImportError:
 
 FILE = "build_locks"
 SHORTEST, LONGEST = 0.002, 0.05
-"""How long [s] to wait before asking again for a lock that somebody else has."""
+"""Pauses [s] between attempts to get a lock that another process has."""
 
 
 class BuildLocks:
-    """The locks of one process on one store. `close` gives all of them back."""
+    """The build locks of one process on one store. `close` releases all of them."""
 
     def __init__(self, store: Store) -> None:
         self._path = os.path.join(store.root, FILE)
@@ -35,7 +35,7 @@ class BuildLocks:
         self._idle = fcntl is None
 
     def take(self, key: str) -> bool:
-        """Lock a build key (hexadecimal), unless another process has it. True where locks do not work."""
+        """Lock a build key (hexadecimal). Return False if another process has it; True if locks do not work."""
         descriptor = self._file()
         if descriptor is None or fcntl is None:
             return True
@@ -48,7 +48,7 @@ class BuildLocks:
         return True
 
     def wait(self, key: str, limit: float) -> bool:
-        """Lock a key when its holder has given it back; False after `limit` [s]."""
+        """Wait until the key is released and lock it. Return False after `limit` [s]."""
         end, pause = time.monotonic() + limit, SHORTEST
         while not self.take(key):
             if time.monotonic() >= end:
@@ -58,21 +58,21 @@ class BuildLocks:
         return True
 
     def give_back(self, key: str) -> None:
-        """End a lock; one that was not taken may be given back, too."""
+        """Release a lock. It may be one that was not taken."""
         if self._descriptor is not None and fcntl is not None:
             with contextlib.suppress(OSError):
                 fcntl.lockf(self._descriptor, fcntl.LOCK_UN, 1, _lock_offset(key))
 
     @contextlib.contextmanager
     def given_back(self) -> Iterator[None]:
-        """Give everything back in the end."""
+        """Release all locks on exit."""
         try:
             yield
         finally:
             self.close()
 
     def close(self) -> None:
-        """Give all locks back."""
+        """Release all locks."""
         descriptor, self._descriptor = self._descriptor, None
         if descriptor is not None:
             os.close(descriptor)
@@ -82,11 +82,11 @@ class BuildLocks:
             try:
                 os.makedirs(os.path.dirname(self._path), exist_ok=True)
                 self._descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
-            except OSError:  # not there or not to be written: then nothing can be kept there either
+            except OSError:  # missing or read-only: then no results can be stored there either
                 self._idle = True
         return None if self._idle else self._descriptor
 
 
 def _lock_offset(key: str) -> int:
-    """The byte of a key: of 2^60 places two keys rarely share one, and then they only wait for each other."""
+    """Return the offset for a key. Two keys rarely share one of 2^60 offsets; if they do, they only wait for each other."""
     return int(key[:15], 16)

@@ -1,4 +1,4 @@
-"""Digests of files, which need not be worked out again for those that the file system says are as they were."""
+"""Digests of files, cached for files that have not changed according to the file system."""
 
 from __future__ import annotations
 
@@ -11,22 +11,25 @@ from thingc.base.filesystem import opened
 from thingc.geometry.store.local import Store
 
 LARGE = 1 << 20
-"""Bytes from which on a digest is worth keeping."""
+"""Size [bytes] from which a digest is worth caching."""
 
 SETTLED = 2_000_000_000
-"""How long [ns] a file must have been as it is: another change within the grain of its times would not show in them."""
+"""Age [ns] of the last change from which a digest is cached: a later change within the resolution of file times would not show in them."""
 
 
 FileSignature = tuple[int, int, int, int, int]
-"""Size, times (of the content, of the entry), inode and device of a file: while they stand, so does its content."""
+"""Size, modification time, change time, inode and device of a file. If they are equal, so is the content."""
 
 Digests = dict[FileSignature, str]
-"""Those that one command has come across."""
+"""The digests computed by one command."""
 
 
 def digest_of(path: str, store: Store | None = None, known: Digests | None = None) -> str:
-    """The SHA-256 of a file's content in hex. In `store` those of large files are kept, by their size, times and place on the disk, of
-    which nobody can set back the time of the last change; in `known` all, for who looks at the same files again. Raises `OSError`."""
+    """Return the SHA-256 of a file's content in hexadecimal. Raises `OSError`.
+
+    Digests of large files are cached in `store` by path and signature, which includes the change time, which programs cannot set. `known`
+    caches all digests, for callers that read the same files again.
+    """
     known = {} if known is None else known
     with opened(path) as stream:
         before = _signature(stream.fileno())
@@ -36,7 +39,7 @@ def digest_of(path: str, store: Store | None = None, known: Digests | None = Non
 
 
 def _kept(stream: BufferedReader, before: FileSignature, store: Store, path: str) -> str:
-    """The digest that the store has, or from now on has unless the file has just changed."""
+    """Return the digest from the store, or compute it and store it unless the file has just changed."""
     key = os.path.abspath(path)
     kept = store.get_json("digest", key)
     if isinstance(kept, list) and kept[:-1] == [*before]:

@@ -1,13 +1,12 @@
 """The content-addressed store: geometry by the SHA-256 of its bytes, small JSON documents by kind and key.
 
-Everything is written aside and renamed, so that any number of processes may share one store and be killed at any
-instant: a name is either absent or whole. Whatever is read is checked, and what is damaged counts as absent. Nothing is
-ever pickled.
+Every file is written under a temporary name and renamed, so that any number of processes may share a store and be killed at any time: a
+file is either absent or complete. Files are checked when they are read, and a damaged one counts as absent. Nothing is pickled.
 
     <root>/blobs/ab/cdef...     the bytes whose SHA-256 is abcdef...
-    <root>/<kind>/ab/cdef...    the JSON document whose key has that SHA-256, behind a line with its checksum
+    <root>/<kind>/ab/cdef...    the JSON document whose key has that SHA-256, after a line with its checksum
 
-The checksum of a document is taken over its kind and name as well: a sound document in the place of another is none.
+The checksum of a document includes its kind and name, so that a document in the place of another is invalid.
 """
 
 from __future__ import annotations
@@ -25,12 +24,12 @@ from typing import Any
 from thingc.base.filesystem import hash_name
 
 SEALED = 946_684_800
-"""The modification time [s] every blob gets when it is whole (2000-01-01): a blob that was written to afterwards shows
-another time, and is hashed before it is trusted."""
+"""Modification time [s] of every complete blob (2000-01-01). A blob that was written to later has another time, and is hashed before use.
+"""
 
 
 class StoreUnusable(Exception):
-    """The store's folder cannot be used: `root`, and the reason in the words of the system."""
+    """The store's folder `root` cannot be used; `reason` is the message of the system."""
 
     def __init__(self, root: str, reason: str) -> None:
         super().__init__(f"the store {root} cannot be used: {reason}")
@@ -39,7 +38,7 @@ class StoreUnusable(Exception):
 
 
 class BlobMissing(Exception):
-    """A blob that should be in the store is not there, or was damaged (then it has been thrown away)."""
+    """A blob is not in the store, or was damaged and has been removed."""
 
     def __init__(self, sha256: str) -> None:
         super().__init__(f"the store has no sound blob {sha256}")
@@ -47,13 +46,13 @@ class BlobMissing(Exception):
 
 
 def default_root() -> str:
-    """`$THINGC_STORE` where it names a folder, else `cache_root()`."""
+    """Return `$THINGC_STORE` if it names a folder, else `cache_root()`."""
     stated = os.environ.get("THINGC_STORE")
     return os.path.abspath(stated) if stated and "://" not in stated else cache_root()
 
 
 def cache_root() -> str:
-    """A folder in the user's cache as each system has it."""
+    """Return the folder for thingc in the user's cache, which depends on the system."""
     home = os.path.expanduser("~")
     if sys.platform == "win32":
         base = os.environ.get("LOCALAPPDATA") or os.path.join(home, "AppData", "Local")
@@ -65,10 +64,9 @@ def cache_root() -> str:
 
 
 class Store:
-    """A store in the folder `root` (`default_root()` without one); the folder is made with the first write.
+    """A store in the folder `root` (default: `default_root()`). The folder is created with the first write.
 
-    Writing raises `StoreUnusable` where the folder cannot be written; reading never does: what cannot be read is
-    not there.
+    Writing raises `StoreUnusable` if the folder is not writable. Reading never does: a file that cannot be read counts as absent.
     """
 
     __slots__ = ("_noted", "root")
@@ -80,21 +78,21 @@ class Store:
     # --- blobs ---------------------------------------------------------------------------------------------------
 
     def path(self, sha256: str) -> str:
-        """Where the blob lies, or would lie. Raises `BadPath`, an `OSError`, if the hash is not one."""
+        """Return the path of a blob, whether it exists or not. Raises `BadPath`, an `OSError`, if the hash is not valid."""
         hash_name(sha256)
         return os.path.join(self.root, "blobs", sha256[:2], sha256[2:])
 
     def put(self, data: bytes) -> str:
-        """Keep `data`; its SHA-256 in hex. Nothing is written when a sound copy is there."""
+        """Store `data` and return its SHA-256 in hexadecimal. Nothing is written if a valid copy exists."""
         sha256 = hashlib.sha256(data).hexdigest()
         if not self.has(sha256, len(data)):
             self._write(self.path(sha256), data, seal=True)
         return sha256
 
     def has(self, sha256: str, size: int | None = None) -> bool:
-        """Whether a sound blob is there (of `size` bytes, where that is known).
+        """Whether a valid blob is in the store (of `size` bytes, if given).
 
-        A sealed blob is believed; one whose time differs is hashed, and sealed again or thrown away.
+        A sealed blob is trusted. One with another time is hashed, and then sealed again or removed.
         """
         try:
             path = self.path(sha256)
@@ -115,7 +113,7 @@ class Store:
         return True
 
     def read(self, sha256: str) -> bytes:
-        """The bytes, checked against their name. Raises `BlobMissing` when they are absent or damaged."""
+        """Return the bytes of a blob, verified by their hash. Raises `BlobMissing` if they are absent or damaged."""
         try:
             path = self.path(sha256)
             with open(path, "rb") as stream:
@@ -128,7 +126,7 @@ class Store:
         return data
 
     def size(self, sha256: str) -> int:
-        """How many bytes the blob has. Raises `BlobMissing`."""
+        """Return the size of a blob [bytes]. Raises `BlobMissing`."""
         try:
             return os.stat(self.path(sha256)).st_size
         except OSError:
@@ -137,7 +135,7 @@ class Store:
     # --- JSON documents ------------------------------------------------------------------------------------------
 
     def get_json(self, kind: str, key: str) -> Any | None:
-        """The value kept under `kind` (a word, it names a folder) and `key` (any text), or None."""
+        """Return the value stored under `kind` (a word, which names a folder) and `key` (any text), or None."""
         path = self._document(kind, key)
         data = self._noted.get(path) if self._noted else None
         if data is None:
@@ -155,11 +153,11 @@ class Store:
             return None
 
     def put_json(self, kind: str, key: str, value: Any) -> None:
-        """Keep a JSON value under `kind` and `key`, in place of what was there."""
+        """Store a JSON value under `kind` and `key`, replacing any previous value."""
         self._write(self._document(kind, key), _sealed(kind, key, value))
 
     def note_json(self, kind: str, key: str, value: Any) -> None:
-        """Keep a JSON value of a kind that only saves time: where that cannot be written, nothing is lost, and nothing is said."""
+        """Store a JSON value that only saves time. If it cannot be written, no error is raised."""
         path, data = self._document(kind, key), _sealed(kind, key, value)
         if self._noted is not None:
             self._noted[path] = data
@@ -168,7 +166,7 @@ class Store:
 
     @contextlib.contextmanager
     def hurried(self) -> Iterator[None]:
-        """Meanwhile nothing is written of what is only noted: that is done at the end, when nobody waits any more."""
+        """Delay the writes of `note_json` until exit, after the result of a command is complete."""
         noted: dict[str, bytes] = {}
         self._noted = noted
         try:
@@ -181,7 +179,7 @@ class Store:
     # --- files ---------------------------------------------------------------------------------------------------
 
     def check(self) -> None:
-        """Raise `StoreUnusable` unless the store can be written to."""
+        """Raise `StoreUnusable` unless the store is writable."""
         probe = os.path.join(self.root, "blobs")
         try:
             os.makedirs(probe, exist_ok=True)
@@ -214,7 +212,7 @@ class Store:
         except OSError as fault:
             with contextlib.suppress(OSError):
                 os.unlink(aside)
-            if seal and os.path.exists(path):  # Windows will not replace a file that another process reads
+            if seal and os.path.exists(path):  # Windows does not replace a file that another process is reading
                 return
             raise StoreUnusable(self.root, fault.strerror or str(fault)) from None
 
@@ -229,20 +227,22 @@ def _name(key: str) -> str:
 
 
 def _sealed(kind: str, key: str, value: Any) -> bytes:
-    """A JSON document as it is written: a line with its checksum, and the value."""
+    """Return the bytes of a JSON document: a line with its checksum, and the value."""
     payload = json.dumps(value, separators=(",", ":"), sort_keys=True, ensure_ascii=False).encode()
     return _checksum(kind, _name(key), payload) + b"\n" + payload
 
 
 def _checksum(kind: str, name: str, payload: bytes) -> bytes:
-    """Of a JSON document, bound to the place where it belongs."""
+    """Return the checksum of a JSON document, which includes its kind and name."""
     return hashlib.sha256(f"{kind}/{name}\n".encode() + payload).hexdigest().encode()
 
 
 class Outbox(Store):
-    """A store as a process sees it that must not write there: it reads from `root`, and what it puts is at hand for itself and lies in one
-    file in `folder` (a file for each takes the system longer than to write them), until somebody who may takes it over with `deliver`.
-    JSON documents are none of its business."""
+    """A store for a process that must not write to it.
+
+    It reads from `root`. Blobs that are put are held in memory and appended to one file in `folder` (one file for each would be slower). A
+    process with write access moves them to the store with `deliver`. JSON documents are not supported.
+    """
 
     __slots__ = ("_held", "_path")
 
@@ -252,7 +252,7 @@ class Outbox(Store):
         self._held: dict[str, bytes] = {}
 
     def put(self, data: bytes) -> str:
-        """Lay `data` down unless the store has it; its SHA-256 in hex."""
+        """Write `data` to the outbox unless the store has it. Return its SHA-256 in hexadecimal."""
         sha256 = hashlib.sha256(data).hexdigest()
         if sha256 not in self._held and not self.has(sha256, len(data)):
             try:
@@ -264,16 +264,19 @@ class Outbox(Store):
         return sha256
 
     def read(self, sha256: str) -> bytes:
-        """The bytes, of what was put or is in the store. Raises `BlobMissing`."""
+        """Return the bytes of a blob in the outbox or in the store. Raises `BlobMissing`."""
         return self._held[sha256] if sha256 in self._held else super().read(sha256)
 
     def deliver(self) -> None:
-        """Put everything that lies in the folder into the store, by its content, and remove it: whatever was written there, nothing comes
-        into the place of something else. Nobody may be at work there any more. Raises `StoreUnusable`."""
+        """Move all blobs from the outbox to the store, by the hash of their content, so that nothing in the store can be replaced by other
+        content.
+
+        The process that wrote the outbox must have ended. Raises `StoreUnusable`.
+        """
         flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
         try:
             descriptor = os.open(self._path, flags)
-        except OSError:  # nothing was laid down
+        except OSError:  # no blobs were written
             return
         with open(descriptor, "rb") as stream:
             status = os.fstat(descriptor)
@@ -287,4 +290,4 @@ class Outbox(Store):
 
 
 _LENGTH = 8
-"""How many bytes of an outbox say how long the next blob is."""
+"""Bytes of the length in front of each blob in an outbox."""

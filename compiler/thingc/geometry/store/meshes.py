@@ -1,4 +1,4 @@
-"""Meshes that simulators draw and touch, as the worker writes them: Wavefront OBJ, all vertices, then all triangles, nothing else."""
+"""Meshes for simulators as written by the worker: Wavefront OBJ with all vertices, then all triangles, and nothing else."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ if TYPE_CHECKING:
 
 
 def vertices(store: Store, mesh: Mesh) -> tuple[Vector, ...]:
-    """The vertices [m] of a mesh in the store, in order, in plain Python: who looks at no more need not pay for numpy. Raises
-    `BlobMissing`."""
+    """Return the vertices [m] of a mesh in the store, sorted. In plain Python, so that numpy is not imported. Raises `BlobMissing`."""
     numbers = (line.split() for line in store.read(mesh.sha256).splitlines() if line.startswith(b"v"))
     return tuple(sorted((float(x), float(y), float(z)) for _, x, y, z in numbers))
 
 
 def arrays(data: bytes) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices (n x 3) [m] and triangles (m x 3, from 0) of the file of a mesh."""
+    """Return the vertices `(n, 3)` [m] and triangles `(m, 3)`, numbered from 0, of a mesh file."""
     import numpy as np
 
     points, mark, corners = data.partition(b"f")

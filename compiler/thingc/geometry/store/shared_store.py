@@ -1,8 +1,8 @@
-"""A store that machines share without sharing a folder: a folder of this machine in front of any URL that fsspec knows.
+"""A store shared by machines: a local folder in front of a URL that fsspec supports.
 
-What is not in the folder is fetched from the URL, and what is modelled here is sent there: first the files, then the entry that
-speaks of them, so that whoever finds the entry finds the files. Both have their checksums, so a torn or damaged file counts as absent
-there as it does here. Only answers about parts are shared; what concerns one machine alone stays in its folder.
+What is not in the folder is fetched from the URL, and new results are sent there: first the files, then the entry that refers to them, so
+that an entry is never found without its files. Both have checksums, so that an incomplete or damaged file counts as absent. Only results
+for parts are shared; values that concern one machine stay in its folder.
 """
 
 from __future__ import annotations
@@ -17,19 +17,21 @@ from typing import Any
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable, cache_root
 
 CONVEX = "convex-meshes"
-"""The kind of document of convex pieces. Their key has no version of thingc: rename the kind when the fields of `Mesh` change."""
+"""Kind of the documents of convex pieces. Their key has no version of thingc: rename the kind when the fields of `Mesh` change."""
 SHARED = frozenset(("record", "schema", CONVEX, "slices", "step"))
-"""The kinds of JSON documents that mean the same on every machine, and are worth a journey."""
+"""Kinds of JSON documents that are shared: their values mean the same on every machine and are worth the transfer."""
 
 WHOLE = frozenset(("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "oss", "memory"))
-"""Protocols by which a file appears as a whole; by others it is written aside and renamed."""
+"""Protocols by which a file appears as a whole. With others it is written under a temporary name and renamed."""
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 def opened(name: str | None) -> Store:
-    """The store of that name, a folder or a URL (None: `$THINGC_STORE`, else the user's). Raises `StoreUnusable` for a URL that
-    cannot be used here."""
+    """Return the store of that name, a folder or a URL (None: `$THINGC_STORE`, else the user's cache).
+
+    Raises `StoreUnusable` for a URL that cannot be used.
+    """
     stated = name or os.environ.get("THINGC_STORE", "")
     return SharedStore(stated) if "://" in stated else Store(name)
 
@@ -37,14 +39,14 @@ def opened(name: str | None) -> Store:
 class SharedStore(Store):
     """The store at a URL (`s3://bucket/parts`, `sftp://host/srv/parts`, ...), with a folder of the user's cache in front.
 
-    `root` is that folder. Unlike a folder's, reading raises `StoreUnusable`, too, when the other side does not answer: to model
-    everything anew without a word would be worse.
+    `root` is that folder. Reading, too, raises `StoreUnusable` if the server does not answer: building everything again silently would be
+    worse.
     """
 
     __slots__ = ("_base", "_damaged", "_made", "_sent", "_system", "url")
 
     def __init__(self, url: str, root: str | None = None) -> None:
-        self.url = re.sub(r"://[^/@]*@", "://", url)  # as shown: without a password
+        self.url = re.sub(r"://[^/@]*@", "://", url)  # for messages: without a password
         super().__init__(root or os.path.join(cache_root(), "shared", hashlib.sha256(url.encode()).hexdigest()[:12]))
         try:
             import fsspec
@@ -60,11 +62,11 @@ class SharedStore(Store):
     # --- reading ---------------------------------------------------------------------------------------------------
 
     def has(self, sha256: str, size: int | None = None) -> bool:
-        """Whether a sound blob is there; one that is only at the URL is fetched."""
+        """Whether a valid blob is in the store. One that is only at the URL is fetched."""
         return super().has(sha256, size) or (self._fetched(sha256) and super().has(sha256, size))
 
     def read(self, sha256: str) -> bytes:
-        """The bytes, from the folder or the URL. Raises `BlobMissing` when both have none that is sound."""
+        """Return the bytes from the folder or the URL. Raises `BlobMissing` if neither has a valid copy."""
         try:
             return super().read(sha256)
         except BlobMissing:
@@ -73,13 +75,13 @@ class SharedStore(Store):
             return super().read(sha256)
 
     def size(self, sha256: str) -> int:
-        """How many bytes the blob has. Raises `BlobMissing`."""
+        """Return the size of a blob [bytes]. Raises `BlobMissing`."""
         if not self.has(sha256):
             raise BlobMissing(sha256)
         return super().size(sha256)
 
     def get_json(self, kind: str, key: str) -> Any | None:
-        """The value kept here, else at the URL, or None."""
+        """Return the value in the folder, else at the URL, or None."""
         value = super().get_json(kind, key)
         if value is None and kind in SHARED:
             path = self._document(kind, key)
@@ -109,11 +111,11 @@ class SharedStore(Store):
     # --- writing ---------------------------------------------------------------------------------------------------
 
     def put(self, data: bytes) -> str:
-        """Keep `data` here; it is sent when an entry names it."""
+        """Store `data` in the folder. It is sent when an entry refers to it."""
         return Store(self.root).put(data)
 
     def put_json(self, kind: str, key: str, value: Any) -> None:
-        """Keep a JSON value here and, of the kinds that are shared, at the URL, after all blobs that it names."""
+        """Store a JSON value in the folder and, if its kind is shared, at the URL, after all blobs that it refers to."""
         super().put_json(kind, key, value)
         if kind not in SHARED:
             return
@@ -125,7 +127,7 @@ class SharedStore(Store):
             self._send(path, stream.read())
 
     def check(self) -> None:
-        """Raise `StoreUnusable` unless the folder and the URL can be written to."""
+        """Raise `StoreUnusable` unless the folder and the URL are writable."""
         super().check()
         with self._words():
             self._make(self._base)
@@ -154,14 +156,14 @@ class SharedStore(Store):
             self._system.pipe_file(aside, data)
             try:
                 self._system.mv(aside, there)
-            except Exception:  # some servers rename onto nothing only
+            except Exception:  # some servers do not replace an existing file
                 if not self._system.exists(there):
                     raise
                 self._system.rm_file(there)
                 self._system.mv(aside, there)
 
     def _make(self, folder: str) -> None:
-        """Make a folder and those that it lies in, one by one: others may make any of them at the same moment."""
+        """Create a folder and its parents one by one: another process may create any of them at the same time."""
         if not folder or folder in self._made:
             return
         if not self._system.isdir(folder):
@@ -178,12 +180,12 @@ class SharedStore(Store):
         return {named} if isinstance(named, str) else set(named)
 
     def _there(self, path: str) -> str:
-        """Where a file of the folder lies at the URL."""
+        """Return the place of a file of the folder at the URL."""
         return f"{self._base}/{os.path.relpath(path, self.root).replace(os.sep, '/')}"
 
     @contextlib.contextmanager
     def _words(self) -> Iterator[None]:
-        """Whatever libraries of protocols raise, as `StoreUnusable`."""
+        """Raise any exception of the libraries for protocols as `StoreUnusable`."""
         try:
             yield
         except StoreUnusable:
@@ -194,7 +196,7 @@ class SharedStore(Store):
 
 
 def _hashes(value: Any) -> Iterator[str]:
-    """Every SHA-256 that a JSON value holds."""
+    """Yield every SHA-256 in a JSON value."""
     if isinstance(value, str):
         if _SHA256.fullmatch(value):
             yield value

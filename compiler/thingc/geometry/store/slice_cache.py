@@ -1,4 +1,4 @@
-"""What printed parts hold, asked for by mesh and slicing: from the store where it can, else through workers."""
+"""The slices of printed parts, by mesh and slicing: from the store if possible, else from workers."""
 
 from __future__ import annotations
 
@@ -13,15 +13,18 @@ from thingc.geometry.record import PartFailure, PartRecord
 from thingc.geometry.store.local import Store
 
 KEPT = 4096
-"""How many answers are kept at hand."""
+"""Number of results held in memory."""
 
 Records = dict[str, "PartRecord | PartFailure"]
 Run = Callable[[list[dict[str, Any]], str], Iterable[tuple[dict[str, Any], dict[str, Any]]]]
 
 
 class SliceCache:
-    """Slices by mesh, kept in a store under everything that they depend on: the same part with another process is not modelled
-    again, and the same mesh is not sliced again. `versions` are those of everything that slices meshes."""
+    """Slices by mesh, cached in a store by everything that they depend on.
+
+    A part with other print settings is not built again, and an equal mesh is not sliced again. `versions` returns the versions of
+    everything that slices meshes.
+    """
 
     def __init__(self, store: Store, versions: Callable[[], Mapping[str, str]]) -> None:
         self._store = store
@@ -33,8 +36,10 @@ class SliceCache:
         self, records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]], run: Run, timeout: float,
         broken: Callable[[str, dict[str, Any]], PartFailure],
     ) -> Records:
-        """The records with what is wanted of each by its text, as far as they have a mesh. `run` asks the workers, `broken` puts
-        an answer that failed into words."""
+        """Return the records with the slices that are `wanted`, by text; records without a mesh are unchanged.
+
+        `run` sends requests to the workers; `broken` makes a failure of an answer that failed.
+        """
         sliced: Records = dict(records)
         texts = {text: frozenset(slicings) for text, slicings in wanted.items() if slicings and _lacks(records.get(text), slicings)}
         missing: dict[tuple[str, Slicing], list[str]] = {}
@@ -68,7 +73,7 @@ class SliceCache:
             self._keep(key, answer["answer"])
 
     def keep(self, record: PartRecord | PartFailure, slices: Iterable[tuple[Mapping[str, Any], Any]]) -> None:
-        """What came of slicings (as JSON has them) when a part was modelled."""
+        """Store the slices that a worker computed when it built the part; slicings and results are JSON values."""
         for slicing, value in slices:
             self._keep((_mesh(record), convert(slicing, Slicing)), value)
 
@@ -86,7 +91,7 @@ class SliceCache:
         return self._known[key]
 
     def _place(self, mesh: str, slicing: Slicing) -> str:
-        """What slices are kept under."""
+        """Return the key of slices in the store."""
         return repr([sorted(self._versions().items()), mesh, sorted(asdict(slicing).items())])
 
     def _note(self, key: tuple[str, Slicing], value: Any) -> None:
@@ -95,7 +100,7 @@ class SliceCache:
         self._known[key] = convert(value, SliceResult | SliceFailure)
 
     def _with(self, text: str, record: PartRecord, slicings: frozenset[Slicing]) -> PartRecord:
-        """The record with these slices; the same object as last time for the same."""
+        """Return the record with these slices; the same object as last time if nothing changed."""
         last = self._made.get(text)
         if last is None or last[0] is not record or last[1] != slicings:
             slices = {slicing: answer for slicing in slicings if (answer := self._kept(_mesh(record), slicing)) is not None}
@@ -104,7 +109,7 @@ class SliceCache:
 
 
 def lacking(records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]]) -> list[str]:
-    """The texts of records that neither have what is wanted of them nor a mesh to get it from."""
+    """Return the texts of records that lack `wanted` slices and have no mesh to compute them from."""
     return [text for text, slicings in wanted.items() if _lacks(records.get(text), slicings) and not _mesh(records[text])]
 
 
@@ -113,6 +118,6 @@ def _lacks(record: PartRecord | PartFailure | None, slicings: Collection[Slicing
 
 
 def _mesh(record: PartRecord | PartFailure) -> str:
-    """The SHA-256 of its print file, empty where there is none."""
+    """Return the SHA-256 of the print file of a record, or "" if there is none."""
     mesh = record.meshes.get("print") if isinstance(record, PartRecord) else None
     return mesh.sha256 if mesh is not None else ""

@@ -1,3 +1,3 @@
-"""What part authors write with: Things, mounts, parameters with units. Imports nothing of the rest of the compiler."""
+"""The API for part authors: Things, mounts, parameters with units. Imports no other part of the compiler."""
 
 from __future__ import annotations

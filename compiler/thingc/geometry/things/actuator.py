@@ -1,4 +1,4 @@
-"""What a motor can do, as its data sheet says."""
+"""The limits and gains of a motor, from its data sheet."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from typing import Literal, TypeAlias
 
 Stated: TypeAlias = "float | tuple[float, str] | None"
 SOURCES = ("measured", "vendor", "estimated", "stated")
-"""Where a number can come from; `stated` is one that was written without a source."""
+"""Sources of a number; `stated` is one that was written without a source."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, init=False)
 class Actuator:
-    """An actuator at its output shaft, in SI.
+    """An actuator at its output shaft, in SI units.
 
-    `kind` is `position`, `velocity` or `motor`; `stall_torque` [N m] (a linear one: [N]), `no_load_speed` [rad/s] ([m/s]),
-    `gear_ratio` (motor turns per output turn), `rotor_inertia` [kg m^2] before the gear, gains `kp` [N m/rad], `kv` [N m s/rad].
-    Each number may be given as `(value, source)` with source `measured`, `vendor` or `estimated`; `sources` has them by name.
+    `kind` is `position`, `velocity` or `motor`; `stall_torque` [N m] (linear: [N]), `no_load_speed` [rad/s] (linear: [m/s]), `gear_ratio`
+    (motor turns per output turn), `rotor_inertia` [kg m^2] before the gear, gains `kp` [N m/rad], `kv` [N m s/rad].
 
-    Raises `ValueError` for an unknown kind or source and for a number that is not finite or not positive (`rotor_inertia`,
-    `kp` and `kv` may be 0).
+    Each number may be given as `(value, source)` with source `measured`, `vendor` or `estimated`; the attribute `sources` has them by name.
+    Raises `ValueError` for an unknown kind or source and for a number that is not finite or not positive (`rotor_inertia`, `kp` and `kv`
+    may be 0).
     """
 
     kind: Literal["position", "velocity", "motor"]
@@ -54,12 +54,12 @@ class Actuator:
 
     @property
     def armature(self) -> float | None:
-        """The rotor's inertia seen at the output [kg m^2]: rotor inertia times gear ratio squared; None where unknown."""
+        """Rotor inertia at the output [kg m^2]: rotor inertia times the square of the gear ratio; None if unknown."""
         return None if self.rotor_inertia is None else self.rotor_inertia * self.gear_ratio * self.gear_ratio
 
 
 def sourced(what: str, pair: tuple[object, ...]) -> tuple[float, str]:
-    """A `(value, source)` pair checked; `ValueError` where it is none."""
+    """Return a `(value, source)` pair after checking it. Raises `ValueError` if it is not one."""
     if len(pair) != 2 or not isinstance(pair[1], str):
         raise ValueError(f"{what} must be a number or (number, source), found {pair!r}")
     value, source = pair

@@ -1,4 +1,4 @@
-"""The same family with changed parameters, also where a subclass pins them."""
+"""Change parameters of a Thing, also those that a subclass sets."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from thingc.geometry.things.thing import Thing
 
 Change = tuple[str, object]
-"""What to do, `set | add | mul`, and the number (or the value to set)."""
+"""The operation, `set | add | mul`, and its operand."""
 
 
 def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:
-    """The Thing of the same class with the changed parameters.
+    """Return the Thing of the same class with changed parameters.
 
-    A name is first looked for among the class's own parameters, then among those of its parents, nearest first. For a
-    parent's, the parent's `__init__` gets the changed value instead of what the subclass passes to it, now and in later
-    adjustments; `__add` and `__mul` start from what the subclass passes once its own changes are made.
+    A name is looked up in the class's own parameters, then in those of its parents, nearest first. A parent's `__init__` gets the changed
+    value instead of the one that the subclass passes, now and in later adjustments. `__add` and `__mul` start from the value that the
+    subclass passes after its own changes.
     """
     cls, construction = type(thing), thing._construction
     signature = family_signature(cls)
@@ -57,7 +57,7 @@ def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:
 
 
 def _target(thing: Thing, signature: Signature, key: str) -> tuple[type, Parameter, str]:
-    """Whose parameter `key` changes, which, and how: `width`, `width__add` or `width__mul`."""
+    """Return the class whose parameter `key` changes, the parameter, and the operation: `width`, `width__add` or `width__mul`."""
     cls = type(thing)
     families: list[tuple[type, Signature]] = [(cls, signature)]
     families.extend((call.family, family_signature(call.family)) for call in _parents(thing))
@@ -77,12 +77,12 @@ def _target(thing: Thing, signature: Signature, key: str) -> tuple[type, Paramet
 
 
 def _parents(thing: Thing) -> list[InitCall]:
-    """The `__init__`s of the chain above the one that has the class's own parameters."""
+    """Return the calls of `__init__` above the one with the class's own parameters."""
     return thing._construction.calls[1:]
 
 
 def _applied(parameter: Parameter, change: Change, current: Value, owner: str) -> Value:
-    """The changed value, canonical; `ParameterError` where it is none of the parameter's."""
+    """Return the changed value, canonical. Raises `ParameterError` if the parameter does not accept it."""
     operation, value = change
     if operation == "set":
         return parameter.canonical(value, owner)

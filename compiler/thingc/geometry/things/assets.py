@@ -13,9 +13,9 @@ _roots: tuple[str, ...] = ()
 
 
 def install(record: Callable[[str], None] | None, roots: Sequence[str] = ()) -> None:
-    """Make `record` hear of every absolute path that `asset` looks at, found or not, and let it search the folders `roots`.
+    """Call `record` with every absolute path that `asset` tries, found or not, and let `asset` search the folders `roots`.
 
-    For the geometry worker, before it loads part modules; `install(None)` takes both away.
+    For the geometry worker, before it loads part modules. `install(None)` removes both.
     """
     global _record, _roots
     _record = record
@@ -23,12 +23,11 @@ def install(record: Callable[[str], None] | None, roots: Sequence[str] = ()) -> 
 
 
 def asset(path: str, beside: str | None = None) -> Path:
-    """The data file `path`: `import_step(asset("motor.step"))`, `asset("curve.json").read_text()`.
+    """Return the path of the data file `path`: `import_step(asset("motor.step"))`, `asset("curve.json").read_text()`.
 
-    Looked for beside the file `beside` (write `__file__`), else beside the module of the part whose `__init__` is running,
-    then in the workspace (outside of a build: in the working folder). The part is made anew when the file changes.
-
-    Raises `ValueError` for an absolute path or one that leaves those folders, `FileNotFoundError` where there is no such file.
+    The file is searched beside the file `beside` (write `__file__`), else beside the module of the part whose `__init__` is running, then
+    in the workspace (outside of a build: in the working folder). The part is rebuilt when the file changes. Raises `ValueError` for an
+    absolute path or one that leaves those folders, `FileNotFoundError` if there is no such file.
     """
     if os.path.isabs(path):
         raise ValueError(f"asset() takes a path relative to the part's module or to the workspace, found `{path}`")
@@ -43,7 +42,7 @@ def asset(path: str, beside: str | None = None) -> Path:
             continue
         allowed = True
         if _record is not None:
-            for looked_at in dict.fromkeys((named, candidate)):  # where a link leads may change as well
+            for looked_at in dict.fromkeys((named, candidate)):  # the target of a link may change as well
                 _record(looked_at)
         if os.path.isfile(candidate):
             return Path(candidate)

@@ -1,7 +1,8 @@
-"""How a Thing comes to be: arguments checked, one object per value, `__init__` run once and alone, then frozen.
+"""Construction of Things: arguments are checked, equal parameters give the same object, `__init__` runs once and in isolation, then the
+Thing is frozen.
 
-The metaclass does what plain Python has no other place for: it sees the call before the object exists (memoisation by
-value, checks before geometry) and wraps each `__init__` of a family, so that a parent's parameters are known as well.
+A metaclass is needed to intercept the call before the object exists (memoisation by value, checks before geometry) and to wrap each
+`__init__` of a family, so that the parameters of parents are known, too.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from thingc.geometry.things.thing import Thing
 
 Adjustments: TypeAlias = "Mapping[type[Any], Mapping[str, Value]]"
-"""Per ancestor class, parameters that `adjust` changed although a subclass pins them."""
+"""For each ancestor class, the parameters that `adjust` changed although a subclass sets them."""
 
 _made: dict[tuple[object, ...], Thing] = {}
 _making: set[tuple[object, ...]] = set()
@@ -33,7 +34,7 @@ _files: list[str] = []
 
 @dataclass(slots=True, kw_only=True)
 class InitCall:
-    """One `__init__` of the chain: what `family` was called with, and `values` after adjustments (what it was run with)."""
+    """One `__init__` of the chain: the arguments that `family` was called with, and `values` after adjustments, with which it ran."""
 
     family: type[Any]
     given: dict[str, Value]
@@ -42,8 +43,11 @@ class InitCall:
 
 @dataclass(slots=True, kw_only=True)
 class Construction:
-    """What a Thing knows of its making. `calls` are the chain of `__init__`s, the class's own first; `running` those not yet
-    left, innermost last; `finished` once the Thing is immutable. `mounts` by exported name, filled when it is."""
+    """The record of a Thing's construction.
+
+    `calls` are the `__init__`s of the chain, the class's own first; `running` are those that have not returned, innermost last. `finished`
+    is set when the Thing becomes immutable. `mounts` are by exported name and are filled in last.
+    """
 
     parameters: dict[str, Value]
     adjustments: Adjustments
@@ -55,7 +59,7 @@ class Construction:
     mounts: dict[str, MountPoint] = field(default_factory=dict)
 
     def scopes(self) -> Iterator[Mapping[str, Value]]:
-        """Where `p` looks: the `__init__` that is running, then the class's own parameters, then its parents'."""
+        """Yield the scopes of `p`: the `__init__` that is running, then the class's own parameters, then those of its parents."""
         if self.running:
             yield self.running[-1].values
         yield self.parameters
@@ -64,10 +68,10 @@ class Construction:
 
 
 class Parameters:
-    """Reads the parameters of a Thing: `self.p.length`, canonical, in author units.
+    """Access to the parameters of a Thing: `self.p.length`, canonical, in author units.
 
-    A parameter of a parent class that a subclass pins is found as well. While an `__init__` runs its own arguments come
-    first; afterwards the class's own do. Raises `AttributeError` for a name that is no parameter.
+    A parameter of a parent class that a subclass sets is included. While an `__init__` runs, its own arguments come first; afterwards those
+    of the class do. Raises `AttributeError` for a name that is not a parameter.
     """
 
     __slots__ = ("_construction", "_owner")
@@ -77,14 +81,14 @@ class Parameters:
         self._construction = construction
 
     def __getattr__(self, name: str) -> Any:
-        """The value of the parameter `name`."""
+        """Return the value of the parameter `name`."""
         for scope in self._construction.scopes():
             if name in scope:
                 return scope[name]
         raise AttributeError(f"`{self._owner}` has no parameter `{name}`{suggestion(name, self.__dir__())}")
 
     def __dir__(self) -> list[str]:
-        """The names of the parameters, the class's own first."""
+        """Return the names of the parameters, the class's own first."""
         return list(dict.fromkeys(name for scope in self._construction.scopes() for name in scope))
 
     def __repr__(self) -> str:
@@ -103,15 +107,15 @@ class ThingType(ABCMeta):
     if not TYPE_CHECKING:  # type checkers take the signature from `__init__`
 
         def __call__(cls, *args: object, **kwargs: object) -> Thing:
-            """The member of the family with these parameters: made once, the same object ever after."""
+            """Return the member of the family with these parameters: made once, then always the same object."""
             return make(cls, family_signature(cls).bind(args, kwargs), {})
 
 
 def make(cls: type[Any], parameters: dict[str, Value], adjustments: Adjustments) -> Thing:
-    """The one Thing of class `cls` with these canonical `parameters` and `adjustments`, made if there is none yet.
+    """Return the only Thing of class `cls` with these canonical `parameters` and `adjustments`; make it if necessary.
 
-    What `__init__` raises is passed on and nothing is kept. A build123d builder that is active at the call does not see the
-    geometry made inside: a Thing depends on its parameters alone.
+    Exceptions of `__init__` are passed on, and nothing is cached. A build123d builder that is active at the call does not get the geometry
+    made inside, because a Thing depends on its parameters alone.
     """
     pinned = tuple((family, name, value) for family in cls.__mro__ for name, value in sorted(adjustments.get(family, {}).items()))
     key = (cls, tuple((name, type(value), value) for name, value in parameters.items()), pinned)
@@ -144,7 +148,7 @@ def _constructed(cls: type[Any], parameters: dict[str, Value], adjustments: Adju
 
 
 def wrapped(cls: type[Any], parameters: dict[str, Value], **attributes: object) -> Thing:
-    """A finished Thing of class `cls` made without `__init__`, with these attributes; not memoised."""
+    """Return a finished Thing of class `cls` made without `__init__`, with these attributes; not memoised."""
     thing: Thing = cls.__new__(cls)  # type: ignore[call-overload]
     object.__setattr__(thing, "_construction", Construction(parameters=parameters, adjustments={}, finished=True))
     for name, value in attributes.items():
@@ -153,7 +157,7 @@ def wrapped(cls: type[Any], parameters: dict[str, Value], **attributes: object) 
 
 
 def family_signature(cls: type[Any]) -> Signature:
-    """The parameters of a Thing class; raises `SignatureError` where an argument of `__init__` cannot be one."""
+    """Return the parameters of a Thing class. Raises `SignatureError` if an argument of `__init__` cannot be a parameter."""
     signature = cls.__dict__.get("_signature")
     if isinstance(signature, Signature):
         return signature
@@ -168,7 +172,7 @@ def family_signature(cls: type[Any]) -> Signature:
 
 
 def _recorded(cls: type[Any], init: Callable[..., None]) -> Callable[..., None]:
-    """`init` of the class `cls` with its arguments checked and recorded, run with the adjusted values."""
+    """Wrap `init` of the class `cls`: its arguments are checked and recorded, and it runs with the adjusted values."""
 
     @functools.wraps(init)
     def construct(self: Thing, *args: object, **kwargs: object) -> None:
@@ -190,7 +194,7 @@ def _recorded(cls: type[Any], init: Callable[..., None]) -> Callable[..., None]:
 
 @contextmanager
 def _reading_beside(init: Callable[..., None]) -> Iterator[None]:
-    """While it lasts, `running_file` is the file that `init` is written in."""
+    """Make `running_file` return the file that `init` is written in."""
     _files.append(getattr(getattr(inspect.unwrap(init), "__code__", None), "co_filename", ""))
     try:
         yield
@@ -199,10 +203,10 @@ def _reading_beside(init: Callable[..., None]) -> Iterator[None]:
 
 
 def running_file() -> str | None:
-    """The file of the `__init__` that is running, innermost; None where none is."""
+    """Return the file of the innermost `__init__` that is running, or None."""
     return _files[-1] if _files else None
 
 
 def shown(cls: type, parameters: Mapping[str, Value]) -> str:
-    """`PenDummy(length=100.0, diameter=15.0)`."""
+    """Return `PenDummy(length=100.0, diameter=15.0)`."""
     return f"{cls.__name__}({', '.join(f'{name}={value!r}' for name, value in parameters.items())})"

@@ -1,7 +1,7 @@
-"""What the geometry worker asks of a part: its parameters, one member of its family, and what that member says.
+"""What the geometry worker reads from a part: its parameters, one member of its family, and the data of that member.
 
-Everything is in author units: lengths in mm, angles in degrees, masses in kg; see the field docs. Geometry is asked of the
-Thing itself: `thing.result()`, `.collision()`, `.visual()`, `.envelope()` give a build123d Shape, several, or None.
+Everything is in author units: lengths in mm, angles in degrees, masses in kg. The worker gets geometry from the Thing itself:
+`thing.result()`, `.collision()`, `.visual()`, `.envelope()` return a build123d Shape, several, or None.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedPart:
-    """`mount` of a Thing was cut for a member of `family` with `parameters` (complete, author units), on its `child_mount`.
+    """`mount` of a Thing was cut for a member of `family` with `parameters` (complete, author units), at its `child_mount`.
 
-    What `adjust` changed of parameters that `family` pins is left out: no document can name it.
+    Changes by `adjust` of parameters that `family` sets itself are left out, because documents cannot express them.
     """
 
     mount: str
@@ -47,7 +47,7 @@ class ExpectedPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statement:
-    """What a Thing states: a number, three, or 3 x 3, and its source (`measured | vendor | estimated | stated`)."""
+    """A value that a Thing states: a number, a vector or a 3 x 3 matrix, and its source (`measured | vendor | estimated | stated`)."""
 
     value: float | Vector | Matrix
     source: str = "stated"
@@ -55,7 +55,7 @@ class Statement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statements:
-    """mass [kg], centre [mm], matrix [kg m^2, about the centre, Thing axes], density [kg/m^3]; None where nothing is stated."""
+    """Mass [kg], centre [mm], matrix [kg m^2, about the centre, Thing axes] and density [kg/m^3]; None if not stated."""
 
     mass: Statement | None
     centre: Statement | None
@@ -64,10 +64,10 @@ class Statements:
 
 
 def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
-    """What kind of part an object is, without calling it.
+    """Return the kind of part that an object is, without calling it, or None.
 
-    A Thing subclass, a build123d Shape class, or a Python function that returns a shape (one with a return annotation must
-    name a shape class; one without is believed until `build`). Abstract classes and `Thing` itself are no parts.
+    A Thing subclass, a build123d Shape class, or a Python function that returns a shape (a return annotation must name a shape class;
+    without one, `build` checks the result). Abstract classes and `Thing` itself are not parts.
     """
     if isinstance(candidate, type):
         if inspect.isabstract(candidate) or candidate is Thing:
@@ -89,15 +89,18 @@ def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingMember:
-    """What a class lacks, in words that follow its name, and the file and line where it should be."""
+    """What a class lacks, as text that follows its name, and the file and line where it should be."""
 
     words: str
     place: tuple[str, int] | None
 
 
 def lacking_result(part: PartLike) -> MissingMember | None:
-    """Why a Thing class says nothing about its geometry: it has no `result()` of its own, or one that returns nothing in any way,
-    which its author forgot. `return None` is a part without geometry; None is also the answer for what is no Thing."""
+    """Return why a Thing class has no geometry, or None.
+
+    The class has no `result()` of its own, or one without any `return`, which its author forgot. A part without geometry has `return None`.
+    The answer is also None if `part` is not a Thing class.
+    """
     if not isinstance(part, type) or not issubclass(part, Thing):
         return None
     if part.result is Thing.result:
@@ -111,8 +114,10 @@ def lacking_result(part: PartLike) -> MissingMember | None:
 
 
 def syntax_of(function: Callable[..., Any]) -> ast.FunctionDef | ast.AsyncFunctionDef | None:
-    """The syntax tree of a function, as its file has it; None where there is no such file. `inspect` would go through all of the file for
-    each of its functions and classes."""
+    """Return the syntax tree of a function from its file, or None if there is no such file.
+
+    `inspect` would go through the whole file for each of its functions and classes.
+    """
     code = getattr(inspect.unwrap(function), "__code__", None)
     if not isinstance(code, types.CodeType):
         return None
@@ -122,7 +127,7 @@ def syntax_of(function: Callable[..., Any]) -> ast.FunctionDef | ast.AsyncFuncti
 
 @functools.lru_cache(maxsize=8)
 def _functions_in(text: str) -> Mapping[int, ast.FunctionDef | ast.AsyncFunctionDef]:
-    """The functions in a source text by the line of their `def`, or of their first decorator."""
+    """Return the functions in a source text, by the line of their `def` or of their first decorator."""
     try:
         tree = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError):
@@ -142,19 +147,19 @@ def _code_location(code: Any) -> tuple[str, int] | None:
 
 
 def parameters_of(part: PartLike) -> tuple[Parameter, ...]:
-    """The parameters in order of the signature, defaults canonical, in author units.
+    """Return the parameters in order of the signature, defaults canonical, in author units.
 
-    Of a shape class or a function, arguments that no parameter can express are left out, at their default. Raises
-    `SignatureError` (a `TypeError`) where an argument of a Thing, or one without default, cannot be a parameter.
+    Arguments of a shape class or a function that cannot be parameters are left out and have their default. Raises `SignatureError` (a
+    `TypeError`) if an argument of a Thing, or one without default, cannot be a parameter.
     """
     return _signature(part).parameters
 
 
 def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
-    """The member with these parameters [author units]: the Thing, or for a shape or function one whose result it is.
+    """Return the member with these parameters [author units]: a Thing, for a shape class or function one whose result is the shape.
 
-    Raises `ParameterError` before anything is made, `TypeError` where a function returned no shape, and whatever the
-    part's own code raises.
+    Raises `ParameterError` before anything is made, `TypeError` if a function does not return a shape, and any exception of the part's own
+    code.
     """
     if isinstance(part, type) and issubclass(part, Thing):
         return make(part, family_signature(part).bind((), parameters), {})
@@ -168,12 +173,12 @@ def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
 
 
 def mounts_of(thing: Thing) -> dict[str, MountPoint]:
-    """The mounts by exported name, in order of assignment, without `origin`; `.location` and `.tolerance` in mm."""
+    """Return the mounts by exported name, in order of assignment, without `origin`; `.location` and `.tolerance` are in mm."""
     return dict(thing._construction.mounts)
 
 
 def references_of(thing: Thing) -> tuple[str, ...]:
-    """The names of reference geometry other than mounts: public attributes, then methods and properties of its classes."""
+    """Return the names of reference geometry other than mounts: public attributes, then methods and properties of its classes."""
     if isinstance(thing, _ShapePart):
         return ()
     names = [
@@ -190,7 +195,7 @@ def references_of(thing: Thing) -> tuple[str, ...]:
 
 
 def expectations_of(thing: Thing) -> tuple[ExpectedPart, ...]:
-    """What the Thing's mounts were cut for, in order of the mounts and of the calls of `align`."""
+    """Return the parts that the Thing's mounts were cut for, in order of the mounts and of the calls of `align`."""
     return tuple(
         ExpectedPart(mount=name, family=type(other), parameters=dict(other._construction.parameters), child_mount=child)
         for name, mount in thing._construction.mounts.items()
@@ -199,10 +204,10 @@ def expectations_of(thing: Thing) -> tuple[ExpectedPart, ...]:
 
 
 def statements_of(thing: Thing) -> Statements:
-    """What the Thing's own `mass()`, `centre()`, `matrix_of_inertia()` and `density()` state.
+    """Return the values of the Thing's own `mass()`, `centre()`, `matrix_of_inertia()` and `density()`.
 
-    Each may return its value or `(value, source)`. Raises `ValueError` for a value of the wrong shape, one that is not
-    finite, a mass or density that is not positive, an inertia that is not symmetric, or an unknown source.
+    Each may return its value or `(value, source)`. Raises `ValueError` for a value of the wrong shape, one that is not finite, a mass or
+    density that is not positive, an inertia that is not symmetric, or an unknown source.
     """
     return Statements(
         mass=_stated(thing, "mass", _positive),
@@ -213,7 +218,7 @@ def statements_of(thing: Thing) -> Statements:
 
 
 def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
-    """What `result()` and its like returned, as a tuple of shapes; raises `TypeError` where it is something else."""
+    """Return the value of `result()` and similar methods as a tuple of shapes. Raises `TypeError` if it contains anything else."""
     if geometry is None:
         return ()
     shapes: tuple[Any, ...]
@@ -228,8 +233,10 @@ def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
 
 
 def is_one_solid(geometry: Geometry) -> bool:
-    """Whether what `result()` returned is meant to be one solid: a shape by itself, and none that was put together on purpose
-    from several (a list, a `Compound` of shapes). What a boolean operation leaves is a Compound, too, but remembers it."""
+    """Whether a value of `result()` is meant to be one solid: a single shape that was not composed of several (a list, a `Compound`).
+
+    The result of a boolean operation is a Compound, too, but it stores the operation.
+    """
     if not isinstance(geometry, Shape):
         return False
     if type(geometry) is not Compound:
@@ -238,23 +245,23 @@ def is_one_solid(geometry: Geometry) -> bool:
         return False
     try:
         geometry.faces(Select.LAST)
-    except ValueError:  # the result of no recorded operation
+    except ValueError:  # not the result of a recorded operation
         return False
     return True
 
 
 def material_of(thing: Thing) -> str | None:
-    """The name of the default material."""
+    """Return the name of the default material, or None."""
     return thing._construction.material
 
 
 def color_of(thing: Thing) -> str | None:
-    """The default colour, as its author wrote it: a CSS name or `#rrggbb`."""
+    """Return the default colour as written by its author, a CSS name or `#rrggbb`, or None."""
     return thing._construction.color
 
 
 def bom_of(thing: Thing) -> dict[str, str]:
-    """What the part says for the bill of materials; raises `TypeError` where that is no mapping of texts."""
+    """Return the entries of the part for the bill of materials. Raises `TypeError` if they are not a mapping of texts."""
     bom = thing.bom
     if not isinstance(bom, Mapping) or not all(isinstance(word, str) for pair in bom.items() for word in pair):
         raise TypeError(f"`bom` of `{type(thing).__name__}` must map texts to texts, found {bom!r}")
@@ -262,8 +269,10 @@ def bom_of(thing: Thing) -> dict[str, str]:
 
 
 def up_of(thing: Thing) -> Vector | None:
-    """The direction away from the bed in which the part wants to be printed, a unit vector; None where it does not say. Raises
-    `TypeError` or `ValueError` where `print` is something else."""
+    """Return the part's preferred direction away from the print bed, a unit vector, or None.
+
+    Raises `TypeError` or `ValueError` if `print` is invalid.
+    """
     stated = thing.print
     if not stated:
         return None
@@ -278,7 +287,7 @@ def up_of(thing: Thing) -> Vector | None:
 
 
 def actuator_of(part: Thing | PartLike) -> Actuator | None:
-    """The actuator of a Thing, or the one that its class declares; raises `TypeError` where it is something else."""
+    """Return the actuator of a Thing, or the one that its class declares, or None. Raises `TypeError` if it is not an Actuator."""
     actuator: object = getattr(part, "actuator", None) if isinstance(part, (Thing, type(Thing))) else None
     if actuator is None or isinstance(actuator, Actuator):
         return actuator
@@ -292,7 +301,7 @@ class _ShapePart(Thing):
     _shape: Shape[Any]
 
     def result(self) -> Shape[Any]:
-        """The shape."""
+        """Return the shape."""
         return self._shape
 
     def __repr__(self) -> str:
@@ -310,7 +319,7 @@ def _signature(part: Any) -> Signature:
 
 
 def _only_mounts(value: object) -> bool:
-    """Whether an attribute holds mounts and nothing else."""
+    """Whether an attribute contains mounts and nothing else."""
     if isinstance(value, dict):
         value = list(value.values())
     if type(value) in (list, tuple):

@@ -1,4 +1,4 @@
-"""Mount points: frames where Things meet, and the mate of two of them."""
+"""Mount points: frames at which Things are mated."""
 
 from __future__ import annotations
 
@@ -15,24 +15,26 @@ if TYPE_CHECKING:
     from thingc.geometry.things.thing import Thing
 
 MATE = Location(Plane(origin=(0, 0, 0), x_dir=(0, -1, 0), z_dir=(0, 0, -1)))
-"""M: z axes opposed, x and y swapped and negated: exactly [[0, -1, 0], [-1, 0, 0], [0, 0, -1]], its own inverse
-(build123d's `Location((0,0,0),(180,0,90))`)."""
+"""The mate M: z axes opposed, x and y swapped and negated, exactly [[0, -1, 0], [-1, 0, 0], [0, 0, -1]]. It is its own inverse (build123d's
+`Location((0,0,0),(180,0,90))`).
+"""
 
 RESERVED = frozenset({"origin", "root", "world"})
-"""Names that no mount of a part may have: documents give them a meaning."""
+"""Names that a mount of a part cannot have, because documents use them."""
 
 
 class MountPoint(Framed):
     """A frame on a Thing, z pointing out of the material; immutable.
 
-    `location` is the frame in the Thing's own frame [mm] (a `Plane` or another mount will do), `interface` names what fits
-    there (`"x430-horn"`, `"m2.5-clearance"`), `tolerance` [mm] is how far the real frame may be off.
-    `facing` or `mate_x` turn the frame about its z; both are directions in the Thing's frame. `facing` is the direction of the mount's x
-    axis. `mate_x` is the direction along which `facing` of the mount that is mated with this one comes to lie. Use `mate_x` for seats, and
-    `facing` for the mounts of what sits on them.
-    Assigned to an attribute of a Thing (alone, or in a list or dict) it becomes a mount of that name (`hip_0`, `hip_left`).
+    `location` is the frame in the Thing's own frame [mm]; it may be a `Plane` or another mount. `interface` names what fits there
+    (`"x430-horn"`, `"m2.5-clearance"`). `tolerance` [mm] is the largest error of the real frame.
 
-    Raises `TypeError` where `location` is no frame, `ValueError` for a tolerance that is negative, and for a direction along z.
+    `facing` or `mate_x` turn the frame about its z; both are directions in the Thing's frame. `facing` is the direction of the mount's x
+    axis. `mate_x` is the direction of the x axis of a mount that is mated with this one. Use `mate_x` for seats, and `facing` for the
+    mounts of parts that sit on them.
+
+    Assigned to an attribute of a Thing (alone, or in a list or dict), it becomes a mount of that name (`hip_0`, `hip_left`). Raises
+    `TypeError` if `location` is not a frame, `ValueError` for a negative tolerance and for a direction along z.
     """
 
     __slots__ = ("_expected", "_interface", "_local", "_name", "_owner", "_tolerance", "_view")
@@ -61,36 +63,37 @@ class MountPoint(Framed):
 
     @property
     def location(self) -> Location:
-        """The frame [mm], in the frame of the Thing that it was read from (through a moved view: in the local frame)."""
+        """The frame [mm] in the frame of the Thing that it was read from (through a moved view: in the local frame)."""
         return self._view * self._local
 
     @property
     def interface(self) -> str | None:
-        """What fits here, by name."""
+        """The name of what fits here, or None."""
         return self._interface
 
     @property
     def tolerance(self) -> float | None:
-        """How far the real frame may be off [mm]."""
+        """The largest error of the real frame [mm], or None."""
         return self._tolerance
 
     @property
     def name(self) -> str | None:
-        """The name on the Thing that it is a mount of (`hip_0`); None before it is assigned."""
+        """The name of this mount on its Thing (`hip_0`); None before it is assigned."""
         return self._name
 
     @property
     def expected(self) -> tuple[tuple[Thing, str], ...]:
-        """What was aligned to this mount while its own Thing was made: each the other Thing and the name of its mount."""
+        """Mounts that were aligned to this one while its Thing was made: for each the other Thing and the name of its mount."""
         return tuple(self._expected)
 
     def align(self, other: MountPoint) -> Any:
-        """The Thing that `other` is a mount of, placed so that the two mounts mate: a moved view in the frame of this mount.
+        """Place the Thing of the mount `other` so that the two mounts mate, and return it as a moved view in the frame of this mount.
 
-        With A this mount and B the other on its Thing, the Thing stands at A M inv(B), M = `MATE`. (To a type checker the
-        result is `Any`: write `cap: PenCap = self.cap_seat.align(PenCap().seat)` to have it followed.)
-        Aligned to a mount of the Thing that is being made, before or after it is assigned, the other Thing is remembered
-        as what this mount expects. Raises `TypeError` or `ValueError` where `other` is no mount of a finished Thing.
+        With A this mount and B the other on its Thing, the Thing is at A M inv(B), with M = `MATE`. (For a type checker the result is
+        `Any`: write `cap: PenCap = self.cap_seat.align(PenCap().seat)` to check its use.)
+
+        If this mount belongs to the Thing that is being made, the other Thing is stored as an expectation of this mount, also before this
+        mount is assigned. Raises `TypeError` or `ValueError` if `other` is not a mount of a finished Thing.
         """
         if not isinstance(other, MountPoint):
             raise TypeError(f"align() takes a mount of the other Thing, such as `PenCap().seat`; found {other!r}")
@@ -110,7 +113,7 @@ class MountPoint(Framed):
         return f"<MountPoint {whose} at ({position})>"
 
     def _seen(self, view: Location) -> MountPoint:
-        """This mount, still of the same Thing."""
+        """Return this mount as seen through a view; it still belongs to the same Thing."""
         moved = MountPoint(self._local, self._interface, self._tolerance)
         moved._view = view * self._view
         moved._owner, moved._name = self._owner, self._name
@@ -118,7 +121,7 @@ class MountPoint(Framed):
 
 
 def _directed(location: Location, facing: VectorLike | None, mate_x: VectorLike | None) -> Location:
-    """`location` turned about its z, so that its x axis, or that of a mount that is mated with it, lies along a direction."""
+    """Turn `location` about its z, so that its x axis (`facing`) or that of a mated mount (`mate_x`) is along a direction."""
     z, wanted = Plane(location).z_dir, Vector(facing if facing is not None else mate_x)
     along = wanted - z * wanted.dot(z)
     if (facing is not None and mate_x is not None) or along.length < 1e-6:
@@ -127,26 +130,26 @@ def _directed(location: Location, facing: VectorLike | None, mate_x: VectorLike 
 
 
 def origin_of(thing: Thing) -> MountPoint:
-    """The mount `origin` that every Thing has: its own frame."""
+    """Return the mount `origin` that every Thing has: its own frame."""
     mount = MountPoint(Location())
     mount._owner, mount._name = thing, "origin"
     return mount
 
 
 def adopt(thing: Thing, name: str, value: Any) -> Any:
-    """`value` as the attribute `name` of `thing`, which is being made: the mounts in it are the thing's from now on.
+    """Return `value` as the attribute `name` of `thing`, which is being made: its mounts now belong to the Thing.
 
-    A mount that is another Thing's is copied where it stands; otherwise the same object is returned.
-    Raises `ValueError` for a name that no mount may have.
+    A mount of another Thing is copied at its place; otherwise the same object is returned. Raises `ValueError` for a name that a mount
+    cannot have.
     """
     return _mapped(name, value, lambda own_name, mount: _owned(thing, own_name, mount))
 
 
 def settle(thing: Thing, name: str, value: Any, mounts: dict[str, MountPoint]) -> Any:
-    """`adopt` for the last time: every mount gets its final name and is entered into `mounts` by it.
+    """Call `adopt` for the last time: give every mount its final name and add it to `mounts`.
 
-    A mount that already has a name in `mounts` is copied (the copy expects nothing). Raises `ValueError` for a name
-    that is taken or that no mount may have.
+    A mount that already has a name in `mounts` is copied, without its expectations. Raises `ValueError` for a name that is taken or that a
+    mount cannot have.
     """
 
     def named(own_name: str, mount: MountPoint) -> MountPoint:
@@ -164,7 +167,7 @@ def settle(thing: Thing, name: str, value: Any, mounts: dict[str, MountPoint]) -
 
 
 def _mapped(name: str, value: Any, change: Callable[[str, MountPoint], MountPoint]) -> Any:
-    """`value` with every mount in it replaced by `change(its name, it)`; the same object where nothing changes."""
+    """Return `value` with each mount replaced by `change(name, mount)`; the same object if nothing changes."""
     if isinstance(value, MountPoint):
         return change(name, value)
     if type(value) in (list, tuple):

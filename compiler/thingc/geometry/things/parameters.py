@@ -1,6 +1,6 @@
-"""Parameters of a part: the annotations that give their unit, their bounds, and the check of one value.
+"""Parameters of a part: annotations for units, bounds, and the check of a value.
 
-Units are the author's: millimetres, degrees, kilograms. Nothing here needs the CAD kernel.
+Author units are used: millimetres, degrees, kilograms. The CAD kernel is not needed.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Annotated, TypeAlias
 
 Value: TypeAlias = "float | int | bool | str"
-"""A canonical parameter value: equal parameters are equal values of equal type."""
+"""A canonical parameter value: equal parameters have equal values of the same type."""
 
 WHOLE = frozenset({"count", "integer"})
 NUMERIC = frozenset({"length", "angle", "mass", "ratio", "number", *WHOLE})
@@ -25,7 +25,7 @@ NOUNS = {
 
 
 class ParameterError(ValueError):
-    """A value that a part cannot be made with; raised before any geometry is made.
+    """A value with which a part cannot be made; raised before any geometry is made.
 
     `parameter` is the name of the parameter, `owner` the name of the class or function.
     """
@@ -37,16 +37,16 @@ class ParameterError(ValueError):
 
 
 class CallError(ParameterError, TypeError):
-    """A call that names a parameter there is not, or leaves out one that is needed (a `TypeError`, as in plain Python)."""
+    """A call with an unknown parameter, or without a required one (a `TypeError`, as in plain Python)."""
 
 
 class SignatureError(TypeError):
-    """An `__init__` whose arguments cannot be parameters: no known annotation, `*args`, a default out of bounds."""
+    """An `__init__` whose arguments cannot be parameters: an unknown annotation, `*args`, a default out of bounds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """The mark inside `Length`, `Angle`, ...: one of the kinds of `Parameter`."""
+    """The marker in `Length`, `Angle`, ...: one of the kinds of `Parameter`."""
 
     kind: str
 
@@ -55,7 +55,7 @@ class Kind:
 class Range:
     """Bounds of a parameter, both inclusive, in author units: `Annotated[Length, Range(10, 200)]`, `Range(minimum=0)`.
 
-    Raises `SignatureError` where the bounds are no numbers or leave nothing between them.
+    Raises `SignatureError` if a bound is not a number or the minimum is above the maximum.
     """
 
     minimum: float | None = None
@@ -76,9 +76,9 @@ Angle: TypeAlias = Annotated[float, Kind("angle")]
 Mass: TypeAlias = Annotated[float, Kind("mass"), Range(minimum=0)]
 """A mass in kilograms, not negative."""
 Count: TypeAlias = Annotated[int, Kind("count"), Range(minimum=0)]
-"""A number of things: whole, not negative (a plain `int` may be negative)."""
+"""A whole number of things, not negative (a plain `int` may be negative)."""
 Ratio: TypeAlias = Annotated[float, Kind("ratio")]
-"""A number without dimension, 0.15 for what a document writes as 15 %."""
+"""A number without dimension; a document writes 15 % for 0.15."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +86,7 @@ class Parameter:
     """One argument of a part.
 
     `kind` is `length` [mm], `angle` [deg], `mass` [kg], `ratio` or `number` (floats), `count` or `integer` (ints), `flag` (bool), `text` or
-    `choice` (one of `choices`). `default` is None where `required`. `minimum` and `maximum` are inclusive, in the same unit.
+    `choice` (one of `choices`). `default` is None if `required`. `minimum` and `maximum` are inclusive, in the same unit.
     """
 
     name: str
@@ -100,16 +100,16 @@ class Parameter:
 
     @property
     def noun(self) -> str:
-        """What a value must be, in words: `a length in mm`."""
+        """The type of a value as text: `a length in mm`."""
         if self.kind == "choice":
             return "one of " + ", ".join(repr(choice) for choice in self.choices)
         return NOUNS[self.kind]
 
     def canonical(self, value: object, owner: str) -> Value:
-        """The canonical value: a float for dimensioned kinds (60 is 60.0, -0.0 is 0.0), an int, bool or str for the others.
+        """Return the canonical value: a float for a quantity (60 is 60.0, -0.0 is 0.0), an int, bool or str for the other kinds.
 
-        Raises `ParameterError` for a wrong type, a number that is not finite, one out of bounds, or none of the choices;
-        `owner` names the part in the message.
+        Raises `ParameterError` for a wrong type, a number that is not finite or out of bounds, or an unknown choice; `owner` names the part
+        in the message.
         """
         typed = self._typed(value)
         if typed is None:
@@ -124,11 +124,11 @@ class Parameter:
         return typed
 
     def error(self, problem: str, owner: str) -> ParameterError:
-        """A `ParameterError` that names the parameter and its owner, then the problem."""
+        """Return a `ParameterError` with the parameter, its owner, and the problem."""
         return ParameterError(f"`{self.name}` of `{owner}` {problem}", owner=owner, parameter=self.name)
 
     def _typed(self, value: object) -> Value | None:
-        """The value in the type of this kind, or None where it has another type."""
+        """Return the value in the type of this kind, or None if it has another type."""
         if self.kind == "choice":
             return next((choice for choice in self.choices if _same(choice, value)), None)
         if self.kind == "flag":
@@ -148,13 +148,13 @@ class Parameter:
             return math.inf
 
     def _shown(self, value: float) -> str:
-        """A number as a person writes it, with its unit."""
+        """Return a number as people write it, with its unit."""
         text = repr(value)
         return text.removesuffix(".0") + UNITS.get(self.kind, "")
 
 
 def suggestion(name: str, candidates: Iterable[str]) -> str:
-    """The end of a message about an unknown name: `; did you mean ...?`, else what there is, else nothing."""
+    """Return the end of a message about an unknown name: `; did you mean ...?`, else the list of candidates, or "" if there are none."""
     known = list(candidates)
     close = difflib.get_close_matches(name, known, n=1)
     if close:
@@ -163,5 +163,5 @@ def suggestion(name: str, candidates: Iterable[str]) -> str:
 
 
 def _same(choice: Value, value: object) -> bool:
-    """Whether a value is this choice: 3.0 is 3, but True is not 1."""
+    """Whether a value equals this choice: 3.0 equals 3, but True does not equal 1."""
     return isinstance(value, bool) is isinstance(choice, bool) and choice == value

@@ -1,4 +1,4 @@
-"""Soft-moved views: a Thing seen from another frame, and values moved into it."""
+"""Soft-moved views: a Thing seen from another frame, with its values transformed to that frame."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from thingc.geometry.things.actuator import Actuator
 
 
 class Framed(ABC):
-    """What stands in a frame and can be seen from another: a Thing, a mount of one, a moved view."""
+    """An object with a frame that can be seen from another frame: a Thing, a mount, or a moved view."""
 
     __slots__ = ()
 
     @abstractmethod
     def _seen(self, view: Location) -> Any:
-        """This from a frame in which its present frame stands at `view` [mm]."""
+        """Return this object as seen from a frame in which its own frame is at `view` [mm]."""
 
 
 class TransformResolver(Framed):
-    """A moved view of a Thing: every attribute comes out in the local frame, to any depth and through calls.
+    """A moved view of a Thing: every attribute is returned in the local frame, at any depth and through calls.
 
-    `TransformResolver(thing, location)` is what `thing.move(location)` and `mount.align(other)` return: `thing`'s frame
-    stands at `location` [mm]. It is for construction only and adds nothing to an assembly. Values are moved by `placed`;
-    a method runs in the Thing's own frame and what it returns is moved. Read-only.
+    `TransformResolver(thing, location)` is what `thing.move(location)` and `mount.align(other)` return: `thing`'s frame is at `location`
+    [mm]. It is for construction only and adds nothing to an assembly. Values are transformed by `placed`; a method runs in the Thing's own
+    frame and its result is transformed. Read-only.
     """
 
     __slots__ = ("__location", "__target")
@@ -42,11 +42,11 @@ class TransformResolver(Framed):
         object.__setattr__(self, "_TransformResolver__location", Location(_location(location).wrapped))
 
     def move(self, location: Location) -> TransformResolver:
-        """The view moved once more, by `location` in the local frame (as build123d's `Shape.moved`)."""
+        """Return the view moved again by `location` in the local frame (as build123d's `Shape.moved`)."""
         return TransformResolver(self.__target, _location(location) * self.__location)
 
     def __getattr__(self, name: str) -> Any:
-        """The attribute of the Thing, in the local frame; `AttributeError` where it has none."""
+        """Return the attribute of the Thing in the local frame. Raises `AttributeError` if it has none."""
         if name.startswith("__"):
             raise AttributeError(name)
         return placed(getattr(self.__target, name), self.__location)
@@ -68,12 +68,13 @@ class TransformResolver(Framed):
 
 
 def placed(value: Any, location: Location) -> Any:
-    """`value` of a frame that stands at `location`, expressed in the frame outside [mm].
+    """Transform `value` from a frame at `location` to the frame outside [mm].
 
-    Shapes (sketches, edges and vertices too), planes and axes are moved, locations composed, vectors transformed as points,
-    mounts moved and still of their Thing; a bounding box becomes the axis-aligned one around the moved box. Things, moved
-    views, builders, dataclasses and namespaces become moved views. In lists, tuples and dicts every item is placed.
-    What a callable returns is placed. Everything else (numbers, texts, colours, ...) is returned as it is.
+    Shapes (also sketches, edges and vertices), planes and axes are moved; locations are composed; vectors are transformed as points. A
+    mount is moved and still belongs to its Thing. A bounding box becomes the axis-aligned box around the moved one. Things, moved views,
+    builders, dataclasses and namespaces become moved views. Every item of a list, tuple or dict is placed, and so is the result of a
+    callable. Any other value (numbers, texts, colours, ...) is returned unchanged. Raises `TypeError` for a matrix, an oriented bounding
+    box or a joint.
     """
     if isinstance(value, Shape):
         return _moved(value, location)
@@ -116,7 +117,7 @@ def placed(value: Any, location: Location) -> Any:
 
 
 def _calling(function: Callable[..., Any], location: Location) -> Callable[..., Any]:
-    """`function`, called in its own frame, with its result placed."""
+    """Wrap `function`: it is called in its own frame, and its result is placed."""
 
     @functools.wraps(function, updated=())
     def call(*args: Any, **kwargs: Any) -> Any:
@@ -126,7 +127,7 @@ def _calling(function: Callable[..., Any], location: Location) -> Callable[..., 
 
 
 def _location(location: object) -> Location:
-    """A location, or that of a plane. Raises `TypeError` for anything else."""
+    """Return a location, or the location of a plane. Raises `TypeError` for anything else."""
     if isinstance(location, Plane):
         location = location.location
     if not isinstance(location, Location):
@@ -135,9 +136,10 @@ def _location(location: object) -> Location:
 
 
 def _moved(shape: Shape[Any], location: Location) -> Shape[Any]:
-    """A moved shape that shares its geometry with `shape`: only the location differs, nothing is copied.
+    """Return a moved shape that shares its geometry with `shape`: nothing is copied except the location.
 
-    build123d's `moved` copies the whole topology, some milliseconds for a servo; it is left to shapes in an assembly tree.
+    build123d's `moved` copies the whole topology, which takes some milliseconds for a servo; it is only used for shapes in an assembly
+    tree.
     """
     if shape.parent is not None or shape.children or getattr(shape, "joints", None):
         return shape.moved(location)

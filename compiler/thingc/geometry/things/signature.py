@@ -1,4 +1,4 @@
-"""From the signature of an `__init__` or a function to parameters, and from the arguments of a call to canonical values."""
+"""Parameters from the signature of an `__init__` or a function, and canonical values from the arguments of a call."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _REST = re.compile(r":param\s+(?:[^:]*\s)?(\w+)\s*:\s*(.*)$")
 
 
 def argument_docs(docstring: str | None) -> dict[str, str]:
-    """The text about each argument, by name, as one line; empty where the docstring has no such section."""
+    """Return the description of each argument as one line, by name; empty if the docstring has no such section."""
     if not docstring:
         return {}
     lines = inspect.cleandoc(docstring).split("\n")
@@ -34,7 +34,7 @@ def argument_docs(docstring: str | None) -> dict[str, str]:
 
 
 def _indented(lines: list[str], texts: dict[str, list[str]]) -> None:
-    """A Google section: entries at one indent, their continuation deeper; ends where the indent does."""
+    """Read a Google section: entries at one indent, continued at a deeper one. It ends with the indent."""
     indent: int | None = None
     entry: list[str] | None = None
     for line in lines:
@@ -54,7 +54,7 @@ def _indented(lines: list[str], texts: dict[str, list[str]]) -> None:
 
 
 def _numpy(lines: list[str], texts: dict[str, list[str]]) -> None:
-    """A numpy section: names at the margin, their text indented; ends at the next underlined heading."""
+    """Read a numpy section: names at the margin, their text indented. It ends at the next underlined heading."""
     entries: list[list[str]] = []
     for number, line in enumerate(lines):
         if not line.strip():
@@ -71,7 +71,7 @@ def _numpy(lines: list[str], texts: dict[str, list[str]]) -> None:
 
 
 def _fields(lines: list[str], texts: dict[str, list[str]]) -> None:
-    """reST fields: `:param x: text`, continued by indented lines."""
+    """Read reST fields: `:param x: text`, continued by indented lines."""
     entry: list[str] | None = None
     for line in lines:
         match = _REST.match(line.strip())
@@ -90,7 +90,7 @@ _KNOWN = {name: getattr(vocabulary, name) for name in ("Length", "Angle", "Mass"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signature:
-    """The parameters of `owner` (the name of a class or function) in order; the first `positional` may be given by place."""
+    """The parameters of `owner` (the name of a class or function) in order; the first `positional` may be positional arguments."""
 
     owner: str
     parameters: tuple[Parameter, ...]
@@ -102,13 +102,13 @@ class Signature:
         return tuple(parameter.name for parameter in self.parameters)
 
     def get(self, name: str) -> Parameter | None:
-        """The parameter of that name, if there is one."""
+        """Return the parameter of that name, or None."""
         return next((parameter for parameter in self.parameters if parameter.name == name), None)
 
     def bind(self, args: Sequence[object], kwargs: Mapping[str, object]) -> dict[str, Value]:
-        """The canonical values of a call, complete, in order of the signature.
+        """Return the canonical values of a call, complete, in order of the signature.
 
-        Raises `CallError` for too many, unknown, repeated or missing arguments, `ParameterError` for a wrong value.
+        Raises `CallError` for too many, unknown, repeated or missing arguments, `ParameterError` for an invalid value.
         """
         if len(args) > self.positional:
             raise self._error(
@@ -140,17 +140,17 @@ _look: Callable[[Callable[..., Any]], None] | None = None
 
 
 def install(look: Callable[[Callable[..., Any]], None]) -> None:
-    """Make `look` hear of every function whose parameters are read. For the geometry worker, before it loads part modules."""
+    """Call `look` with every function whose parameters are read. For the geometry worker, before it loads part modules."""
     global _look
     _look = look
 
 
 def signature_of(function: Callable[..., Any], owner: str, *, method: bool, strict: bool, docs: Sequence[str | None] = ()) -> Signature:
-    """The parameters that `function` takes; `method` leaves out its first argument.
+    """Return the parameters of `function`; with `method`, without its first argument.
 
-    `strict` (a Thing): every argument must be a parameter, else `SignatureError`. Not strict (a build123d class or a plain
-    function): arguments with a default that no parameter can express, `*args` and `**kwargs` are left out, at their default.
-    `docs` are docstrings that may describe the arguments, best last.
+    If `strict` (for a Thing), `SignatureError` is raised unless every argument can be a parameter. Otherwise (for a build123d class or a
+    plain function) `*args`, `**kwargs` and arguments with a default that cannot be parameters are left out. `docs` are docstrings that may
+    describe the arguments; later ones take precedence.
     """
     if _look is not None:
         _look(function)
@@ -173,7 +173,7 @@ def signature_of(function: Callable[..., Any], owner: str, *, method: bool, stri
 
 
 def _parameter(function: Callable[..., Any], argument: inspect.Parameter, owner: str, doc: str) -> Parameter:
-    """One argument as a parameter, its default checked; `SignatureError` where it cannot be one."""
+    """Return an argument as a parameter, after checking its default. Raises `SignatureError` if it cannot be one."""
     where = f"`{argument.name}` of `{owner}`"
     if argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD, argument.POSITIONAL_ONLY):
         stars = "*" * (argument.kind is argument.VAR_POSITIONAL) or "**" * (argument.kind is argument.VAR_KEYWORD)
@@ -205,7 +205,7 @@ def _parameter(function: Callable[..., Any], argument: inspect.Parameter, owner:
 
 
 def _kind_of_default(default: object, where: str) -> str:
-    """An argument without annotation is a plain number, text or flag by its default; without a default, a number."""
+    """Return the kind of an argument without annotation: number, text or flag by its default; without a default, number."""
     if default is inspect.Parameter.empty:
         return "number"
     if isinstance(default, bool):
@@ -218,10 +218,10 @@ def _kind_of_default(default: object, where: str) -> str:
 
 
 def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
-    """An annotation that may be a text (`from __future__ import annotations`), evaluated where the function was written.
+    """Return an annotation; one that is text (`from __future__ import annotations`) is evaluated where the function was written.
 
-    The names of the parameter vocabulary are known even where they were imported for type checkers only.
-    Raises `SignatureError` where the text cannot be evaluated.
+    The names of the parameter vocabulary are known even if they were only imported for type checkers. Raises `SignatureError` if the text
+    cannot be evaluated.
     """
     if not isinstance(annotation, str):
         return annotation
@@ -231,7 +231,7 @@ def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
     for name, cell in zip(inner.__code__.co_freevars if cells else (), cells):
         try:
             scope[name] = cell.cell_contents
-        except ValueError:  # a name of the enclosing function that has no value yet
+        except ValueError:  # a variable of the enclosing function that has no value yet
             continue
     while isinstance(annotation, str):
         try:
@@ -242,7 +242,7 @@ def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
 
 
 def _kind_of_annotation(annotation: Any, where: str, shown: str) -> tuple[str, float | None, float | None, tuple[Value, ...]]:
-    """Kind, minimum, maximum and choices; bounds of nested `Annotated` are combined."""
+    """Return kind, minimum, maximum and choices; bounds of nested `Annotated` are combined."""
     annotation = getattr(annotation, "__value__", annotation)
     marks: tuple[object, ...] = ()
     while typing.get_origin(annotation) is Annotated:

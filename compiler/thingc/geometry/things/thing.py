@@ -1,4 +1,4 @@
-"""The `Thing`: a parametric family of parts, each member made once and immutable."""
+"""The `Thing`: a parametric family of parts. Each member is made once and is immutable."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ if TYPE_CHECKING:
 
 Geometry: TypeAlias = "Shape[Any] | Iterable[Shape[Any]] | None"
 Number: TypeAlias = "float | tuple[float, str]"
-"""A number, or the number and its source: `measured`, `vendor` or `estimated`."""
+"""A number, or a number and its source: `measured`, `vendor` or `estimated`."""
 
 
 class Thing(Framed, metaclass=ThingType):
-    """A part: subclass it, give `__init__` the parameters and assign geometry, frames and mounts to attributes there.
+    """A part: subclass it, give `__init__` the parameters, and assign geometry, frames and mounts to attributes there.
 
-    `__init__` calls `super().__init__(material="petg")`; material and colour (a CSS name or `#rrggbb`) are defaults that a
-    document may override, and both may be left out. The arguments of the subclass's own `__init__` are the parameters:
-    annotated `Length`, `Angle`, `Mass`, `Count`, `Ratio`, `float`, `int`, `bool`, `str` or `Literal[...]`, else a plain
-    number, text or flag by their default. They are checked before `__init__` runs (`ParameterError`) and arrive canonical
-    (60 as 60.0). Equal class and parameters are one object, and it is immutable once `__init__` is left.
+    `__init__` calls `super().__init__(material="petg")`. Material and colour (a CSS name or `#rrggbb`) are optional defaults, which a
+    document may override. The arguments of the subclass's own `__init__` are the parameters. Annotate them with `Length`, `Angle`, `Mass`,
+    `Count`, `Ratio`, `float`, `int`, `bool`, `str` or `Literal[...]`; without annotation, the default decides between a plain number, text
+    or flag. They are checked before `__init__` runs (`ParameterError`) and are passed in canonical form (60 as 60.0). Equal class and
+    parameters give the same object, which is immutable after `__init__`.
     """
 
     bom: Mapping[str, str] = MappingProxyType({})
-    """For the bill of materials: `number`, `supplier`, `cost`, `make` (`buy | print | machine`)."""
+    """Entries for the bill of materials: `number`, `supplier`, `cost`, `make` (`buy | print | machine`)."""
     print: Mapping[str, Sequence[float]] = MappingProxyType({})
-    """How it is printed: `up`, the direction away from the bed, three numbers in the Thing's axes; as it is modelled without it."""
+    """How the part is printed: `up` is the direction away from the bed, three numbers in the Thing's axes. Default: as modelled."""
     actuator: Actuator | None = None
-    """What moves a joint that names this part as its drive."""
+    """The actuator of a joint that names this part as its drive."""
     _construction: Construction
 
     def __init__(self, material: str | None = None, color: str | None = None) -> None:
@@ -53,61 +53,62 @@ class Thing(Framed, metaclass=ThingType):
 
     @property
     def p(self) -> Parameters:
-        """The parameters by name: `self.p.length`, in author units; those of parent classes too."""
+        """The parameters by name, in author units: `self.p.length`. Those of parent classes are included."""
         return Parameters(type(self).__name__, self._construction)
 
     @property
     def origin(self) -> MountPoint:
-        """The mount that every part has: its own frame (through a moved view: where the Thing stands)."""
+        """The mount that every part has: its own frame (through a moved view: the place of the Thing)."""
         return origin_of(self)
 
     def move(self, location: Location) -> Self:
-        """A soft-moved view with the Thing's frame at `location` [mm], for construction: see `TransformResolver`.
+        """Return a soft-moved view with the Thing's frame at `location` [mm], for construction: see `TransformResolver`.
 
-        Type checkers see the Thing's own type, so that `XM430().move(loc).horn` is followed.
+        For type checkers the result has the Thing's own type, so that they can check `XM430().move(loc).horn`.
         """
         self._must_be_finished("move")
         return cast("Self", TransformResolver(self, location))
 
     def adjust(self, **changes: float | bool | str) -> Self:
-        """The same family with changed parameters: `depth=30`, `width__add=0.2`, `height__mul=1.02`.
+        """Return the Thing of the same class with changed parameters: `depth=30`, `width__add=0.2`, `height__mul=1.02`.
 
-        A parameter of a parent class that this class pins can be changed too: the class stays the same, and the parent's
-        `__init__` runs with the changed value. Raises `ParameterError` for a value, `CallError` for a name.
+        A parameter of a parent class that this class sets can be changed too: the class stays the same, and the parent's `__init__` runs
+        with the changed value. Raises `ParameterError` for an invalid value, `CallError` for an unknown name.
         """
         self._must_be_finished("adjust")
         return cast("Self", adjusted(self, changes))
 
     def result(self) -> Geometry:
-        """The authoritative geometry, solid, in the Thing's frame [mm]; None where it has none."""
+        """Return the authoritative geometry, solid, in the Thing's frame [mm]; None for a part without geometry."""
         return None
 
     def mass(self) -> Number | None:
-        """The mass [kg], where it is known better than material times volume; None to leave it to those."""
+        """Return the mass [kg] if it is known better than density times volume, else None."""
         return None
 
     def centre(self) -> Sequence[float] | Any | None:
-        """The centre of mass [mm], three numbers (a `Vector` will do) or those and a source; None to leave it to the geometry."""
+        """Return the centre of mass [mm], three numbers (a `Vector` will do) or `(numbers, source)`; None to compute it from the geometry.
+        """
         return None
 
     def matrix_of_inertia(self) -> Sequence[Sequence[float]] | Any | None:
-        """The 3 x 3 inertia [kg m^2] about the centre of mass along the Thing's axes; None to leave it to the geometry."""
+        """Return the 3 x 3 inertia [kg m^2] about the centre of mass along the Thing's axes; None to compute it from the geometry."""
         return None
 
     def density(self) -> Number | None:
-        """The density [kg/m^3], instead of the material's; None to leave it to the material."""
+        """Return the density [kg/m^3]; None for the density of the material."""
         return None
 
     def collision(self) -> Geometry:
-        """Convex shapes that collide instead of the result, for `collision: part`; None where there are none."""
+        """Return convex shapes that collide instead of the result, for `collision: part`; None if there are none."""
         return None
 
     def visual(self) -> Geometry:
-        """What is shown instead of the result; None for the result."""
+        """Return the geometry to show instead of the result; None for the result."""
         return None
 
     def envelope(self) -> Geometry:
-        """A simple solid that holds the whole part; None where there is none."""
+        """Return a simple solid that contains the whole part, or None."""
         return None
 
     def _seen(self, view: Location) -> TransformResolver:
@@ -128,7 +129,7 @@ class Thing(Framed, metaclass=ThingType):
         if not self._construction.finished:
             raise RuntimeError(f"`{type(self).__name__}` cannot use its own {what}() in `__init__`: it is being made")
 
-    if not TYPE_CHECKING:  # a type checker that saw these would let any attribute be assigned
+    if not TYPE_CHECKING:  # hidden from type checkers, which would otherwise accept any attribute
 
         def __setattr__(self, name: str, value: Any) -> None:
             if self._construction.finished:

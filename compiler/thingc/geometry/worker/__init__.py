@@ -1,1 +1,1 @@
-"""The process that runs the code of parts, and what holds it in bounds: the server, its children, what they may touch and what they ask."""
+"""The process that runs the code of parts, and its limits: the server, its children, their sandbox, and the recording of their inputs."""

@@ -1,4 +1,4 @@
-"""Python's audit events, for whoever wants to know what part code does. A hook cannot be taken away: there is one per process."""
+"""Python's audit events, used to observe what part code does. A hook cannot be removed, so there is one per process."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ _hooked = False
 
 
 def listen(events: tuple[str, ...], handler: Handler) -> None:
-    """Let `handler(event, arguments)` hear of these events, after who heard of them before. What it raises, the function that the
-    event is about raises instead of doing anything."""
+    """Call `handler(event, arguments)` for these events, after earlier handlers.
+
+    If it raises, the function that raised the event raises the same exception instead of running.
+    """
     global _hooked
     for event in events:
         if handler not in _handlers.get(event, ()):

@@ -1,4 +1,4 @@
-"""What part code prints: kept in the part's own folder as it comes, so that it is there whatever becomes of the part."""
+"""The output of part code, stored in the part's own folder as it is written, so that it is available even if the part crashes."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
 
 NAME = "printed"
 MOST = 64 * 1024
-"""How many bytes are kept of what a part prints."""
+"""Bytes of a part's output that are stored."""
 SHOWN = 40
-"""How many lines of it are shown: of more the first half and the last."""
+"""Lines of output that are shown: the first and the last half of these if there are more."""
 WIDTH = 400
-"""How many characters of a line are shown."""
+"""Characters of a line that are shown."""
 
 
 class _Kept(io.RawIOBase):
-    """The first `MOST` bytes of what is written, in a file that is made when there are any. Who prints hears of no failure."""
+    """The first `MOST` bytes of output, in a file that is created when there are any. Failures are ignored."""
 
     def __init__(self, path: str) -> None:
         self._path = path
@@ -32,7 +32,7 @@ class _Kept(io.RawIOBase):
         return True
 
     def fileno(self) -> int:
-        """Of the process's own standard error, for programs that the part starts: what they say is not kept."""
+        """Return that of the process's own standard error, for programs that the part starts: their output is not stored."""
         return 2
 
     def write(self, data: Buffer, /) -> int:
@@ -46,14 +46,17 @@ class _Kept(io.RawIOBase):
 
 @contextlib.contextmanager
 def keep(folder: str) -> Iterator[None]:
-    """While it lasts, `print` and whatever else writes to standard output and standard error by Python is kept in `folder`."""
+    """Store in `folder` what `print` and other Python code write to standard output and standard error."""
     kept = io.TextIOWrapper(_Kept(os.path.join(folder, NAME)), encoding="utf-8", errors="backslashreplace", write_through=True)  # type: ignore[type-var]
     with contextlib.redirect_stdout(kept), contextlib.redirect_stderr(kept):
         yield
 
 
 def lines_of(folder: str) -> list[str]:
-    """What was kept there, for people. Nobody may be at work there any more; whatever else a part has put in the place is not read."""
+    """Return the stored lines, shortened for display.
+
+    The part must have ended. A file of another type that the part put in the place is not read.
+    """
     try:
         descriptor = os.open(os.path.join(folder, NAME), os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
     except OSError:  # nothing was printed

@@ -1,5 +1,6 @@
-"""One forked child per request, on systems that can fork: whatever part code does, it ends its own process only, changes files in
-its own folder only, and nothing that it has started outlives it."""
+"""One forked child per request, on systems that can fork. Part code can end only its own process and change files only in its own folder,
+and no process that it starts outlives it.
+"""
 
 from __future__ import annotations
 
@@ -25,28 +26,31 @@ from thingc.geometry.worker.sandbox import PROCESSES, confine
 from thingc.geometry.worker.scratch import settle
 
 KEPT = 8192
-"""How many bytes of the end of a child's standard error are looked at."""
+"""Bytes at the end of a child's standard error that are read."""
 FAREWELL = 1.0
-"""How long [s] after a child what it has started may take to notice and to end."""
+"""Time [s] that processes started by a child have to end after the child."""
 HELPERS = ("from multiprocessing.resource_tracker import", "from multiprocessing.forkserver import")
-"""What the command lines of processes hold that Python starts for itself, and that end with the one that they help."""
+"""Texts in the command lines of Python's helper processes, which end with the process that they help."""
 LAST_WORDS = 3.0
-"""How long [s] a child that is about to end may take to do so, and to say where it was."""
+"""Time [s] that a child that is about to end has to do so, and to write its traceback."""
 WATCH = 0.05
-"""How often [s] to look whether children run and how many processes they have."""
+"""Interval [s] at which children and the number of their processes are checked."""
 ANSWER = 200_000_000
-"""Bytes of an answer at most, of a child that is waited for."""
+"""Largest answer [bytes] of a child."""
 OUT_OF_MEMORY = 91
-"""How a child exits that asks for more memory than there is."""
+"""Exit status of a child that needs more memory than there is."""
 _PARENT_DEATH_SIGNAL = 1
 """`PR_SET_PDEATHSIG`."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Child:
-    """A running child: what was asked of it (nothing yet: empty), its process (leader of its own group), the pipes that it is asked on
-    (-1: it has been) and that its answer comes on, its standard error, and its folder. `status` is how it has ended, as far as that is
-    known."""
+    """A running child.
+
+    `request` is what it was asked (empty: nothing yet), `process` its process id (leader of its own group), `asking` the pipe for the
+    request (-1: sent), `pipe` the pipe for the answer, `errors` its standard error, `scratch` its folder. `status` is its wait status, if
+    known.
+    """
 
     request: Mapping[str, Any]
     process: int
@@ -59,11 +63,11 @@ class Child:
     status: int | None = None
 
     def ask(self, request: Mapping[str, Any]) -> None:
-        """Ask it what it is there for."""
+        """Send the request."""
         self.request = request
         self.deadline = time.monotonic() + float(request["timeout"])
         line = json.dumps(request).encode()
-        with contextlib.suppress(OSError):  # it has ended, which is found out as of others
+        with contextlib.suppress(OSError):  # it may have ended, which is detected as for other children
             while line:
                 line = line[os.write(self.asking, line) :]
         self._close_asking()
@@ -74,7 +78,7 @@ class Child:
             self.asking = -1
 
     def read(self) -> bool:
-        """Take what has come; False at the end."""
+        """Read what has arrived. Return False at the end."""
         try:
             data = os.read(self.pipe, 1 << 20)
         except OSError:
@@ -84,22 +88,24 @@ class Child:
 
     @property
     def answered(self) -> bool:
-        """Whether a whole answer has come."""
+        """Whether the answer is complete."""
         return self.received.endswith(b"\n")
 
     @property
     def answer(self) -> dict[str, Any]:
-        """What it has answered, for the client."""
+        """The answer for the client."""
         return {"id": self.request["id"], **json.loads(self.received)}
 
     def stop(self) -> bool:
-        """Let the child do nothing any more; whether it has started nothing that might."""
+        """Stop the child. Return whether it has no child processes, which might still run."""
         self._kill(signal.SIGSTOP)
         return not process_tree.descendants(self.process)
 
     def over(self, now: float) -> str | None:
-        """Whether it is time to end the child, which has not answered: `hung`, `swarmed` (too many processes), `starved` (too much memory),
-        or `crashed`."""
+        """Return the reason to end the child, which has not answered, or None.
+
+        The reason is `hung`, `swarmed` (too many processes), `starved` (too much memory) or `crashed`.
+        """
         if self.deadline <= now:
             return "hung"
         started = process_tree.descendants(self.process)
@@ -110,7 +116,7 @@ class Child:
         return "crashed" if self._ended() else None
 
     def wait(self) -> dict[str, Any]:
-        """Wait for the answer, or for the time when it is over, and end the child: the answer, as of `end`."""
+        """Wait until the child answers or has to be ended, end it, and return the answer, as `end` does."""
         over = None
         while not self.answered and over is None:
             if not select.select([self.pipe], [], [], WATCH)[0]:
@@ -120,15 +126,18 @@ class Child:
         return self.end(over, ())
 
     def end(self, over: str | None, others: Collection[int]) -> dict[str, Any]:
-        """End the child and everything that it has started, but nothing of the `others` that run beside it, and say how it went: the
-        answer for the client. `over`: why it is ended without an answer."""
+        """End the child and everything that it has started, but not the processes `others` that run beside it. Return the answer for the
+        client.
+
+        `over` is the reason for ending it without an answer.
+        """
         number = {"id": self.request.get("id")}
         if not self.answered and over in (None, "crashed"):
             self._wait()
         elif over in ("swarmed", "starved"):
             process_tree.stop(self.process)
             process_tree.end_descendants(self.process)
-            self._kill(signal.SIGABRT)  # it says where it is
+            self._kill(signal.SIGABRT)  # makes it write its traceback
             self._kill(signal.SIGCONT)
             self._wait()
         left = self._end_processes(others)
@@ -153,7 +162,7 @@ class Child:
         return {**number, "failed": "crashed", "words": in_words(self.status), "detail": tail}
 
     def _end_processes(self, others: Collection[int]) -> list[str]:
-        """Kill the child and all that it has started. The command lines of what was still at work after an answer."""
+        """Kill the child and all that it has started. Return the command lines of processes that were still running after an answer."""
         started = process_tree.alive(process_tree.descendants(self.process)) if self.answered else []
         own, words = process_tree.command(self.process), {one: process_tree.command(one) for one in started}
         self._kill(signal.SIGKILL)
@@ -166,7 +175,7 @@ class Child:
         return ["" if words[one] == own else words[one] for one in left if not any(text in words[one] for text in HELPERS)]
 
     def _kill(self, number: signal.Signals) -> None:
-        if self.status is None:  # else the number may be somebody else's by now
+        if self.status is None:  # otherwise another process may have the same id by now
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.process, number)
 
@@ -178,14 +187,14 @@ class Child:
         return self.status is not None
 
     def _wait(self) -> None:
-        """Let it end by itself, for a while."""
+        """Wait for it to end by itself, for at most `LAST_WORDS`."""
         last = time.monotonic() + LAST_WORDS
         while not self._ended() and time.monotonic() < last:
             time.sleep(process_tree.PAUSE)
 
 
 def in_words(status: int | None) -> str:
-    """How a process ended, from its wait status."""
+    """Describe how a process ended, from its wait status."""
     if status is None:
         return "it closed its pipe and went on"
     if os.WIFSIGNALED(status):
@@ -204,7 +213,7 @@ def kill_group(process: int) -> None:
 
 
 def die_with_parent(parent: int) -> None:
-    """Let the system kill this process when its parent ends (Linux); ends it at once when that has happened already."""
+    """Let the system kill this process when its parent ends (Linux). Exit at once if the parent has already ended."""
     if sys.platform == "linux":
         prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:
@@ -212,7 +221,7 @@ def die_with_parent(parent: int) -> None:
 
 
 def live_without_parent() -> None:
-    """Take `die_with_parent` back."""
+    """Undo `die_with_parent`."""
     if sys.platform == "linux":
         prctl(_PARENT_DEATH_SIGNAL, 0)
 
@@ -221,9 +230,11 @@ def start(
     run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, close: Sequence[int],
     readable: Sequence[str] | None = None,
 ) -> Child:
-    """Fork a child that waits to be asked (`Child.ask`), runs `run(request)` with the folder `scratch` for itself, the only one that it may
-    change, and writes the answer as one line. Then it waits for its end. `nice`: how it is scheduled; `close`: descriptors it must not
-    hold; `readable`: see `confine`."""
+    """Fork a child that waits for a request (`Child.ask`), runs `run(request)` and writes the answer as one line, then waits to be ended.
+
+    `scratch` is the only folder in which it may change files. `nice` is its scheduling priority, `close` are descriptors to close in it,
+    and `readable` is passed to `confine`.
+    """
     reader, writer = os.pipe()
     asked, asking = os.pipe()
     errors = tempfile.TemporaryFile()  # noqa: SIM115 (it lives as long as the child)
@@ -232,7 +243,7 @@ def start(
     if process == 0:
         status = 1
         try:
-            os.setsid()  # also without a terminal: who has one can type into it
+            os.setsid()  # also without a terminal, so that it cannot type into one
             if sys.platform != "linux":
                 _watch(server)
             die_with_parent(server)
@@ -249,7 +260,7 @@ def start(
             while answer:
                 answer = answer[os.write(writer, answer) :]
             status = 0
-            while os.getppid() == server:  # as long as it lives, everybody can see what it has started
+            while os.getppid() == server:  # as long as it lives, the processes that it started can be found
                 signal.pause()
         except BaseException as fault:
             import traceback
@@ -266,7 +277,8 @@ def start(
 
 
 def _answer(run: Callable[[Mapping[str, Any]], dict[str, Any]], asked: int, errors: int, scratch: str) -> bytes:
-    """Wait for the request, and do it: the line to answer with. Where Python dies, or it is nearly too late, `errors` has where it was."""
+    """Wait for the request and return the line with the answer. If Python crashes or the time is almost over, the traceback is in `errors`.
+    """
     with open(asked, "rb") as stream:
         request = json.loads(stream.read())
     timeout = float(request["timeout"])
@@ -284,7 +296,7 @@ def _without_core_dump() -> None:
 
 
 def _watch(server: int) -> None:
-    """Where the system cannot do it: a thread that ends the child when the server is gone."""
+    """End the child when the server ends, with a thread, on systems without a signal for this."""
     import threading
 
     def watch() -> None:

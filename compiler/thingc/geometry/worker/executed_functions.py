@@ -1,8 +1,8 @@
-"""Which functions of the authors' code have run.
+"""Record which functions of the authors' code have run.
 
-Their source is compiled with a mark at the beginning of each function that `source_reader.functions` gives: an assignment that notes its
-file and number, and costs less than a tenth of a microsecond. A profiler would be called for every function of build123d as well, and a
-mark that is a call would be one more for Python's bound on recursion.
+Their source is compiled with a mark at the beginning of each function that `source_reader.functions` returns: an assignment that stores its
+file and number, which takes less than a tenth of a microsecond. A profiler would also be called for every function of build123d, and a mark
+that is a call would count towards Python's recursion limit.
 """
 
 from __future__ import annotations
@@ -25,14 +25,16 @@ _marked: set[tuple[str, str]] = set()
 
 
 def install() -> None:
-    """Give the marks what they write to. Once per process, before part modules are loaded; inherited by its children."""
+    """Define the name that the marks write to. Once per process, before part modules are loaded; inherited by its children."""
     setattr(builtins, _NAME, _noted)
     signature.install(_look_at)
 
 
 def compiled(source: bytes, file: str, sha256: str) -> types.CodeType:
-    """The code of a source file whose content is `sha256`, its functions with marks. Code that may look at functions, and what is nested
-    too deeply, has none. Raises what `compile` raises."""
+    """Return the code of a source file whose content is `sha256`, with marks in its functions.
+
+    Code that may inspect functions, or is nested too deeply, has no marks. Raises the exceptions of `compile`.
+    """
     if LOOKING.search(source) is None:
         try:
             code = compile(_with_marks(source, file), file, "exec", dont_inherit=True)
@@ -57,17 +59,18 @@ def _with_marks(source: bytes, file: str) -> ast.Module:
 
 
 def begin() -> None:
-    """Forget what has run."""
+    """Clear the record."""
     _noted.clear()
 
 
 def of(files: Iterable[str], hashes: Mapping[str, str]) -> dict[str, list[int] | None]:
-    """By file that was loaded, the numbers of the functions that ran, or whose defaults were looked at, sorted; None where nobody knows."""
+    """Return for each loaded file the numbers of the functions that ran or whose defaults were read, sorted; None if the file has no marks.
+    """
     return {file: sorted(number for one, number in _noted if one == file) if (file, hashes[file]) in _marked else None for file in files}
 
 
 def _look_at(function: Callable[..., Any]) -> None:
-    """Note a function whose signature is read."""
+    """Record a function whose signature is read."""
     code = getattr(inspect.unwrap(function), "__code__", None)
     if isinstance(code, types.CodeType):
         marks = [one for one in code.co_consts if isinstance(one, tuple) and len(one) == 2 and one[0] == code.co_filename]

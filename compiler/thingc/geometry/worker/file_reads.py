@@ -1,15 +1,15 @@
-"""Which files a part read, found while its code runs.
+"""Record which files a part reads while its code runs.
 
-Python's audit hook sees what Python opens and lists; wrappers on the kernel's readers see the files that C++ opens; a
-wrapper on `os.stat` sees the files that were looked for and not found; `thingc.asset` reports for itself. What is
-recorded is how a file was when it was first met (`key/file_states.py`).
+Python's audit hook reports files that Python opens and folders that it lists; wrappers of the kernel's readers report files that C++ opens;
+a wrapper of `os.stat` reports files that were looked for and not found; `thingc.asset` reports its own. The recorded value is the state of
+a file when it was first seen (`key/file_states.py`).
 
-Paths inside the workspace are kept relative to it; files elsewhere (a font, a shared library of shapes) by their absolute
-path. Files of installed packages, of Python and of thingc count by version, and files the part wrote itself do not count.
-Modules that lie elsewhere count by their source, whether Python read that or what it had compiled of it before. A file of code that
-has a key counts when the part reads it as a text.
-Neither does how Python and thingc look for modules (the key of the code covers what they find), nor that the folders above
-the workspace are there: with either, a record would be good on one machine only.
+Paths inside the workspace are stored relative to it, others (a font, a shared library of shapes) as absolute paths. Files of installed
+packages, of Python and of thingc count by version. Files that the part wrote itself do not count. Modules outside of both count by their
+source, even if Python read the compiled file. A file of code that is in the key counts only if the part reads it as text.
+
+Two things do not count, because a record with them would be valid on one machine only: how Python and thingc look for modules (the key of
+the code covers the result), and the existence of the folders above the workspace.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
 
 class FileReadRecorder:
-    """Records reads from `start` to `stop`. One per process at a time (audit hooks cannot be taken away).
+    """Records reads from `start` to `stop`. At most one per process is active.
 
-    `workspace` is the absolute folder that paths are kept relative to; files under `excluded` (absolute) never count, and files of
-    code that has a key (`keyed`, absolute) do not where Python loads them.
+    Paths are stored relative to the absolute folder `workspace`. Files under `excluded` (absolute) never count. Files of code that is in
+    the key (`keyed`, absolute) do not count when Python loads them.
     """
 
     def __init__(self, workspace: str, excluded: Iterable[str] = (), keyed: Container[str] = ()) -> None:
@@ -52,7 +52,7 @@ class FileReadRecorder:
         self._on = False
 
     def start(self) -> None:
-        """Begin to record."""
+        """Begin recording."""
         _install_hook()
         _listening.append(self)
         self._on = True
@@ -64,7 +64,7 @@ class FileReadRecorder:
             _listening.remove(self)
 
     def note(self, path: Any, *, listed: bool = False, opened: bool = True) -> None:
-        """A file was read, or (not `opened`) looked for; with `listed`, a folder's names were."""
+        """Record that a file was read, or only looked for (`opened` False); with `listed`, that the names in a folder were read."""
         if not self._on or self._busy:
             return
         full = _absolute(path)
@@ -80,27 +80,27 @@ class FileReadRecorder:
         held = self.states.get(full)
         if held is not None and not (listed and held == "folder"):
             return
-        with self._quietly():  # looking must not be seen as looking
+        with self._quietly():  # the lookups here must not be recorded
             if os.path.realpath(full).startswith(self._excluded):
                 return
             state = state_of(full, listed=listed)
-            if state != "folder" or full.startswith(self.workspace):  # that there is such a folder says nothing
+            if state != "folder" or full.startswith(self.workspace):  # the existence of a folder outside of the workspace does not count
                 self.states[full] = state
 
     def leaves_out(self, path: str) -> bool:
-        """Whether a file (by its absolute path as named) counts by version, or not at all."""
+        """Whether a file (by its absolute path, links not resolved) counts by version, or not at all."""
         return (path + os.sep).startswith(self._excluded)
 
     def note_written(self, path: Any) -> None:
-        """The part is about to write a file or to make a folder: what it reads of that is its own."""
+        """Record that the part is about to write a file or create a folder; reading these later does not count."""
         full = _absolute(path)
         if full is None or self.states.get(full, "absent") != "absent":
             return
-        self.states.pop(full, None)  # it was not there because the part had not made it yet
+        self.states.pop(full, None)  # it was recorded as absent because the part had not written it yet
         self._written.add(full)
 
     def _is_own(self, path: str) -> bool:
-        """Whether the part wrote this file, or made a folder that it is in."""
+        """Whether the part wrote this file, or created a folder that contains it."""
         while path not in self._written:
             path, below = os.path.dirname(path), path
             if path == below:
@@ -108,11 +108,11 @@ class FileReadRecorder:
         return True
 
     def reads(self) -> list[tuple[str, str]]:
-        """`(path, state)` of everything read, sorted."""
+        """Return `(path, state)` of everything read, sorted."""
         return sorted((self.relative(path), state) for path, state in self.states.items())
 
     def relative(self, path: str) -> str:
-        """The path with `/` within the workspace, or as it is where it lies elsewhere."""
+        """Return the path relative to the workspace, with `/`; a path outside of it is unchanged."""
         if path.startswith(self.workspace):
             return path[len(self.workspace) :].replace(os.sep, "/")
         return "." if os.path.join(path, "") == self.workspace else path
@@ -136,8 +136,8 @@ def _absolute(path: Any) -> str | None:
 
 
 def _with_versions() -> tuple[str, ...]:
-    """The folders whose files count by version: of Python, of what is installed for it, and of thingc."""
-    archives = [entry for entry in sys.path if entry and not os.path.isdir(entry)]  # of Python itself, there or not
+    """Return the folders whose files count by version: those of Python, of installed packages, and of thingc."""
+    archives = [entry for entry in sys.path if entry and not os.path.isdir(entry)]  # Python's own, whether they exist or not
     return tuple({os.path.join(folder, "") for folder in (*installed_roots(), *archives, OWN_FOLDER, os.path.realpath(OWN_FOLDER))})
 
 
@@ -146,20 +146,19 @@ _last_before = ""
 
 
 def remember_loaded() -> None:
-    """Look at the modules that this process has loaded, before it forks: a child that looked at each of them would have the pages copied
-    that they lie in."""
+    """Record the modules that this process has loaded, before it forks: if a child read all of them, their memory pages would be copied."""
     global _last_before
     _loaded_before.update(_loaded_since())
     _last_before = next(reversed(sys.modules))
 
 
 def loaded_files() -> list[str]:
-    """The files of all modules that this process has loaded, but for those that count by version; sorted."""
+    """Return the files of all modules that this process has loaded, except those that count by version, sorted."""
     return sorted(_loaded_before | _loaded_since())
 
 
 def _loaded_since() -> set[str]:
-    """The files of modules that stand behind the one that was the last when `remember_loaded` looked."""
+    """Return the files of modules that were loaded after the last call of `remember_loaded`."""
     fresh = [sys.modules[name] for name in itertools.takewhile(lambda name: name != _last_before, reversed(sys.modules))]
     specifications = [getattr(module, "__dict__", {}).get("__spec__") for module in fresh]
     files = {one.origin for one in specifications if one is not None and one.has_location and one.origin is not None}
@@ -201,7 +200,7 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def _wrap_looking() -> None:
-    """`os.path.exists` and the like raise no audit event, and a file that was missed may appear one day."""
+    """Wrap the functions of `os` behind `os.path.exists` and others, which raise no audit event: a missing file may appear later."""
     for name in ("stat", "lstat", "access"):
         setattr(os, name, _looking(getattr(os, name)))
 
@@ -218,7 +217,7 @@ def _looking(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _looks_for_modules() -> bool:
-    """Whether Python's import system or thingc itself asked the function that calls this (`os.path` in between)."""
+    """Whether Python's import system or thingc itself called the function that calls this one (possibly through `os.path`)."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None and frame.f_globals.get("__name__") in ("posixpath", "ntpath", "genericpath", "os", *_ON_THE_WAY):
         frame = frame.f_back
@@ -226,7 +225,7 @@ def _looks_for_modules() -> bool:
 
 
 def _loads() -> bool:
-    """Whether Python loads a module or thingc looks something up, not the part: whose frame is the nearest that is not Python's own?"""
+    """Whether Python loads a module or thingc reads a file, not the part: the nearest frame outside of Python's own code decides."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
         name = str(frame.f_globals.get("__name__"))
@@ -253,13 +252,15 @@ _KERNEL_READERS = (
     ("OCP.BinTools", "BinTools", "Read_s"),
     ("OCP.RWStl", "RWStl", "ReadFile_s"),
 )
-"""Where a part may go past build123d: class, method, of which any text argument is a file."""
+"""Readers through which a part may bypass build123d: class and method, of which any text argument may be a file."""
 
 
 def wrap_importers() -> None:
-    """Make every way from a file into the kernel tell the recorder that is on, and those from build123d into a file raise the audit
-    event of opening one. Before part modules load, since they may say `from build123d import *`; once per process, and inherited by its
-    children."""
+    """Wrap all functions that read files into the kernel, so that they report to the active recorder, and the exporters of build123d, so
+    that they raise the audit event of opening a file.
+
+    Call it before part modules are loaded, since they may contain `from build123d import *`. Once per process; inherited by its children.
+    """
     import importlib
 
     import build123d
@@ -285,12 +286,12 @@ def wrap_importers() -> None:
             static = method.endswith("_s")
             telling = _telling(original, None)
             setattr(owner, method, staticmethod(telling) if static else telling)
-        except (ImportError, AttributeError, TypeError):  # this kernel has it not, or lets nobody wrap it
+        except (ImportError, AttributeError, TypeError):  # this kernel does not have it, or it cannot be wrapped
             continue
 
 
 def _telling(function: Callable[..., Any], position: int | None) -> Callable[..., Any]:
-    """`function`, which first notes the file it is given: argument `position`, or (None) any argument that is a path."""
+    """Wrap `function` to first record its file: the argument at `position`, or (None) any argument that is a path."""
 
     @functools.wraps(function)
     def telling(*arguments: Any, **options: Any) -> Any:
@@ -305,7 +306,7 @@ def _telling(function: Callable[..., Any], position: int | None) -> Callable[...
 
 
 def _announcing(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`function`, whose second argument is a file that it writes, or a stream."""
+    """Wrap `function`, whose second argument is a file that it writes, or a stream, to raise the audit event of opening a file."""
 
     @functools.wraps(function)
     def announcing(*arguments: Any, **options: Any) -> Any:

@@ -1,9 +1,9 @@
-"""What a part asks besides its inputs: the environment, the clock, chance, other processes, the network.
+"""Record the impure inputs of a part: the environment, the clock, random numbers, other processes, the network.
 
-A part is made once and kept, so that such an answer stays what it was at the first build. Processes and connections raise audit
-events; the functions for the rest are wrapped, once per worker and before part code is loaded. A question counts for the line of the
-author's code that it comes from: the nearest frame outside of installed packages has to be one. What Python's own machinery
-asks to do its work (an import, a log record, the name of a temporary file) is no question of the part.
+A part is built once and cached, so that such an input has the value of the first build. Processes and connections raise audit events; the
+functions for the others are wrapped, once per worker and before part code is loaded. An input is reported at the line of the author's code
+that causes it: the nearest frame outside of installed packages must be the author's. Inputs that Python's own machinery needs (for an
+import, a log record, the name of a temporary file) do not count.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from thingc.geometry.record import ImpureInputs, PartWarning
 from thingc.geometry.worker import audit
 
 MACHINERY = frozenset({"importlib", "logging", "tempfile", "threading", "warnings"})
-"""Modules whose own questions do not show in what a part becomes."""
+"""Modules whose own impure inputs do not affect a part."""
 
 
 class ImpureInputRecorder:
-    """Notes what one part asks, from `start` to `stop`. `own` says of a file whether the part's authors wrote it."""
+    """Records the impure inputs of one part, from `start` to `stop`. `own(file)` returns whether the part's authors wrote a file."""
 
     def __init__(self, own: Callable[[str], bool]) -> None:
         self._own = own
@@ -43,23 +43,23 @@ class ImpureInputRecorder:
 
     @property
     def found(self) -> tuple[PartWarning, ...]:
-        """What was asked, each thing once per line, in the order in which it was."""
+        """The recorded inputs, each once per line, in order."""
         return tuple(self._found)
 
     def start(self) -> None:
-        """Begin to note."""
+        """Begin recording."""
         global _current
         _current = self
 
     def stop(self) -> None:
-        """End noting."""
+        """End recording."""
         global _current
         if _current is self:
             _current = None
 
     @contextlib.contextmanager
     def paused(self) -> Iterator[None]:
-        """Note nothing for a while."""
+        """Suspend recording."""
         self.stop()
         try:
             yield
@@ -67,7 +67,7 @@ class ImpureInputRecorder:
             self.start()
 
     def note(self, what: ImpureInputs, message: str, frame: FrameType | None) -> bool:
-        """Note a question that was asked in `frame` or for it; False where it is none of the part's."""
+        """Record an input of `frame`. Return False if the part did not cause it."""
         while frame is not None:
             file = frame.f_code.co_filename
             if self._own(file):
@@ -87,8 +87,10 @@ def _ask(what: ImpureInputs, message: str) -> bool:
 
 
 def install() -> None:
-    """Wrap what can be asked. Before part modules load, since they may say `from time import time`; once per process, and inherited
-    by its children."""
+    """Wrap the functions for impure inputs.
+
+    Call it before part modules are loaded, since they may contain `from time import time`. Once per process; inherited by its children.
+    """
     _wrap_environment()
     _wrap_clock()
     _wrap_chance()
@@ -108,14 +110,14 @@ _PROCESSES: dict[str, Callable[..., Any]] = {
     "pty.spawn": lambda words: words[0],
     "subprocess.Popen": lambda program, words, *_: program or (words if isinstance(words, (str, bytes)) else words[0]),
 }
-"""By event: its arguments -> the program, None for a copy of the part's own process."""
+"""Functions from the arguments of an audit event to the program, or None for a copy of the part's own process."""
 
 _CONNECTIONS: dict[str, Callable[..., Any]] = {
     "socket.connect": lambda socket, address: address[0] if isinstance(address, tuple) else address,
     "socket.getaddrinfo": lambda host, *_: host,
     "socket.gethostbyname": lambda host: host,
 }
-"""By event: its arguments -> whom it asks."""
+"""Functions from the arguments of an audit event to the host."""
 
 
 def _heard(event: str, arguments: tuple[Any, ...]) -> None:
@@ -146,7 +148,7 @@ def _wrap_environment() -> None:
     def getitem(self: Any, key: Any) -> Any:
         try:
             return original(self, key)
-        except KeyError as fault:  # what is there is fixed, or the part's own doing
+        except KeyError as fault:  # existing variables are fixed, or set by the part itself
             name = _name_text(key)
             if _ask(ImpureInputs.ENVIRONMENT, f"asks the environment for `{name}`, which no part is given"):
                 fault.add_note(f"the environment of a part is fixed, and has no `{name}`")
@@ -164,8 +166,7 @@ _CLOCKS = {
     "process_time_ns": 0, "thread_time": 0, "thread_time_ns": 0, "localtime": 0, "gmtime": 0, "ctime": 0, "asctime": 0, "strftime": 1,
     "clock_gettime": 1, "clock_gettime_ns": 1,
 }
-"""Functions of `time`, which ask the clock when they are given this many arguments; with more they work on a time that they are
-given."""
+"""Functions of `time` that read the clock if they get at most this many arguments; with more, they convert a given time."""
 
 
 def _wrap_clock() -> None:
@@ -185,10 +186,10 @@ def _asking_clock(function: Callable[..., Any], count: int) -> Callable[..., Any
 
 
 def builtins_for(code: types.CodeType) -> Mapping[str, Any] | None:
-    """What Python's builtins are for a module of the authors that may ask `datetime`; None where they are as ever.
+    """Return the builtins for a module of the authors that may read the clock through `datetime`; None if the normal ones will do.
 
-    The classes of `datetime` cannot be wrapped for everybody, since compiled packages know them by heart: such a module imports
-    another `datetime`.
+    The classes of `datetime` cannot be wrapped globally, since compiled packages refer to them directly. Such a module imports another
+    `datetime` instead.
     """
     return _builtins() if _names(code) else None
 
@@ -213,7 +214,7 @@ def _builtins() -> Mapping[str, Any]:
 
 
 def _telling_time(real: Any, names: Sequence[str]) -> type:
-    """A class in the place of `datetime.date` or `datetime.datetime`: `names` are its ways to ask the clock."""
+    """Return a class to replace `datetime.date` or `datetime.datetime`; `names` are its methods that read the clock."""
 
     def new(cls: Any, *arguments: Any, **options: Any) -> Any:
         return real.__new__(real if cls is stand_in else cls, *arguments, **options)
@@ -230,7 +231,7 @@ def _telling_time(real: Any, names: Sequence[str]) -> type:
 
 
 def _stand_in(real: Any, new: Callable[..., Any], body: Mapping[str, Any]) -> type:
-    """A class in the place of the class `real`, whose instances count as its own: `new` makes them."""
+    """Return a class to replace `real`. `new` makes the instances; instances of `real` count as its instances."""
 
     class _ClockClass(type):
         def __instancecheck__(cls, value: Any) -> bool:
@@ -244,7 +245,7 @@ def _stand_in(real: Any, new: Callable[..., Any], body: Mapping[str, Any]) -> ty
     return stand_in
 
 
-# --- chance -----------------------------------------------------------------------------------------------------------
+# --- random numbers ---------------------------------------------------------------------------------------------------
 
 _CHANCE = "draws random numbers without a seed, and is kept as it was made"
 _SEEDING = frozenset({"seed", "setstate", "set_state", "set_bit_generator"})
@@ -263,7 +264,7 @@ def _wrap_chance() -> None:
     family.seed = functools.wraps(original)(seed)
     generator = random._inst
     _wrap_global(random, lambda function: getattr(function, "__self__", None) is generator)
-    # SystemRandom, `secrets` and numpy's generators without a seed come here
+    # SystemRandom, `secrets` and numpy's generators without a seed call this
     urandom = _drawing(os.urandom)
     for owner, name in ((os, "urandom"), (random, "_urandom")):
         setattr(owner, name, urandom)
@@ -282,7 +283,7 @@ def _drawing(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _wrap_global(module: types.ModuleType, of_global: Callable[[Any], bool]) -> None:
-    """Functions of a module that use the one generator behind it, which counts as seeded once somebody has done so."""
+    """Wrap the functions of a module that use its global generator. They are recorded unless the part has seeded the generator."""
     for name, function in list(vars(module).items()):
         if name not in _LOOKING and callable(function) and not isinstance(function, type) and of_global(function):
             setattr(module, name, _of_global(module.__name__, name, function))
@@ -302,8 +303,11 @@ def _of_global(module: str, name: str, function: Callable[..., Any]) -> Callable
 
 
 def _wrap_numpy(module: types.ModuleType) -> None:
-    """Wrap the functions of `numpy.random` that draw from its one generator of old; that generator, which libraries use when
-    nobody gives them another; and the class of it, which draws a seed before it takes the one that it is given."""
+    """Wrap the legacy generator of `numpy.random`.
+
+    Wrapped are the functions that draw from the global generator, this generator itself, which libraries use by default, and its class,
+    which draws a seed before it uses the one that it is given.
+    """
     mtrand = module.mtrand
     real = mtrand.RandomState
     old = {id(value) for value in vars(mtrand).values()}
@@ -327,10 +331,10 @@ def _wrap_numpy(module: types.ModuleType) -> None:
 
 
 class _NumpysRandom(importlib.abc.MetaPathFinder):
-    """Wraps `numpy.random` when it is loaded: few parts use it."""
+    """Wraps `numpy.random` when it is loaded, because few parts use it."""
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
-        """Python's own spec for it, whose module is wrapped once it has been run; None for everything else."""
+        """Return Python's own spec for `numpy.random`, with a loader that wraps the module; None for any other module."""
         if fullname != "numpy.random":
             return None
         sys.meta_path.remove(self)

@@ -1,1 +1,1 @@
-"""What runs in the worker with the CAD kernel: parts modelled, measured, meshed and written."""
+"""Code that runs in the worker with the CAD kernel: parts are built, measured, meshed and written."""

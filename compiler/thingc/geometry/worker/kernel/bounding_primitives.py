@@ -1,4 +1,4 @@
-"""Primitives that enclose a part: box, cylinder, capsule and sphere around its mesh, along the axes that suggest themselves."""
+"""Primitives that enclose a part: box, cylinder, capsule and sphere around its mesh, along a few candidate axes."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 BETTER = 0.99
-"""A turned primitive is taken only where it is this much smaller: axes of the part are easier to live with."""
+"""A rotated primitive is used only if its volume is less than this fraction: the axes of the part are preferred."""
 
 
 def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dict[str, Primitive]:
-    """The smallest enclosing primitives of `points` [m] (the vertices of a convex hull do), by shape.
+    """Return the smallest enclosing primitives of `points` [m] (the vertices of a convex hull suffice), by shape.
 
-    Candidate axes are those of the part and of `principal` (an inertia matrix, whose eigenvectors are tried).
+    Candidate axes are those of the part and the eigenvectors of `principal`, an inertia matrix.
     """
     frames = [np.eye(3)]
     if principal is not None:
@@ -36,10 +36,10 @@ def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dic
 
 
 def smallest_ball(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """The smallest disc (n x 2) or ball (n x 3) that holds all points: centre and radius.
+    """Return the centre and radius of the smallest disc `(n, 2)` or ball `(n, 3)` that contains all points.
 
-    Starts with a few points and takes in the farthest one outside until there is none (Gaertner, "Fast and robust
-    smallest enclosing balls", 1999, the pivoting heuristic; the small problems are solved by trying every support).
+    Starts with one point and adds the farthest one outside until there is none (Gaertner, "Fast and robust smallest enclosing balls", 1999,
+    the pivoting heuristic; the small problems are solved by trying every support).
     """
     middle = points.mean(axis=0)
     support = points[[int(np.argmax(((points - middle) ** 2).sum(axis=1)))]]
@@ -54,8 +54,9 @@ def smallest_ball(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], flo
 
 
 def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
-    """The smallest ball of a handful of points, of which the last is in no ball of the others (so that the smallest one rests on it); and
-    which of them it rests on."""
+    """Return centre, radius and support points of the smallest ball of a few points. The last point must be outside every ball of the
+    others.
+    """
     best: tuple[NDArray[np.float64], float, NDArray[np.float64]] | None = None
     dimension = points.shape[1]
     *others, last = range(len(points))
@@ -76,16 +77,16 @@ def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], floa
 
 
 def _circumcentre(edges: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The point in the span of `edges` (k x n) that is as far from 0 as from all of their ends."""
+    """Return the point in the span of `edges` `(k, n)` at equal distance from 0 and from the ends of all edges."""
     squares = (edges * edges).sum(axis=1)
     try:
         return np.asarray(edges.T @ np.linalg.solve(2.0 * edges @ edges.T, squares))
-    except np.linalg.LinAlgError:  # of points that are almost in a plane what is off it vanishes in the products
+    except np.linalg.LinAlgError:  # for points that are almost in a plane, the component off it vanishes in the products
         return np.asarray(np.linalg.lstsq(2.0 * edges, squares)[0])
 
 
 def _smallest(fits: list[Primitive]) -> Primitive:
-    """The first, unless a later one is clearly smaller."""
+    """Return the first primitive, unless a later one is clearly smaller."""
     best = fits[0]
     for fit in fits[1:]:
         if fit.volume < BETTER * best.volume:
@@ -94,7 +95,7 @@ def _smallest(fits: list[Primitive]) -> Primitive:
 
 
 def _box(points: NDArray[np.float64], frame: NDArray[np.float64]) -> Primitive:
-    """`frame` has the axes as columns."""
+    """Return the enclosing box along the columns of `frame`."""
     local = points @ frame
     low, high = local.min(axis=0), local.max(axis=0)
     size = tuple(float(half) for half in (high - low) / 2.0)
@@ -102,7 +103,7 @@ def _box(points: NDArray[np.float64], frame: NDArray[np.float64]) -> Primitive:
 
 
 def _round(points: NDArray[np.float64], frame: NDArray[np.float64]) -> tuple[Primitive, Primitive]:
-    """The cylinder and the capsule along the third axis of `frame`."""
+    """Return the enclosing cylinder and capsule along the third axis of `frame`."""
     local = points @ frame
     centre, radius = smallest_ball(local[:, :2])
     z = local[:, 2]
@@ -111,7 +112,7 @@ def _round(points: NDArray[np.float64], frame: NDArray[np.float64]) -> tuple[Pri
         shape="cylinder", size=(radius, (high - low) / 2.0),
         pose=_pose(frame, frame @ np.array([*centre, (low + high) / 2.0])),
     )
-    # how far a cap reaches over a point at its distance from the axis
+    # height of the cap above a point, at the point's distance from the axis
     over = np.sqrt(np.maximum(radius**2 - ((local[:, :2] - centre) ** 2).sum(axis=1), 0.0))
     top, bottom = float((z - over).max()), float((z + over).min())
     half = max((top - bottom) / 2.0, 1e-6 * radius)
@@ -120,12 +121,12 @@ def _round(points: NDArray[np.float64], frame: NDArray[np.float64]) -> tuple[Pri
 
 
 def _each_axis_as_z(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """The frame with its z, its x and its y as third axis, right-handed."""
+    """Return right-handed frames with the z, x and y axis of `frame` as third axis."""
     return [frame[:, [0, 1, 2]], frame[:, [1, 2, 0]], frame[:, [2, 0, 1]]]
 
 
 def _axes(inertia: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Principal axes as columns, right-handed, each with its largest entry positive."""
+    """Return principal axes as columns, right-handed, each with its largest entry positive if possible."""
     _, axes = np.linalg.eigh(inertia)
     for column in range(3):
         if axes[np.argmax(np.abs(axes[:, column])), column] < 0.0:
