@@ -1,9 +1,9 @@
-"""Makes `import build123d` cheap: the packages that a part seldom needs are imported when they are first used.
+"""Make `import build123d` cheap: packages that parts seldom need are imported when they are first used.
 
-`import build123d` imports scikit-learn, scipy, ezdxf, lib3mf, svgpathtools and more: over half of its time and 150 MB,
-for functions that few parts call. While it is being imported, those names lead to stand-ins; the first use of a
-stand-in imports the real package and puts the real objects wherever build123d kept a stand-in. When the import is
-over, nobody else can meet a stand-in: `import scipy` in a part file is the real one.
+`import build123d` imports scikit-learn, scipy, ezdxf, lib3mf, svgpathtools and more, which is over half of its time and 150 MB, for
+functions that few parts call. During this import, those names are bound to placeholders. The first use of a placeholder imports the real
+package and replaces all placeholders in build123d by the real objects. After the import, no other code gets a placeholder: `import scipy`
+in a part file imports the real package.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from thingc.geometry.key.modules import SELDOM_USED
 
 
 class _Session:
-    """One import under way: which packages are put off, and where stand-ins have come to lie."""
+    """An import in progress: the packages that are deferred, and the places of their placeholders."""
 
     def __init__(self, packages: frozenset[str]) -> None:
         self.packages = packages
@@ -30,7 +30,7 @@ class _Session:
         self.sites: dict[str, list[Callable[[], None]]] = {}
 
     def settle(self, package: str) -> None:
-        """Import `package` and replace its stand-ins wherever they were found."""
+        """Import `package` and replace its placeholders wherever they were found."""
         if package in self.settled:
             return
         self.settled.add(package)
@@ -40,7 +40,7 @@ class _Session:
 
 
 class LazyObject:
-    """Stands for `module.name.name`: calls, attributes, subclassing and `isinstance` reach the real object."""
+    """A placeholder for `module.name.name`: calls, attributes, subclassing and `isinstance` are passed to the real object."""
 
     __slots__ = ("_module", "_names", "_session")
 
@@ -95,7 +95,7 @@ class _StandIn(types.ModuleType):
 
 
 def real(value: Any) -> Any:
-    """What a stand-in stands for, imported now; anything else as it is."""
+    """Return the real object of a placeholder, imported now; any other value is unchanged."""
     if isinstance(value, _StandIn):
         value._session.settle(value.__name__.partition(".")[0])
         return importlib.import_module(value.__name__)
@@ -119,7 +119,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         self.made: list[str] = []
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
-        """A stand-in for the packages that are put off; None for everything else."""
+        """Return a placeholder for packages that are deferred; None for others."""
         if fullname.partition(".")[0] not in self.session.packages:
             return None
         return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
@@ -131,14 +131,14 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         return module
 
     def exec_module(self, module: types.ModuleType) -> None:
-        """A stand-in has no code."""
+        """Do nothing: a placeholder has no code."""
 
 
 def import_cheaply(name: str, packages: frozenset[str] = SELDOM_USED) -> types.ModuleType:
-    """Import module `name` with `packages` put off until they are used.
+    """Import module `name`, with `packages` deferred until they are used.
 
-    Packages that are imported already are left as they are. Should anything go wrong, everything that was imported
-    meanwhile is forgotten and `name` is imported plainly, with whatever that raises.
+    Packages that are already imported are unchanged. If anything fails, everything that was imported in the meantime is removed, and `name`
+    is imported normally, with any exception that this raises.
     """
     absent = frozenset(package for package in packages if package not in sys.modules)
     session = _Session(absent)
@@ -170,7 +170,7 @@ def _package(value: Any) -> str | None:
 
 
 def _find_sites(session: _Session, modules: Sequence[types.ModuleType]) -> None:
-    """Note every place that holds a stand-in: module and class attributes, tables, and default arguments."""
+    """Record every place of a placeholder: module and class attributes, tables, and default arguments."""
     for module in modules:
         names = vars(module)
         if not any(_package(value) for value in names.values()):
@@ -201,14 +201,14 @@ def _note(session: _Session, owner: Any, name: str, value: Any, module: str) -> 
 
 
 def _refill(table: dict[Any, Any]) -> None:
-    """Replace stand-ins among keys and values in place, in the same order."""
+    """Replace placeholders among keys and values in place, in the same order."""
     entries = [(real(key), real(value)) for key, value in table.items()]
     table.clear()
     table.update(entries)
 
 
 def _settling(session: _Session, function: types.FunctionType, packages: Sequence[str]) -> Callable[..., Any]:
-    """`function`, which first replaces the stand-ins among its own defaults."""
+    """Wrap `function` to first replace the placeholders among its own defaults."""
 
     @functools.wraps(function)
     def settled(*args: Any, **kwargs: Any) -> Any:

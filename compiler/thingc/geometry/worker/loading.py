@@ -1,4 +1,4 @@
-"""Loads part modules in the worker: by explicit file from the workspace's part folders, never from the current folder."""
+"""Load part modules in the worker: from files in the workspace's part folders, never from the current folder."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ _compiled: dict[tuple[str, str], types.CodeType] = {}
 
 
 def compile_ahead(file: str, sha256: str | None) -> bool:
-    """Compile a source file whose content is `sha256` (None: whatever it is), without running it; whether that was new. What cannot be
-    compiled is left to the import."""
+    """Compile a source file whose content is `sha256` (None: any content), without running it. Return whether this was new.
+
+    Errors are ignored here: the import reports them.
+    """
     import hashlib
 
     if (file, sha256) in _compiled:
@@ -31,7 +33,7 @@ def compile_ahead(file: str, sha256: str | None) -> bool:
         digest = hashlib.sha256(source).hexdigest()
         if sha256 in (digest, None) and (file, digest) not in _compiled:
             _compiled[file, digest] = executed_functions.compiled(source, file, digest)
-            builtins_for(_compiled[file, digest])  # it remembers
+            builtins_for(_compiled[file, digest])  # this result is cached
             return True
     except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
         pass
@@ -39,11 +41,11 @@ def compile_ahead(file: str, sha256: str | None) -> bool:
 
 
 class PartImporter(importlib.abc.MetaPathFinder):
-    """Finds the modules of the part folders as the client's `Finder` does, so that a name means one file to both.
+    """Finds the modules of the part folders as the client's `Finder` does, so that a name means the same file for both.
 
-    `loaded` collects the files of the modules that came this way, by name. `hashes` are the SHA-256 of files as the client
-    read them. A folder without `__init__.py` is a package only where the client met it in part code (`plain`): a library
-    that tries `import dask` must not find the user's folder of that name.
+    `loaded` collects the files of the modules that were found, by name. `hashes` are the SHA-256 of files as the client read them. A folder
+    without `__init__.py` is a package only if the client found it in part code (`plain`): a library that tries `import dask` must not find
+    the user's folder of that name.
     """
 
     of_parts = True
@@ -55,7 +57,7 @@ class PartImporter(importlib.abc.MetaPathFinder):
         self.loaded: dict[str, str] = {}
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
-        """The spec of a content-tracked module; None leaves the name to Python."""
+        """Return the spec of a content-tracked module; None to let Python find the name."""
         module = self.finder.find(fullname)
         if module.kind != "content":
             return None
@@ -72,25 +74,25 @@ class PartImporter(importlib.abc.MetaPathFinder):
         )
 
     def install(self) -> None:
-        """Go before Python's own finders. Names that are protected (see `modules`) never come to us."""
+        """Add this finder before Python's own. It does not find protected names (see `modules`)."""
         sys.meta_path.insert(0, self)
 
     def remove(self) -> None:
-        """Leave, and forget the modules that were loaded: the next request may find other files."""
+        """Remove this finder and the modules that it loaded, because the next request may find other files."""
         sys.meta_path.remove(self)
         for name in self.loaded:
             sys.modules.pop(name, None)
 
 
 class _PartLoader(importlib.machinery.SourceFileLoader):
-    """Compiles from source (no `__pycache__` in the user's folders) or takes what the server has compiled."""
+    """Compiles from source (without `__pycache__` in the user's folders), or uses what the server has compiled."""
 
     def __init__(self, name: str, file: str, sha256: str | None) -> None:
         super().__init__(name, file)
         self.sha256 = sha256
 
     def exec_module(self, module: types.ModuleType) -> None:
-        """Run the module, with the builtins that it is to have."""
+        """Run the module, with the builtins that it requires."""
         code = self.get_code(module.__name__)
         own = builtins_for(code) if code is not None else None
         if own is not None:
@@ -98,7 +100,7 @@ class _PartLoader(importlib.machinery.SourceFileLoader):
         super().exec_module(module)
 
     def get_code(self, fullname: str) -> types.CodeType | None:
-        """The code object of the module."""
+        """Return the code object of the module."""
         compiled = _compiled.get((self.path, self.sha256)) if self.sha256 is not None else None
         if compiled is not None:
             return compiled

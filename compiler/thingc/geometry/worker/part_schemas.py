@@ -1,4 +1,4 @@
-"""Describes part classes in a child of the worker: their parameters and what else the class alone says."""
+"""Describe part classes in a child of the worker: their parameters, and what else can be read from a class."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from thingc.geometry.worker.part_session import NoPart, PartSession, RequestCont
 
 
 def describe(references: Sequence[str], placed: Collection[str], around: RequestContext) -> dict[str, Any]:
-    """Schemas (or failures) of part classes of one module: `{"answers": {reference: ...}, "reads": [...]}`.
+    """Return schemas (or failures) of part classes of one module: `{"answers": {reference: ...}, "reads": [...]}`.
 
-    Of those that are `placed` it is known where they are written: to find that out takes long.
+    The place of a class in `placed` is already known; it is not determined here, because that takes long.
     """
     answers: dict[str, Any] = {}
     mentioned: list[str | None] = []
@@ -51,7 +51,7 @@ def _schema(session: PartSession, reference: str, *, placed: bool) -> PartSchema
 
 
 def _code_location(part: Any, kind: str) -> tuple[str, int]:
-    """The file and line of a class or function."""
+    """Return the file and line of a class or function."""
     try:
         return inspect.getsourcefile(part) or "", inspect.getsourcelines(part)[1]
     except (OSError, TypeError):
@@ -60,8 +60,10 @@ def _code_location(part: Any, kind: str) -> tuple[str, int]:
 
 
 def _default_material(part: Any) -> str | None:
-    """The material that the class names in `super().__init__(material="petg")`, read from its source without making a
-    member; None where it is not written out (the record knows it in any case)."""
+    """Return the material that the class passes to `super().__init__(material="petg")`, read from its source without making a member.
+
+    Return None if it is not a literal; the record has it in any case.
+    """
     from thingc.geometry.things.inspection import syntax_of
 
     for family in getattr(part, "__mro__", ()):

@@ -1,4 +1,4 @@
-"""Where the authors' code runs: part modules loaded, reads recorded, and whatever goes wrong put into words."""
+"""Run the authors' code: load part modules, record reads, and describe failures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from thingc.geometry.worker.loading import PartImporter
 
 
 class NoPart(Exception):
-    """A part that cannot be: `kind` as in `PartFailure`, the words, and the file and line where that is known beforehand."""
+    """Why there is no part: `kind` as in `PartFailure`, the message, and the file and line if known beforehand."""
 
     def __init__(self, kind: FailureKind, message: str, candidates: Iterable[str] = (), place: tuple[str, int] | None = None) -> None:
         super().__init__(message)
@@ -35,8 +35,11 @@ class NoPart(Exception):
 
 
 class RequestContext(FrozenStruct):
-    """What a request says about where it runs: the workspace's `root`, part folders and packages, the files of the code that has
-    a key (`hashes`: SHA-256 by file), part packages without `__init__.py`, the store, and the part's own folder `scratch`."""
+    """The environment of a request.
+
+    `root`, `parts` and `packages` are the workspace's folder, part folders and packages. `hashes` are the files of code that is in the key
+    (SHA-256 by file), `plain` part packages without `__init__.py`. `store` is the store, `scratch` the part's own folder.
+    """
 
     root: str
     parts: tuple[str, ...]
@@ -49,8 +52,11 @@ class RequestContext(FrozenStruct):
 
 @dataclass(slots=True)
 class PartSession:
-    """One request in its process, in the workspace's folder: the importer, the recorder of reads, and who notes what the part asks
-    and prints, installed while it lasts. `loaded` is since when the class that was asked for last is there (`time.monotonic`)."""
+    """One request in its process, in the workspace's folder. The importer and the recorders of reads, impure inputs and output are active
+    in it.
+
+    `loaded` is the time at which the last requested class was loaded (`time.monotonic`).
+    """
 
     around: RequestContext
     recorder: FileReadRecorder = field(init=False)
@@ -68,7 +74,7 @@ class PartSession:
     def __enter__(self) -> PartSession:
         from thingc.geometry.things import assets
 
-        self._before = os.open(os.curdir, os.O_RDONLY)  # it may have been deleted, and has no name then
+        self._before = os.open(os.curdir, os.O_RDONLY)  # it may have been deleted, and then has no name
         os.chdir(self.around.root)
         self.importer.install()
         executed_functions.begin()
@@ -89,19 +95,20 @@ class PartSession:
         os.close(self._before)
 
     def stop(self) -> None:
-        """The part is done: what is read, asked and changed from here on is not its doing."""
+        """End the recording: later reads, inputs and changes are not the part's."""
         sandbox.end()
         self._printing.close()
         self.recorder.stop()
         self.asking.stop()
 
     def is_own(self, file: str) -> bool:
-        """Whether a file holds the authors' code."""
+        """Whether a file contains the authors' code."""
         return file in self.around.hashes or file in self.importer.loaded.values()
 
     def reads(self, *mentioned: str | None) -> list[tuple[str, str]]:
-        """What was read: files, modules that no version stands for, and the files that an answer mentions by line (whose layout
-        counts for that answer)."""
+        """Return what was read: files, modules that no version covers, and the `mentioned` files, whose layout affects line numbers in the
+        answer.
+        """
         states = dict(self.recorder.reads())
         loaded = [file for file in loaded_files() if file not in self.around.hashes and not self.recorder.leaves_out(file)]
         for file in (*loaded, *mentioned):
@@ -110,13 +117,15 @@ class PartSession:
         return sorted(states.items())
 
     def ran(self) -> dict[str, list[int] | None] | None:
-        """By file of the code that has a key, the functions that ran, None for all of them; None where other processes have run some."""
+        """Return the functions that ran by file of code that is in the key (None for all of them); None if other processes may have run
+        some.
+        """
         if any(warning.asked is ImpureInputs.PROCESS for warning in self.asking.found):
             return None
         return executed_functions.of([file for file in self.importer.loaded.values() if file in self.around.hashes], self.around.hashes)
 
     def part(self, reference: str) -> Any:
-        """The object that `module:Class` names. Raises `NoPart` when there is none, and whatever its module raises."""
+        """Return the object that `module:Class` names. Raises `NoPart` if there is none, and any exception of its module."""
         module_name, _, name = reference.partition(":")
         try:
             module = importlib.import_module(module_name)
@@ -140,11 +149,11 @@ class PartSession:
         return named
 
     def failure(self, subject: str, fault: BaseException) -> PartFailure:
-        """What went wrong, in words, with the innermost place in the authors' files."""
+        """Return the failure for an exception, with the innermost place in the authors' files. `MemoryError` is raised again."""
         from thingc.geometry.things.parameters import ParameterError, SignatureError
 
         if isinstance(fault, MemoryError):
-            raise fault  # how much there is depends on the machine: no answer to cache
+            raise fault  # memory depends on the machine, so this must not be cached
         detail: str | None = "".join(traceback.format_exception(fault))
         places = [(one.filename, one.lineno) for one in traceback.extract_tb(fault.__traceback__) if self.is_own(one.filename)]
         if isinstance(fault, SyntaxError) and fault.filename is not None and self.is_own(fault.filename):
@@ -160,7 +169,7 @@ class PartSession:
             kind, message = "trespassed", f"`{self.recorder.relative(fault.filename)}`"
         elif isinstance(fault, (SignatureError, BadPartFile)) or isinstance(fault, ParameterError) and not places:
             kind, message = "invalid", str(fault)
-        message = message.replace(os.path.join(self.around.root, ""), "")  # other machines have another
+        message = message.replace(os.path.join(self.around.root, ""), "")  # the path differs on other machines
         return PartFailure(subject=subject, kind=kind, message=message, file=file, line=line, candidates=candidates, detail=detail)
 
 
@@ -175,7 +184,7 @@ def _exception_text(fault: BaseException) -> str:
 
 
 def _python_suggests(fault: BaseException) -> str | None:
-    """`Did you mean: 'MountPoint'?`, which Python works out where it prints an exception that nobody catches, and nowhere else."""
+    """Return `Did you mean: 'MountPoint'?`, which Python only computes when it prints an uncaught exception, or None."""
     with contextlib.redirect_stderr(io.StringIO()) as captured_output:
         sys.__excepthook__(type(fault), fault, fault.__traceback__)
     match = re.search(r"\. (Did you (?:mean|forget)\b.*\?)\s*\Z", captured_output.getvalue())
@@ -183,7 +192,7 @@ def _python_suggests(fault: BaseException) -> str | None:
 
 
 def kind_of(part: Any, reference: str) -> SchemaKind:
-    """What makes it. Raises `NoPart` for anything else."""
+    """Return the kind of a part. Raises `NoPart` for anything else."""
     from thingc.geometry.things.inspection import is_part
 
     kind = is_part(part)

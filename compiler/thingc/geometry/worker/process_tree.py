@@ -1,8 +1,7 @@
-"""The processes that this one has started, and those that these have started: told apart by their parents, whatever group or session
-they have gone to.
+"""The processes that this one has started, and their descendants, found by their parents in any process group or session.
 
-Linux says who is whose child, and gives the orphans among the descendants of a process to it where it asks for them. Elsewhere nobody
-is found here.
+Linux reports the children of a process, and assigns orphans among its descendants to it on request. On other systems no processes are
+found.
 """
 
 from __future__ import annotations
@@ -17,25 +16,27 @@ from collections.abc import Collection, Iterable
 from typing import Any
 
 PAUSE = 0.005
-"""How long [s] to wait before looking again for processes that are about to end."""
+"""Pause [s] between checks for processes that are about to end."""
 PATIENCE = 20.0
-"""How long [s] killed or stopped processes may take to be so."""
+"""Time limit [s] for killed or stopped processes to end or stop."""
 
 FIRST = -20
-"""The nice value of who watches, to be heard among any number of processes."""
+"""Nice value of the watching process, so that it is scheduled among any number of processes."""
 
 _SUBREAPER = 36
 
 
 def adopt_orphans() -> None:
-    """From here on a descendant whose parent ends becomes a child of this process, and not of the system's first process."""
+    """Become the parent of descendants whose own parent ends, in place of the system's first process."""
     if sys.platform == "linux":
         prctl(_SUBREAPER, 1)
 
 
 def give_priority(nice: int) -> int:
-    """Let this process be scheduled with a `nice` value, where that may be asked for (below the usual one by root, whom no limit on
-    processes holds); the one it had."""
+    """Set the `nice` value of this process if permitted, and return the previous one.
+
+    A value below the usual one requires root, whom limits on processes do not affect.
+    """
     usual = os.getpriority(os.PRIO_PROCESS, 0)
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, nice)
@@ -43,7 +44,7 @@ def give_priority(nice: int) -> int:
 
 
 def children(process: int) -> list[int]:
-    """The children of a process, dead ones that nobody has asked after among them."""
+    """Return the children of a process, including zombies."""
     processes: list[int] = []
     with contextlib.suppress(OSError):
         for thread in os.listdir(f"/proc/{process}/task"):
@@ -53,7 +54,7 @@ def children(process: int) -> list[int]:
 
 
 def descendants(process: int) -> list[int]:
-    """Everything that a process has started, and what that has."""
+    """Return all descendants of a process."""
     processes = children(process)
     for one in processes:
         processes.extend(children(one))
@@ -61,12 +62,12 @@ def descendants(process: int) -> list[int]:
 
 
 def alive(processes: Iterable[int]) -> list[int]:
-    """Those of the processes that have not ended."""
+    """Return the processes that have not ended."""
     return [process for process in processes if _runs(process)]
 
 
 def outliving(processes: Iterable[int], seconds: float) -> list[int]:
-    """Those of the processes that have not ended after `seconds`; at once where all have."""
+    """Wait for processes to end, at most `seconds`, and return those that have not."""
     last = time.monotonic() + seconds
     while (left := alive(processes)) and time.monotonic() < last:
         time.sleep(PAUSE)
@@ -74,14 +75,16 @@ def outliving(processes: Iterable[int], seconds: float) -> list[int]:
 
 
 def command(process: int) -> str:
-    """The command line of a process; empty where it is gone."""
+    """Return the command line of a process, or "" if it has ended."""
     with contextlib.suppress(OSError), open(f"/proc/{process}/cmdline", "rb") as stream:
         return stream.read().replace(b"\0", b" ").decode("utf-8", "replace").strip()
     return ""
 
 
 def exceeds(processes: Collection[int], most: int) -> bool:
-    """Whether processes have more than `most` bytes of memory. The exact figure, which counts shared memory once, takes longer to get."""
+    """Whether processes use more than `most` bytes of memory. The exact number, in which shared memory counts once, is read only if
+    necessary.
+    """
     return all(_kilobytes(processes, *entry) * 1024 > most for entry in (("status", b"VmRSS:"), ("smaps_rollup", b"Pss:")))
 
 
@@ -94,8 +97,9 @@ def _kilobytes(processes: Iterable[int], file: str, key: bytes) -> int:
 
 
 def stop(process: int) -> None:
-    """Stop a process, its group and all that it has started, so that none of them starts another: stopped processes count against
-    limits, dead ones do not."""
+    """Stop a process, its group and all its descendants, so that none of them starts another: stopped processes count against limits, dead
+    ones do not.
+    """
     last = time.monotonic() + PATIENCE
     stopped: set[int] = set()
     with contextlib.suppress(ProcessLookupError, PermissionError):
@@ -107,13 +111,13 @@ def stop(process: int) -> None:
 
 
 def end_descendants(process: int) -> None:
-    """Kill all that a process has started."""
+    """Kill all descendants of a process."""
     for one in descendants(process):
         _signal(one, signal.SIGKILL)
 
 
 def end_all_but(kept: Collection[int]) -> None:
-    """Kill the children of this process that are not `kept`, with all that they have started, and wait until they are gone."""
+    """Kill the children of this process that are not in `kept`, with their descendants, and wait until they have ended."""
     last = time.monotonic() + PATIENCE
     while (strays := [process for process in children(os.getpid()) if process not in kept]) and time.monotonic() < last:
         for stray in strays:
@@ -139,12 +143,12 @@ def _runs(process: int) -> bool:
 
 
 def prctl(option: int, argument: int) -> bool:
-    """Have the system treat this process in another way (`man 2 prctl`); whether it does."""
+    """Change how the system treats this process (`man 2 prctl`). Return whether this succeeded."""
     return bool(_libc().prctl(option, argument, 0, 0, 0) == 0)
 
 
 def syscall(number: int, *arguments: Any) -> int:
-    """Ask the system by the number of a call; what it returns, -1 where it refuses."""
+    """Make a system call by its number. Return its result, -1 on failure."""
     return int(_libc().syscall(number, *arguments))
 
 

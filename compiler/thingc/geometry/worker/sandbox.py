@@ -1,9 +1,8 @@
-"""Confines the code of others. Part code may change its own folder only: what it wrote elsewhere, above all into the store, would change
-other parts, or stay behind. Expressions of a robot that is imported may besides read only named folders, start no program and open no
-connection.
+"""Confine code of others. Part code may change only its own folder: a change elsewhere, above all in the store, could affect other parts or
+remain. Expressions of an imported robot may, in addition, only read certain folders, and not start programs or open connections.
 
-The audit hook refuses first: it knows the line, but sees only what Python does. Where the system has Landlock (Linux since 5.13), that
-refuses the same to everything that the code loads and starts, and the code cannot take it back.
+The audit hook refuses first: it knows the line, but only sees what Python does. If the system has Landlock (Linux since 5.13), that refuses
+the same to everything that the code loads and starts, and the code cannot undo it.
 """
 
 from __future__ import annotations
@@ -20,15 +19,17 @@ from thingc.geometry.worker import audit
 from thingc.geometry.worker.process_tree import prctl, syscall
 
 PROCESSES = 256
-"""How many processes of one part may be alive at once."""
+"""Limit of the processes of one part that are alive at once."""
 
 DEVICES = "/dev"
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
 
 class ForbiddenWrite(PermissionError):
-    """Code was about to change something outside of its own folder, or to read what it may not: `filename`. Libraries that do without what
-    they cannot write take it as any other refusal."""
+    """Code tried to change a file outside of its own folder, or to read a forbidden file: `filename`.
+
+    It is a `PermissionError`, so that libraries that can do without a file handle it as usual.
+    """
 
     def __init__(self, path: str, words: str = "only its own temporary folder may be written") -> None:
         super().__init__(errno.EACCES, words, path)
@@ -41,11 +42,13 @@ _CHANGING: dict[str, tuple[tuple[int, int], ...]] = {
     "os.removexattr": ((0, -1),), "os.rename": ((0, 2), (1, 3)), "os.rmdir": ((0, 1),), "os.setxattr": ((0, -1),),
     "os.symlink": ((1, 2),), "os.truncate": ((0, -1),), "os.utime": ((0, 3),),
 }
-"""By audit event: which of its arguments are files that are changed, each with the one that says relative to which open folder (-1:
-to none). Relative to one, the path says nothing; such calls are left to the system."""
+"""The arguments of audit events that are changed files, each with the argument for the open folder that it is relative to (-1: none).
+
+A path relative to an open folder cannot be checked; the system checks such calls.
+"""
 
 _FOLLOWING = frozenset({"os.chmod", "os.chown", "os.removexattr", "os.setxattr", "os.truncate", "os.utime"})
-"""Those that change what a link leads to; the others change the link."""
+"""Events that change the target of a link; the others change the link itself."""
 
 _STARTING = ("os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "subprocess.Popen", "socket.__new__", "ctypes.dlopen")
 
@@ -57,8 +60,10 @@ _readable: tuple[str, ...] | None = None
 
 
 def begin(folder: str, readable: Sequence[str] | None = None) -> None:
-    """From here on, Python refuses with `ForbiddenWrite` to change anything outside of `folder`; with `readable` also to read anything
-    outside of these folders, and to start programs and open connections."""
+    """Refuse with `ForbiddenWrite`, from now on, to change anything outside of `folder`.
+
+    With `readable`, also refuse to read anything outside of these folders, to start programs and to open connections.
+    """
     global _allowed, _readable
     audit.listen(("open", *_CHANGING, *(_STARTING if readable is not None else ())), _heard)
     _allowed = (os.path.join(os.path.realpath(folder), ""), *([os.path.join(DEVICES, "")] if readable is None else ()))
@@ -66,7 +71,7 @@ def begin(folder: str, readable: Sequence[str] | None = None) -> None:
 
 
 def end() -> None:
-    """From here on, everything is allowed again."""
+    """Allow everything again."""
     global _allowed
     _allowed = ()
 
@@ -91,8 +96,11 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def _check(path: Any, *, follow: bool = True, itself: bool = False) -> None:
-    """Raise `ForbiddenWrite` for what lies outside of the folder. `itself` says that the folder may be meant, too: who opens a folder to
-    write makes a file in it, as `tempfile.TemporaryFile` does; the folder alone cannot be opened so."""
+    """Raise `ForbiddenWrite` for a path outside of the folder.
+
+    With `itself`, the folder itself is allowed: opening a folder for writing creates a file in it, as `tempfile.TemporaryFile` does; the
+    folder alone cannot be opened for writing.
+    """
     if isinstance(path, int) or path is None:
         return
     named = os.path.abspath(os.fsdecode(path))
@@ -114,9 +122,11 @@ _SIGNALS = 1 << 1
 
 
 def confine(folder: str, readable: Sequence[str] | None = None) -> bool:
-    """Take from this process, permanently, the right to change files outside of `folder` and to signal processes that it has not
-    started; with `readable` also to read files outside of these folders, to run programs and to open sockets. Return False where
-    the system does not support this. Also limit how many processes it may start."""
+    """Take from this process, permanently, the right to change files outside of `folder` and to signal processes that it has not started.
+
+    With `readable`, also the right to read files outside of these folders, to run programs and to open sockets. Return False if the system
+    does not support this. Also limit how many processes it may start.
+    """
     _bound_processes()
     return sys.platform == "linux" and _landlock(folder, readable)
 
@@ -148,8 +158,10 @@ def _landlock(folder: str, readable: Sequence[str] | None) -> bool:
 
 
 _SECCOMP = {"x86_64": (317, 0xC000003E, 41, 90, 91, 268, 425, 452), "aarch64": (277, 0xC00000B7, 198, 52, 53, 425, 452)}
-"""By machine: the number of `seccomp`, that of the machine, and those of `socket`, `chmod`, `fchmod`, `fchmodat`, `io_uring_setup` and
-`fchmodat2`, which Landlock does not restrict (Unix sockets and UDP, modes of files outside of the folder)."""
+"""For each machine the number of `seccomp`, the id of the machine, and the numbers of `socket`, `chmod`, `fchmod`, `fchmodat`,
+`io_uring_setup` and `fchmodat2`, as far as it has them. Landlock does not restrict these (Unix sockets and UDP, modes of files outside
+of the folder).
+"""
 
 
 def _refuse_calls() -> bool:
@@ -158,15 +170,17 @@ def _refuse_calls() -> bool:
 
     seccomp, machine, *refused = _SECCOMP.get(os.uname().machine, (-1, 0))
     count, load, equal, beyond, answer = len(refused), 0x20, 0x15, 0x35, 0x06
-    steps = [(load, 0, 0, 4), (equal, 0, count + 3, machine), (load, 0, 0, 0), (beyond, count + 1, 0, 1 << 30)]  # x32 is behind that
+    steps = [(load, 0, 0, 4), (equal, 0, count + 3, machine), (load, 0, 0, 0), (beyond, count + 1, 0, 1 << 30)]  # x32 is above that
     steps += [*((equal, count - k, 0, one) for k, one in enumerate(refused)), (answer, 0, 0, 0x7FFF0000), (answer, 0, 0, 0x5000D)]  # EACCES
     program = ctypes.create_string_buffer(b"".join(struct.pack("=HBBI", *step) for step in steps))
     return syscall(seccomp, 1, 0, struct.pack("@HP", len(steps), ctypes.addressof(program))) == 0
 
 
 def _bound_processes() -> None:
-    """The system's own bound, for the case that a part is quicker than who watches it. It counts what the whole user runs, and does
-    not hold for root: the worker watches (`worker`)."""
+    """Set the system's own limit of processes, in case a part is faster than the worker that watches it.
+
+    It counts all processes of the user and does not apply to root, so that the worker has to watch (`worker`).
+    """
     import resource
 
     with contextlib.suppress(OSError, ValueError, IndexError), open("/proc/loadavg", "rb") as stream:

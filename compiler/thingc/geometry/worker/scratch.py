@@ -1,7 +1,7 @@
-"""Scratch folders: one for each worker among the system's temporary files, and in it one for each part, gone when the part is done.
+"""Scratch folders: one for each worker in the system's temporary folder, and in it one for each part, removed when the part is finished.
 
-A part sees its own as home and as the place for temporary files: it is empty, and nothing of another part can be met there. What
-a killed worker has left is removed by the next one: a worker holds a lock on its folder, which the system takes back from the dead.
+A part gets its own folder as home and for temporary files: it is empty, and contains nothing of other parts. Folders of killed workers are
+removed by the next one: a worker holds a lock on its folder, which the system releases when it ends.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PREFIX = "thingc-worker-"
 
 
 class Scratch:
-    """The folder of one worker. `close` removes it with all that is in it. `descriptors` hold its lock, and no child must have them."""
+    """The folder of one worker. `close` removes it. `descriptors` hold its lock, and must be closed in children."""
 
     def __init__(self) -> None:
         base = tempfile.gettempdir()
@@ -34,14 +34,14 @@ class Scratch:
         self._count = 0
 
     def make(self) -> str:
-        """A new folder for one part."""
+        """Create a new folder for one part and return its path."""
         self._count += 1
         path = os.path.join(self.folder, str(self._count))
         os.mkdir(path, 0o700)
         return path
 
     def close(self) -> None:
-        """Remove everything."""
+        """Remove the folder with all its contents."""
         remove(self.folder)
         for descriptor in self.descriptors:
             os.close(descriptor)
@@ -56,8 +56,7 @@ def remove(folder: str) -> None:
 
 
 def settle(folder: str) -> None:
-    """Make `folder` this process's home and its place for temporary files; nothing of the worker itself is left in the
-    environment."""
+    """Make `folder` this process's home and its place for temporary files, and remove the worker's own variables from the environment."""
     for name in (*HOMES, *TEMPORARY):
         os.environ[name] = folder
     os.environ.pop("PYTHONPATH", None)
@@ -65,12 +64,12 @@ def settle(folder: str) -> None:
 
 
 def _made(base: str) -> tuple[str, int | None]:
-    """A new folder, and the descriptor that holds its lock."""
+    """Create a new folder, and return it with the descriptor that holds its lock (None without locks)."""
     while True:
         folder = tempfile.mkdtemp(prefix=PREFIX, dir=base)
         if fcntl is None:
             return folder, None
-        with contextlib.suppress(OSError):  # somebody who sweeps was faster
+        with contextlib.suppress(OSError):  # another worker removed the folder before it was locked
             descriptor = os.open(folder, os.O_RDONLY)
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -83,13 +82,13 @@ def _made(base: str) -> tuple[str, int | None]:
 
 
 def _sweep(base: str) -> None:
-    """Remove what workers have left that are no more."""
+    """Remove folders of workers that have ended."""
     if fcntl is None:
         return
     for name in os.listdir(base):
         if not name.startswith(PREFIX):
             continue
-        with contextlib.suppress(OSError):  # in use, gone, or somebody else's
+        with contextlib.suppress(OSError):  # in use, gone, or of another user
             folder = os.path.join(base, name)
             descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:

@@ -1,8 +1,8 @@
-"""`python -m thingc.geometry.worker.server`: the process that holds the CAD kernel.
+"""`python -m thingc.geometry.worker.server`: the process with the CAD kernel.
 
-Requests and answers are lines of JSON on standard input and output. It imports build123d once and forks a child for each
-request; at the end of its input it ends at once, with all of its children. `--inline` runs requests in the process itself
-(systems without fork: one such worker per core); `--assemble` reads one request to write a STEP file and needs OCP only.
+Requests and answers are lines of JSON on standard input and output. It imports build123d once and forks a child for each request. At the
+end of its input it exits at once, with all of its children. `--inline` runs requests in the process itself (on systems without fork: one
+such worker per core). `--assemble` reads one request to write a STEP file and needs only OCP.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ AHEAD = (
     "thingc.geometry.worker.kernel.build_part", "thingc.geometry.worker.kernel.slicing", "thingc.geometry.things.adjust",
     "thingc.geometry.things.assets", "thingc.geometry.things.inspection", "thingc.geometry.things.resolver", "thingc.documents.workspace",
 )
-"""What children would each import again."""
+"""Modules that each child would otherwise import again."""
 
 
 def main(arguments: list[str]) -> None:
@@ -45,7 +45,7 @@ def main(arguments: list[str]) -> None:
     if hasattr(os, "fork"):
         from thingc.geometry.worker.children import die_with_parent
 
-        die_with_parent(parent)  # nobody watches standard input while the kernel is loaded
+        die_with_parent(parent)  # standard input is not read while the kernel is loaded
     from thingc.geometry.worker.scratch import Scratch, settle
 
     scratch = Scratch()
@@ -58,7 +58,7 @@ def main(arguments: list[str]) -> None:
         elif hasattr(os, "fork") and "--inline" not in arguments:
             from thingc.geometry.worker.children import live_without_parent
 
-            live_without_parent()  # from here on the end of standard input does it; the parent's thread may end before
+            live_without_parent()  # from now on the end of standard input ends it; the parent's thread may end earlier
             if os.getppid() == parent:
                 jobs = int(arguments[arguments.index("--jobs") + 1]) if "--jobs" in arguments else os.cpu_count() or 1
                 _Server(answers, jobs, scratch).serve()
@@ -74,7 +74,7 @@ def main(arguments: list[str]) -> None:
 
 
 def _load(answers: int) -> bool:
-    """Import the kernel and everything requests need, once; False where that cannot be imported, which is said."""
+    """Import the kernel and everything that requests need, once. Return False if that fails, after sending the reason."""
     gc.disable()
     try:
         from thingc.geometry.worker.lazy_build123d import import_cheaply
@@ -89,10 +89,10 @@ def _load(answers: int) -> bool:
         from thingc.geometry.worker.file_reads import wrap_importers
 
         wrap_importers()
-        installed_roots()  # each child would look for them again
+        installed_roots()  # cached, so that children need not search for them
         executed_functions.install()
         impure_inputs.install()
-        sys.dont_write_bytecode = True  # what is imported from here on may lie in folders of others
+        sys.dont_write_bytecode = True  # modules imported from now on may be in users' folders
     except BaseException as fault:
         import traceback
 
@@ -106,9 +106,11 @@ def _load(answers: int) -> bool:
 
 
 def _stay_single() -> None:
-    """Have the kernel and manifold3d (on Linux) begin no threads, which takes of the processor up to a fifth more: children run side by
-    side. The first is told so; TBB, which the other is built on, counts the processors that it may use when it is first needed, and never
-    again."""
+    """Keep the kernel and manifold3d (on Linux) from starting threads, which cost up to a fifth more processor time: children run in
+    parallel.
+
+    The kernel has a function for this. TBB, which manifold3d uses, counts the available processors once, when it is first needed.
+    """
     from manifold3d import Manifold
     from OCP.OSD import OSD_ThreadPool
 
@@ -117,15 +119,18 @@ def _stay_single() -> None:
         try:
             allowed = os.sched_getaffinity(0)
             os.sched_setaffinity(0, {min(allowed)})
-        except OSError:  # some sandboxes refuse
+        except OSError:  # some sandboxes refuse this
             return
         Manifold.cube().volume()
         os.sched_setaffinity(0, allowed)
 
 
 def _make_room() -> None:
-    """Have pybind11 enlarge its table of the kernel's objects: where it fills up in a child, the whole of it is gone through, and all pages
-    that it lies on are copied. There is room for as many again as live here, which is more than most parts have at once."""
+    """Make pybind11 enlarge its table of the kernel's objects.
+
+    If it were enlarged in a child, all pages of the table would be copied. There is room for twice the current number of objects, which is
+    more than most parts need.
+    """
     from OCP.gp import gp_Pnt
 
     _ = [gp_Pnt() for _ in range(6000)]
@@ -148,8 +153,10 @@ def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def answered(request: Mapping[str, Any]) -> dict[str, Any]:
-    """What is said to a request: its `answer` and from when until when it took (`span`, of `time.monotonic`; of a part from when its
-    class was there), or that there is no room for it."""
+    """Return the answer to a request: its `answer` and `span`, or a failure if the store is unusable.
+
+    `span` are the start and end (`time.monotonic`); for a part the start is the time at which its class was loaded.
+    """
     from thingc.geometry.store.local import StoreUnusable
 
     begun = time.monotonic()
@@ -161,8 +168,9 @@ def answered(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
-    """Put what a request has left in its `folder` into the store, and remove the folder: the answer after that, with what the part has
-    `printed`."""
+    """Move the results of a request from its `folder` to the store and remove the folder. Return the answer with the lines that the part
+    `printed`.
+    """
     from thingc.geometry.store.local import Outbox, StoreUnusable
     from thingc.geometry.worker.captured_output import lines_of
     from thingc.geometry.worker.scratch import remove
@@ -179,8 +187,10 @@ def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
 
 
 def perform(request: Mapping[str, Any]) -> dict[str, Any]:
-    """Do what one request asks: `describe`, `build_part`, `decompose`, `slice` or `assemble`. With a folder for itself (`scratch`), it
-    leaves there what is for the store. Raises `StoreUnusable`."""
+    """Perform a request: `describe`, `model`, `decompose`, `slice` or `assemble`.
+
+    With its own folder (`scratch`), files for the store are left there. Raises `StoreUnusable`.
+    """
     from thingc.geometry.store.local import Outbox, Store
 
     store = Outbox(request["store"], request["scratch"]) if "scratch" in request else Store(request["store"])
@@ -216,8 +226,9 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:
-    """Of a part that was modelled just now, each of the slicings that will likely be asked for (`LikelySlicing`), with what comes of it.
-    What goes wrong is left for who asks for it."""
+    """Return the results of the likely slicings (`LikelySlicing`) of a part that was just built, each with its slicing. Failures are left
+    out.
+    """
     from thingc.geometry.print_slices import Slicing
     from thingc.geometry.record import Mesh
     from thingc.geometry.worker.kernel.slicing import slice_stored
@@ -233,8 +244,11 @@ def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any],
 
 
 class _Server:
-    """Children for requests: at most `jobs` at once, and besides as many that describe classes, for whoever asks waits for those before he
-    asks for more. Each has its deadline and its folder. Nothing that they start outlives them. One may be there before it is asked."""
+    """Children for requests, each with a deadline and a folder. No process that they start outlives them.
+
+    At most `jobs` children build parts at once, and as many others describe classes, because the client waits for these before it sends
+    more. One spare child may be started before its request.
+    """
 
     def __init__(self, answers: int, jobs: int, scratch: Scratch) -> None:
         from thingc.geometry.worker.process_tree import FIRST, adopt_orphans, give_priority
@@ -244,7 +258,7 @@ class _Server:
         self.jobs = jobs
         self.scratch = scratch
         self.usual = give_priority(FIRST)
-        self.waiting: dict[bool, deque[dict[str, Any]]] = {True: deque(), False: deque()}  # to describe, and for all else
+        self.waiting: dict[bool, deque[dict[str, Any]]] = {True: deque(), False: deque()}  # to describe, and all others
         self.running: dict[int, Child] = {}
         self.spare: Child | None = None
         self.selector = selectors.DefaultSelector()
@@ -252,7 +266,7 @@ class _Server:
         self.received = bytearray()
 
     def serve(self) -> None:
-        """Answer until nobody asks, or takes answers, any more."""
+        """Answer requests until standard input ends or answers are no longer read."""
         from thingc.geometry.worker.children import WATCH
 
         try:
@@ -279,14 +293,14 @@ class _Server:
                 child.end("hung", ())
 
     def receive(self, data: bytes) -> None:
-        """Take what has come of requests."""
+        """Process received data."""
         *lines, rest = (self.received + data).split(b"\n")
         self.received = bytearray(rest)
         for line in lines:
             self.take(json.loads(line))
 
     def take(self, asked: dict[str, Any]) -> None:
-        """Put a request behind the others; or forget one; or get ready for one."""
+        """Add a request to the queue; or remove one (`forget`); or prepare for one (`prepare`)."""
         from thingc.geometry.worker.scratch import remove
 
         if "prepare" in asked:
@@ -303,14 +317,14 @@ class _Server:
             remove(child.scratch)
 
     def begin_waiting(self, done: Child | None = None) -> None:
-        """Begin what waits, as far as there is room, that of a child which is `done` included."""
+        """Start waiting requests as far as there is room, including the room of the child `done`."""
         for describes, asked in self.waiting.items():
             busy = sum((child.request["op"] == "describe") == describes for child in self.running.values() if child is not done)
             for _ in range(min(self.jobs - busy, len(asked))):
                 self.begin(asked.popleft())
 
     def begin(self, request: dict[str, Any]) -> None:
-        """Ask a child: the one that is there, or a new one."""
+        """Give a request to the spare child, or to a new one."""
         self.prepare(request)
         child, self.spare = self.spare or self.start(), None
         child.ask(request)
@@ -318,7 +332,7 @@ class _Server:
         self.selector.register(child.pipe, selectors.EVENT_READ)
 
     def prepare(self, request: Mapping[str, Any]) -> None:
-        """See to it that children have at hand what a request needs: one that was forked before it was there is of no use."""
+        """Load what children need for a request. A spare child that was forked before is ended, because it lacks this."""
         from thingc.geometry.worker.scratch import remove
 
         if _prepare(request) and self.spare is not None:
@@ -334,12 +348,14 @@ class _Server:
         return start(answered, self.usual, self.scratch.make(), descriptors)
 
     def children(self) -> list[Child]:
-        """Those that are at work, and the one that is ready for it."""
+        """Return the running children, and the spare one."""
         return [*self.running.values(), *([self.spare] if self.spare is not None else [])]
 
     def finish(self, child: Child, over: str | None = None) -> None:
-        """End a child, and send its answer. One that has started nothing is stopped, and ends when its answer is on its way: to take its
-        memory back takes the system as long as to fork."""
+        """End a child and send its answer.
+
+        A child that has started no processes is stopped, and ended after its answer is sent: freeing its memory takes as long as a fork.
+        """
         alone = over is None and child.answered and child.stop()
         ended = child.answer if alone else self.end(child, over)
         _answer(self.answers, _settled(ended, child.request["store"], child.scratch))
@@ -347,8 +363,8 @@ class _Server:
             self.end(child, over)
 
     def end(self, child: Child, over: str | None) -> dict[str, Any]:
-        """End a child; its answer, or what has become of it."""
-        if child.answered:  # to end it takes the system as long as to fork, and another core can do that
+        """End a child. Return its answer or its failure."""
+        if child.answered:  # ending it takes as long as a fork, so another core starts the next request
             self.begin_waiting(child)
         self.selector.unregister(child.pipe)
         del self.running[child.pipe]
@@ -356,8 +372,9 @@ class _Server:
 
 
 def _prepare(request: Mapping[str, Any]) -> bool:
-    """What children would each do again: compile the part files (without running them), load the packages they import, look at the modules
-    that are there. Whether there was anything to do."""
+    """Do once what each child would do: compile the part files (without running them), load packages that they import, and record the
+    loaded modules. Return whether anything was new.
+    """
     from thingc.geometry.worker.file_reads import remember_loaded
     from thingc.geometry.worker.kernel.mesh_files import reads_with_trimesh
     from thingc.geometry.worker.loading import compile_ahead

@@ -1,4 +1,4 @@
-"""Models a part in a child of the worker: its Thing made, measured and meshed, its files put into the store."""
+"""Build a part in a child of the worker: make its Thing, measure and mesh it, and put its files into the store."""
 
 from __future__ import annotations
 
@@ -51,32 +51,37 @@ if TYPE_CHECKING:
     from thingc.base.pose import Matrix, Vector
 
 NOTHING = 1e-9
-"""A volume [mm^3] below which a result counts as empty."""
+"""Volume [mm^3] below which a result counts as empty."""
 
 OVERLAP = 0.01
-"""The part of the volume of a part that two of its solids may have in common (and 1 mm^3) before it is said that it counts twice."""
+"""Fraction of a part's volume that its solids may share (and 1 mm^3) before the overlap is reported."""
 
 DEVIATION = 0.01
-"""How far what simulators draw and touch may be off the part's surface, of its longest side, before that is said."""
+"""Largest deviation of simulation meshes from the part's surface, relative to its longest side, that is not reported."""
 
 DECIMALS = 9
-"""Corners [mm] are rounded to these. Of two that a boolean makes one, the kernel takes that with the lower address: one may have 0 where
-the other has 2e-31, and so the same part another mesh in the next run."""
+"""Decimals to which corners [mm] are rounded.
+
+If a boolean merges two corners, the kernel keeps the one with the lower address. One may have 0 and the other 2e-31, so that the same part
+would have another mesh in the next run.
+"""
 
 _ZERO = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 class Tessellations(FrozenStruct):
-    """`fine` is printed and checked for clearance, `simulation` is drawn and touched by simulators."""
+    """`fine` is used for print files and clearance checks, `simulation` for visual and collision meshes in simulators."""
 
     fine: Tessellation
     simulation: Tessellation
 
 
 class BuiltPart(FrozenStruct):
-    """What part code or a file gives, before it is measured: shapes of the kernel [mm] (none: a part without geometry), the rest as
-    in `PartRecord`. `one`: the solids are meant to hang together; `file`: they are from a file, `faceted`: all triangles; `faces`:
-    the most triangles of what simulators draw and touch."""
+    """The result of part code or of a file, before it is measured.
+
+    The shapes are those of the kernel [mm] (none for a part without geometry), other fields as in `PartRecord`. `one`: the solids should be
+    connected; `file`: the part is a file; `faceted`: all its faces are triangles; `faces`: the limit of triangles for simulators.
+    """
 
     shapes: Sequence[TopoDS_Shape]
     visual: Sequence[TopoDS_Shape] = ()
@@ -103,12 +108,12 @@ class BuiltPart(FrozenStruct):
 
 
 def build_part(definition: dict[str, Any], tessellations: Tessellations, around: RequestContext, store: Store) -> dict[str, Any]:
-    """The record (or failure) of one part definition and what it read: `{"record" | "failure": ..., "reads": [...]}`; with a record `ran`,
-    which functions of its code have run (see `PartSession.ran`), and since when its class was there (`loaded`, of `time.monotonic`).
+    """Return the record (or failure) of a part definition and its reads: `{"record" | "failure": ..., "reads": [...]}`.
 
-    `definition` has `kind`, `reference`, `text`, the canonical `parameters` (SI; those that are left out are what the class says) and
-    `mirror`, and whether it is known where its class is written (`placed`): to find that out takes long. Blobs go to the store. Raises
-    `StoreUnusable`.
+    With a record, `ran` are the functions of its code that have run (see `PartSession.ran`), and `loaded` is the time at which its class
+    was loaded (`time.monotonic`). `definition` has `kind`, `reference`, `text`, the canonical `parameters` (SI; the others have their
+    defaults), `mirror`, and `placed`: whether the place of its class is known, because finding it takes long. Blobs are put into the store.
+    Raises `StoreUnusable`.
     """
     text = definition["text"]
     with PartSession(around) as session, warnings.catch_warnings(record=True) as caught:
@@ -137,7 +142,7 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, around:
 
 
 def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
-    """The `file` and `line` of a class of the authors' own, for a fault without a line: of what its methods return, for instance."""
+    """Return the `file` and `line` of the authors' class, for a fault without a line, such as an invalid return value; {} if unknown."""
     import inspect
 
     with contextlib.suppress(Exception):
@@ -149,7 +154,7 @@ def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
 
 
 def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], bool]) -> list[PartWarning]:
-    """Warnings about the authors' own lines: what libraries say about themselves is none of their business."""
+    """Return the warnings about the authors' own lines. Warnings of libraries about themselves are left out."""
     part_warnings = [PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if is_own(one.filename)]
     return list(dict.fromkeys(part_warnings))
 
@@ -164,7 +169,7 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart
     kind = kind_of(part, reference)
     schemas = inspection.parameters_of(part)
     kinds = {parameter.name: parameter.kind for parameter in schemas}
-    # defaults go the way that they go through a document, which rounds
+    # defaults are rounded as in a document
     own = {parameter.name: convert.to_si(parameter.kind, parameter.default) for parameter in schemas if parameter.default is not None}
     given = {**own, **definition["parameters"]}
     parameters = {name: convert.to_author(kinds.get(name, ""), value) for name, value in given.items()}
@@ -201,7 +206,7 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart
         mass=_stated(statements.mass, float), com=_stated(statements.centre, convert.vector),
         matrix=_stated(statements.matrix, convert.matrix), density=_stated(statements.density, float),
         bom=inspection.bom_of(thing), up=inspection.up_of(thing), warnings=extra, code=code,
-        one=kind != "shape" and inspection.is_one_solid(geometry),  # a shape class of a library is not its user's
+        one=kind != "shape" and inspection.is_one_solid(geometry),  # users cannot change a shape class of a library
     )
 
 
@@ -216,7 +221,7 @@ def _made_of_file(definition: dict[str, Any], around: RequestContext) -> BuiltPa
 
 
 def _mirrored(made: BuiltPart, mirror: SolidMirror) -> BuiltPart:
-    """The mirror image. It has no order number: that of the Thing is the number of what is mirrored."""
+    """Return the mirror image. It has no order number, because `number` in the bill of materials is that of the original."""
     mounts = {name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in made.mounts.items()}
     stays = all(mirror.keeps(mount.pose) for mount in made.mounts.values())
     return replace(
@@ -245,7 +250,7 @@ def _shapes(geometry: Any, name: str) -> tuple[Any, ...]:
 
 
 def _rounded(shape: TopoDS_Shape) -> TopoDS_Shape:
-    """The shape, its corners rounded to `DECIMALS`."""
+    """Round the corners of a shape to `DECIMALS` and return the shape."""
     from OCP.BRep import BRep_Builder, BRep_Tool
     from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
     from OCP.gp import gp_Pnt
@@ -294,7 +299,7 @@ def _color(stated: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[P
 
 
 def _record(text: str, made: BuiltPart, tessellations: Tessellations, store: Store) -> PartRecord:
-    """Measure and mesh the solids of a part and put the files into the store."""
+    """Measure and mesh the solids of a part, put the files into the store and return the record."""
     measures: Measures | None = None
     meshes: dict[str, Mesh] = {}
     fits = {}
@@ -305,7 +310,7 @@ def _record(text: str, made: BuiltPart, tessellations: Tessellations, store: Sto
         measures = measure(solid)
         if not measures.volume > NOTHING:
             raise NoPart("empty", f"it holds {measures.volume:.3g} mm^3")
-        brep = store.put(written_brep(solid))  # before meshing, which would leave its triangles in it
+        brep = store.put(written_brep(solid))  # before meshing, which would add triangles to it
         solids = _meshes(solid, tessellations.fine)
         mesh = meshing.together(solids)
         metres = mesh.scaled(1.0 / convert.MM)
@@ -345,7 +350,7 @@ def _record(text: str, made: BuiltPart, tessellations: Tessellations, store: Sto
 
 
 def _apart(solid: TopoDS_Shape) -> tuple[float, ...]:
-    """The volumes [m^3] of the bodies of a part, the largest first; empty where all of it hangs together."""
+    """Return the volumes [m^3] of the bodies of a part, the largest first; empty if all of it is connected."""
     solids = solids_of(solid)
     bodies = bodies_of(solids) if len(solids) > 1 else []
     if len(bodies) < 2:
@@ -354,7 +359,7 @@ def _apart(solid: TopoDS_Shape) -> tuple[float, ...]:
 
 
 def _off(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning, ...]:
-    """A warning where a mesh for simulators is far from the one that it was made of; both in metres."""
+    """Return a warning if a simplified mesh is far from the original; both in metres."""
     away, size = deviation(mesh, fewer), float(np.ptp(mesh.vertices, axis=0).max())
     if away <= DEVIATION * size:
         return ()
@@ -363,7 +368,9 @@ def _off(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning
 
 
 def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWarning, ...]:
-    """A warning where solids of a part overlap: integrals are sums over solids. What a thread bites into its hole is no overlap."""
+    """Return a warning if solids of a part overlap, because integrals are sums over solids. The overlap of a thread and its hole is
+    tolerated.
+    """
     common, whole = meshing.counted_twice(solids) if len(solids) > 1 else 0.0, math.fsum(mesh.volume for mesh in solids)
     if common <= max(OVERLAP * whole, 1.0):
         return ()
@@ -373,8 +380,10 @@ def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWa
 
 
 def solid_part(made: BuiltPart) -> TopoDS_Shape:
-    """The solids of a part: one by itself, several as a compound; none of them with a location of its own (in a STEP file
-    that would be one more assembly around each). Raises `NoPart` where there are none."""
+    """Return the solids of a part: a single one, or several as a compound. Raises `NoPart` if there are none.
+
+    They have no location of their own, which would add an assembly around each in a STEP file.
+    """
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
 
@@ -392,7 +401,7 @@ def solid_part(made: BuiltPart) -> TopoDS_Shape:
 
 
 def _at_origin(solid: TopoDS_Shape) -> TopoDS_Shape:
-    """The same solid with its location worked into its geometry."""
+    """Return the same solid with its location applied to its geometry."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
     from OCP.TopLoc import TopLoc_Location
 
@@ -403,7 +412,7 @@ def _at_origin(solid: TopoDS_Shape) -> TopoDS_Shape:
 
 
 def _instead(shapes: Sequence[TopoDS_Shape]) -> str:
-    """What there is in shapes without a solid, in words."""
+    """Describe what shapes without a solid contain."""
     from OCP.TopAbs import TopAbs_ShapeEnum
 
     kind = TopAbs_ShapeEnum
@@ -415,7 +424,7 @@ def _instead(shapes: Sequence[TopoDS_Shape]) -> str:
 
 
 def written_brep(shape: TopoDS_Shape) -> bytes:
-    """A shape in the kernel's binary format, without triangles."""
+    """Return a shape in the kernel's binary format, without triangles."""
     from OCP.BinTools import BinTools, BinTools_FormatVersion
 
     stream = io.BytesIO()
@@ -428,7 +437,7 @@ def _triangles(shape: TopoDS_Shape, tessellation: Tessellation) -> meshing.Trian
 
 
 def _meshes(shape: TopoDS_Shape, tessellation: Tessellation) -> list[meshing.Triangles]:
-    """Of each solid by itself, so that two solids that touch do not share an edge; turned outwards."""
+    """Return the mesh of each solid, with outward faces. Solids are meshed separately, so that two that touch share no edge."""
     return [_triangles(solid, tessellation).outward() for solid in solids_of(shape)]
 
 
@@ -460,6 +469,6 @@ def _stored(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
 
 
 def stored_obj(mesh: meshing.Triangles, store: Store) -> Mesh:
-    """Put a mesh into the store as an OBJ file, in the unit it has."""
+    """Put a mesh into the store as an OBJ file, in its own unit."""
     rounded = meshing.in_single(mesh)
     return _stored(rounded, meshing.obj(rounded), store)

@@ -1,4 +1,4 @@
-"""Between the units of part code (mm, degrees) and those of records (SI). The only module that does it."""
+"""Conversion between the units of part code (mm, degrees) and those of records (SI). No other module converts them."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _UNITS = {"length": "mm", "angle": "deg"}
 
 
 def to_si(kind: str, value: Any) -> Value:
-    """A parameter's value as part code has it, in SI; `kind` as in `ParameterSchema`.
+    """Return a parameter's value in SI units from a value in part code; `kind` as in `ParameterSchema`.
 
-    Rounded exactly as the same text in a document is, so that a default and the same value written are equal.
+    It is rounded exactly as the same text in a document, so that a default equals the same value in a document.
     """
     if value is None or kind not in _UNITS or isinstance(value, bool):
         return value  # type: ignore[no-any-return]
@@ -32,7 +32,7 @@ def to_si(kind: str, value: Any) -> Value:
 
 
 def to_author(kind: str, value: Value) -> Value:
-    """A canonical SI value in the units of part code, to 15 digits: 0.042000000000000003 m is 42 mm."""
+    """Return a canonical SI value in the units of part code, to 15 digits: 0.042000000000000003 m is 42 mm."""
     if isinstance(value, (bool, str)):
         return value
     if kind == "length":
@@ -43,42 +43,42 @@ def to_author(kind: str, value: Value) -> Value:
 
 
 def length(value: float) -> float:
-    """[mm] to [m]."""
+    """Convert [mm] to [m]."""
     return float(value) / MM
 
 
 def vector(value: Sequence[float]) -> Vector:
-    """[mm] to [m], three numbers."""
+    """Convert three numbers from [mm] to [m]."""
     x, y, z = value
     return (float(x) / MM + 0.0, float(y) / MM + 0.0, float(z) / MM + 0.0)
 
 
 def volume(value: float) -> float:
-    """[mm^3] to [m^3]."""
+    """Convert [mm^3] to [m^3]."""
     return float(value) / 1e9
 
 
 def area(value: float) -> float:
-    """[mm^2] to [m^2]."""
+    """Convert [mm^2] to [m^2]."""
     return float(value) / 1e6
 
 
 def unit_inertia(rows: Sequence[Sequence[float]]) -> Matrix:
-    """[mm^5] to [m^5], 3 x 3."""
+    """Convert a 3 x 3 matrix from [mm^5] to [m^5]."""
     a, b, c = (tuple(float(entry) / 1e15 + 0.0 for entry in row) for row in rows)
     return (a, b, c)  # type: ignore[return-value]
 
 
 def matrix(rows: Sequence[Sequence[float]]) -> Matrix:
-    """3 x 3 numbers as a matrix, in the unit they have."""
+    """Return 3 x 3 numbers as a matrix, in the same unit."""
     a, b, c = (tuple(float(entry) for entry in row) for row in rows)
     return (a, b, c)  # type: ignore[return-value]
 
 
 def pose(transformation: gp_Trsf) -> Pose:
-    """A kernel transformation (translation in mm) as a pose in metres.
+    """Return a kernel transformation (translation in mm) as a pose in metres.
 
-    The rotation is cleaned of the kernel's rounding: entries within 1e-15 of 0, 1 or -1 become those.
+    The rotation is cleaned of the kernel's rounding: entries within 1e-15 of 0, 1 or -1 become exact.
     """
     rows = [[_clean(transformation.Value(i, j)) for j in (1, 2, 3)] for i in (1, 2, 3)]
     x, y, z = (transformation.Value(i, 4) for i in (1, 2, 3))
@@ -91,7 +91,7 @@ def _clean(entry: float) -> float:
 
 
 def transformation(placement: Pose) -> gp_Trsf:
-    """A pose in metres as a kernel transformation (translation in mm): the inverse of `pose`."""
+    """Return a pose in metres as a kernel transformation (translation in mm), the inverse of `pose`."""
     from OCP.gp import gp_Trsf
 
     r = placement.rotation

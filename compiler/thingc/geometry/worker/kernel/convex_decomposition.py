@@ -14,20 +14,20 @@ from thingc.geometry.worker.kernel.meshing import Triangles, without_slivers
 from thingc.geometry.worker.kernel.part_files import surfaces
 
 CONVEX = 1e-4
-"""A surface whose hull encloses no more than this much more is convex, and a piece as it is."""
+"""A surface whose hull has at most this relative excess of volume counts as convex and becomes one piece."""
 
 
 def decompose(sha256: str, store: Store) -> list[Any]:
-    """Convex pieces of a mesh in the store by CoACD, in its unit, the same every time.
+    """Return convex pieces of a mesh in the store by CoACD, in its unit, as JSON. The result is deterministic.
 
-    Surfaces that do not touch are decomposed one by one.
+    Surfaces that do not touch are decomposed separately.
     """
     mesh = Triangles(*arrays(store.read(sha256)))
     pieces: list[Triangles] = []
     for members in surfaces(mesh):
         body = without_slivers(mesh.vertices, mesh.faces[members])
         whole = meshing.hull(body.vertices)
-        if whole is None or body.volume < 0.0:  # flat, or a void in the body around it
+        if whole is None or body.volume < 0.0:  # flat, or a void inside a body
             pieces = []
             break
         pieces.extend([whole] if whole.volume - body.volume <= CONVEX * whole.volume else _by_coacd(body))
@@ -35,7 +35,9 @@ def decompose(sha256: str, store: Store) -> list[Any]:
 
 
 def _by_coacd(mesh: Triangles) -> list[Triangles]:
-    """Wei et al., "Approximate convex decomposition for 3D meshes with collision-aware concavity and tree search", 2022."""
+    """Decompose a mesh by Wei et al., "Approximate convex decomposition for 3D meshes with collision-aware concavity and tree search",
+    2022.
+    """
     import coacd
 
     coacd.set_log_level("off")

@@ -37,10 +37,10 @@ if TYPE_CHECKING:
 ACCURACY = 1e-12
 """Relative error of the volume at which the kernel's adaptive integration stops."""
 AGREEMENT = 1e-9
-"""How close plain and adaptive integration must be for the plain one to count."""
+"""Relative difference of plain and adaptive integration up to which the plain result is used."""
 _ROUND = frozenset({GeomAbs_Cylinder, GeomAbs_Cone, GeomAbs_Sphere, GeomAbs_Torus})
 _ALONG = 1e-12
-"""How far a direction may be off one of the parameters of a surface to be along it."""
+"""Largest component of a direction across a surface parameter with which it counts as parallel to the parameter."""
 
 
 class Measures(FrozenStruct):
@@ -54,7 +54,7 @@ class Measures(FrozenStruct):
 
 
 def explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
-    """What a shape is made of, of one kind (`TopAbs_FACE`), in its own order; what two share comes twice."""
+    """Yield the subshapes of one kind (`TopAbs_FACE`), in the order of the shape. A shared one is yielded twice."""
     explorer = TopExp_Explorer(shape, kind)
     while explorer.More():
         yield explorer.Current()
@@ -62,16 +62,16 @@ def explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
 
 
 def solids_of(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
-    """The solids in a shape, in its own order."""
+    """Return the solids in a shape, in its own order."""
     return list(explored(shape, TopAbs_SOLID))
 
 
 TOUCHING = 1e-6
-"""A distance [mm] at which two solids still touch."""
+"""Distance [mm] up to which two solids touch."""
 
 
 def bodies_of(solids: Sequence[TopoDS_Shape]) -> list[list[TopoDS_Shape]]:
-    """Solids by what hangs together: two are of one body where they touch, or are of one with a third."""
+    """Group solids into bodies: two solids that touch, directly or through others, are in the same body."""
     boxes = [bounding_box(solid) for solid in solids]
     waiting = list(range(len(solids)))
     bodies: list[list[TopoDS_Shape]] = []
@@ -91,12 +91,12 @@ def _boxes_touch(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> bo
 
 
 def measure(shape: TopoDS_Shape) -> Measures:
-    """Integrals over the solids of a shape (GProp of OCCT: Gauss quadrature on the faces).
+    """Return integrals over the solids of a shape (GProp of OCCT: Gauss quadrature on the faces).
 
-    Of fixed order it is exact to rounding on whole faces of simple surfaces, but errs by 1e-5 on a cylinder with a cross
-    hole; adaptive it stops when the volume is good, and leaves 1e-11 in the inertia of a plain cylinder. So both are
-    computed, and the first counts where they agree. On planes within lines and circles, and on round surfaces within their own lines
-    (u or v constant), the first is always exact, and the second takes fifty times as long: it is left out.
+    Fixed-order integration is exact to rounding on whole faces of simple surfaces, but errs by 1e-5 on a cylinder with a cross hole.
+    Adaptive integration stops when the volume is accurate, and leaves 1e-11 in the inertia of a plain cylinder. So both are computed, and
+    the first is used if they agree. On planes bounded by lines and circles, and on round surfaces bounded by parameter lines (u or v
+    constant), fixed-order integration is always exact; adaptive integration, which takes fifty times as long, is skipped.
     """
     box = bounding_box(shape)
     apex = gp_Pnt(*((low + high) / 2.0 for low, high in zip(*box, strict=True)))
@@ -122,8 +122,10 @@ def measure(shape: TopoDS_Shape) -> Measures:
 
 
 def integrals(solid: TopoDS_Shape, apex: gp_Pnt) -> tuple[GProp_GProps, GProp_GProps]:
-    """Of the matter of a solid, whichever way its faces look, and of its surface. `apex` is any point near it: moments are summed
-    about it, because about an origin that is far away they would lose their digits."""
+    """Return integrals over the volume of a solid, in either orientation of its faces, and over its surface.
+
+    `apex` is any point near it. Moments are summed about it, because they would lose digits about a distant origin.
+    """
     skin = _skin(solid)
     matter = _better(BRepGProp_Vinert, skin.flat, skin.extruded + skin.rest, apex)
     if matter.Mass() < 0.0:
@@ -133,12 +135,15 @@ def integrals(solid: TopoDS_Shape, apex: gp_Pnt) -> tuple[GProp_GProps, GProp_GP
 
 
 _Faces: TypeAlias = "tuple[tuple[TopoDS_Face, bool], ...]"
-"""Faces, and of each whether plain integration is exact on it."""
+"""Faces, each with whether plain integration is exact on it."""
 
 
 class _Skin(FrozenStruct):
-    """The faces of a solid: `flat` ones, planes within lines and circles; `extruded` curves, whose adaptive area the kernel gets wrong
-    (by 0.4 % for an ellipse of 8 by 4; the plain one by 3e-5); and the `rest`."""
+    """The faces of a solid.
+
+    `flat` are planes bounded by lines and circles. `extruded` are extruded curves, on which the kernel's adaptive area is wrong (by 0.4 %
+    for an ellipse of 8 by 4; the plain one by 3e-5). `rest` are all others.
+    """
 
     flat: _Faces
     extruded: _Faces
@@ -162,7 +167,7 @@ def _skin(solid: TopoDS_Shape) -> _Skin:
 
 
 def _within_lines_and_circles(face: TopoDS_Face) -> bool:
-    simple = (GeomAbs_Line, GeomAbs_Circle)  # of the curve on the face: it is what is integrated along
+    simple = (GeomAbs_Line, GeomAbs_Circle)  # of the curve on the face, along which the kernel integrates
     return all(BRepAdaptor_Curve2d(TopoDS.Edge(edge), face).GetType() in simple for edge in explored(face, TopAbs_EDGE))
 
 
@@ -176,13 +181,15 @@ def _within_own_lines(face: TopoDS_Face) -> bool:
 
 
 def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp_GProps:
-    """Over faces, as `BRepGProp` goes through those of a shape, with an accuracy where plain integration is not exact. `kind` is its class
-    for one face: of a volume or of a surface. What lies between a face and the `apex` is its part of a volume."""
+    """Return an integral over faces, as `BRepGProp` computes it for a shape; `accuracy` applies where plain integration is not exact.
+
+    `kind` is the class that integrates one face: of a volume or of a surface. The volume of a face is that between the face and the `apex`.
+    """
     total = GProp_GProps(apex)
     for face, exact in faces:
         part = kind()
         part.SetLocation(apex)
-        if face.NbChildren() == 0:  # a whole closed surface has no boundary
+        if face.NbChildren() == 0:  # a closed surface has no boundary
             part.Perform(BRepGProp_Face(face), *(() if exact else accuracy))
         else:
             part.Perform(BRepGProp_Face(face), BRepGProp_Domain(face), *(() if exact else accuracy))
@@ -191,7 +198,7 @@ def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp
 
 
 def _better(kind: Any, once: _Faces, twice: _Faces, apex: gp_Pnt) -> GProp_GProps:
-    """The plain integral where it agrees with the one that is adaptive on the faces of `twice`, else the latter."""
+    """Return the plain integral if it agrees with the one that is adaptive on the faces of `twice`, else the latter."""
     sure = _integral(kind, once, apex)
     plain = GProp_GProps(apex)
     plain.Add(sure)
@@ -212,20 +219,19 @@ def _numbers(properties: GProp_GProps) -> list[float]:
 
 
 def _clean(value: float, size: float) -> float:
-    """Zero for what is rounding: 1e-14 of the part's size."""
+    """Return zero for a rounding error: up to 1e-14 of the part's size."""
     return 0.0 if abs(value) <= 1e-14 * size else value
 
 
 def extent(shape: TopoDS_Shape) -> float:
-    """How far [mm] it is across a shape, about: the diagonal of a box around it that need not be tight. To find the tight one takes
-    far longer."""
+    """Return an approximate size [mm] of a shape: the diagonal of a box around it that may be too large. The tight box takes far longer."""
     box = Bnd_Box()
     BRepBndLib.Add_s(shape, box, False)
     return math.sqrt(box.SquareExtent())
 
 
 def bounding_box(shape: TopoDS_Shape) -> tuple[Vector, Vector]:
-    """The tight axis-aligned box of a shape [mm]."""
+    """Return the corners of the tight axis-aligned box of a shape [mm]."""
     box = Bnd_Box()
     BRepBndLib.AddOptimal_s(shape, box, False, False)
     low, high = box.CornerMin(), box.CornerMax()

@@ -1,6 +1,6 @@
-"""Parts that are files of triangles: STL, OBJ, PLY, OFF and glTF as trimesh reads them, 3MF as its specification has it.
+"""Parts that are mesh files: STL, OBJ, PLY, OFF and glTF are read by trimesh, 3MF by this module.
 
-3MF is read here because trimesh leaves out, without a word, objects that are named and not there, and needs lxml for it.
+trimesh silently drops 3MF objects that are referenced and missing, and needs lxml.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 PLAIN = (".stl", ".obj", ".ply", ".off")
-"""Numbers without a unit."""
+"""Formats without a unit."""
 GLTF = (".glb", ".gltf")
-"""Metres, y up."""
+"""Formats in metres, with y up."""
 SUFFIXES = (*PLAIN, *GLTF, ".3mf")
 
 NEAR = 1e-6
-"""Corners that are this part of the whole size apart are one, where the surface is not closed otherwise."""
+"""Distance, relative to the whole size, up to which corners are merged if the surface is not closed."""
 
 MOST = 1_000_000
-"""Triangles of a part: the kernel needs some 3.5 kB for each."""
+"""Limit of triangles of a part: the kernel needs about 3.5 kB for each."""
 
 FARTHEST = 1e9
-"""Coordinates [mm] beyond are a slip: the kernel leaves gaps between faces of that size."""
+"""Largest coordinate [mm]. The kernel leaves gaps between faces of larger shapes, and such a coordinate is probably an error."""
 
 _UNITS_3MF = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
 _CORE_3MF = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
@@ -42,12 +42,15 @@ _BUILD = "what is built"
 
 
 class BadPartFile(ValueError):
-    """A file that makes no part, in words."""
+    """Why a file is not a part, as text."""
 
 
 def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str, ...]]:
-    """The surface in a file [mm], closed, and in words what had to be fixed; `unit` [mm] is that of the numbers in a file that
-    does not say its own. z is up: what a glTF file calls y. Raises `BadPartFile`, also if the surface stays open."""
+    """Return the closed surface in a file [mm], and descriptions of the repairs that were necessary.
+
+    `unit` [mm] is the unit of files that do not specify one. z is up; in glTF files this is y. Raises `BadPartFile`, also if the surface
+    cannot be closed.
+    """
     try:
         data = read_bounded(path, suffix, MOST)
         if suffix == ".3mf":
@@ -75,7 +78,7 @@ def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str
 
 
 def reads_with_trimesh(path: str) -> bool:
-    """Whether a file is one of those that trimesh reads, which takes long to import."""
+    """Whether trimesh reads a file. It takes long to import."""
     return path.lower().endswith((*PLAIN, *GLTF))
 
 
@@ -90,7 +93,7 @@ def _from_trimesh(path: str, suffix: str, data: bytes) -> Triangles:
 
 
 def _welded(corners: NDArray[np.float64]) -> Triangles:
-    """Three corners (rows) for each triangle; equal ones are one vertex."""
+    """Merge equal corners (rows, three for each triangle) into vertices."""
     unique, inverse = np.unique(corners + 0.0, axis=0, return_inverse=True)
     return without_slivers(unique, np.asarray(inverse).reshape(-1, 3).astype(np.int64))
 
@@ -101,12 +104,15 @@ def _finite(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     return rows
 
 
-# --- surfaces that are not closed, or stand there twice --------------------------------------------------------------
+# --- surfaces that are open or duplicated ----------------------------------------------------------------------------
 
 
 def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
-    """The mesh with every triangle once, and what was left out: a surface that stands there twice is closed, and has twice the volume.
-    Two that look opposite ways are where two bodies touch, and stay, unless all do: then it is one surface with two sides."""
+    """Remove duplicate triangles. Return the mesh and descriptions of what was removed.
+
+    A duplicated surface is closed, but has twice the volume. Two triangles with opposite orientation are between bodies that touch and
+    remain, unless all triangles are such pairs: then the mesh is one surface with two sides.
+    """
     mended: list[str] = []
     turns = (np.argmin(mesh.faces, axis=1)[:, None] + np.arange(3)) % 3
     _, first = np.unique(np.take_along_axis(mesh.faces, turns, axis=1), axis=0, return_index=True)
@@ -121,7 +127,7 @@ def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
 
 
 def _closed(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
-    """The mesh, and what was mended until its surface was closed: by trimesh, one thing after the other."""
+    """Return the mesh and descriptions of the repairs by trimesh until its surface was closed. Raises `BadPartFile` if it stays open."""
     import trimesh
 
     first = open_edges(mesh)
@@ -158,7 +164,7 @@ def _of(mesh: Any) -> Triangles:
 
 
 def open_edges(mesh: Triangles) -> int:
-    """How many edges no triangle runs through the other way."""
+    """Return the number of edges without another triangle in the opposite direction."""
     count = len(mesh.vertices)
     a, b = mesh.faces.ravel(), mesh.faces[:, (1, 2, 0)].ravel()
     one_way, counts = np.unique(a * count + b, return_counts=True)
@@ -171,7 +177,7 @@ def open_edges(mesh: Triangles) -> int:
 
 
 class _Object3mf:
-    """An object of a 3MF file: coordinates, vertex numbers of triangles, and the objects in it with their transforms."""
+    """An object of a 3MF file: coordinates, vertex numbers of triangles, and its component objects with their transforms."""
 
     def __init__(self) -> None:
         self.points, self.faces = array("d"), array("q")
@@ -201,7 +207,7 @@ def _from_3mf(data: bytes) -> Triangles:
 
 
 def _read_3mf(model: bytes) -> tuple[str, dict[str, _Object3mf]]:
-    """The unit of a model, and its objects by their numbers; what is built is another, `_BUILD`."""
+    """Return the unit of a model and its objects by id. `_BUILD` is an additional object with the items to build."""
     unit, last = "millimeter", _Object3mf()
     objects: dict[str, _Object3mf] = {_BUILD: last}
 
@@ -226,7 +232,7 @@ def _read_3mf(model: bytes) -> tuple[str, dict[str, _Object3mf]]:
 
 
 def _placed_3mf(objects: Mapping[str, _Object3mf], name: str, transform: NDArray[np.float64]) -> list[Triangles]:
-    """The surfaces in an object, those in its components included, where a transform puts them."""
+    """Return the surfaces in an object and its components, transformed."""
     item, surfaces = objects[name], list[Triangles]()
     points, faces = np.array(item.points).reshape(-1, 3), np.array(item.faces, dtype=np.int64).reshape(-1, 3)
     if faces.size and (faces.min() < 0 or faces.max() >= len(points)):
@@ -243,5 +249,5 @@ def _placed_3mf(objects: Mapping[str, _Object3mf], name: str, transform: NDArray
 
 
 def _affine(text: str | None) -> NDArray[np.float64]:
-    """A 3MF transform: 4 x 3, points are rows on its left."""
+    """Return a 3MF transform as a 4 x 3 matrix, to be multiplied from the left by points as rows."""
     return _finite(np.array((text or "1 0 0 0 1 0 0 0 1 0 0 0").split(), dtype=np.float64).reshape(4, 3))

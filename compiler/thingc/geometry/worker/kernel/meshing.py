@@ -1,4 +1,4 @@
-"""Triangles, and the files that are made of them."""
+"""Triangle meshes, and the files written from them."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 class Triangles(FrozenStruct, kw_only=False):
-    """Vertices (n x 3, double) and triangles (m x 3 indices), counter-clockwise seen from outside."""
+    """Vertices `(n, 3)` and triangles `(m, 3)` of indices, counter-clockwise seen from outside."""
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
 
     @property
     def closed(self) -> bool:
-        """Whether every edge is run through as often one way as the other: a surface without border, turned one way."""
+        """Whether every edge is used equally often in both directions: a surface without border and with consistent orientation."""
         if len(self.faces) == 0:
             return False
         a = self.faces.ravel()
@@ -33,7 +33,7 @@ class Triangles(FrozenStruct, kw_only=False):
 
     @property
     def volume(self) -> float:
-        """The volume enclosed, by the divergence theorem; negative when the triangles look inwards."""
+        """The enclosed volume, by the divergence theorem; negative if the triangles face inwards."""
         if len(self.faces) == 0:
             return 0.0
         middle = self.vertices.mean(axis=0)
@@ -42,23 +42,23 @@ class Triangles(FrozenStruct, kw_only=False):
 
     @property
     def flat(self) -> bool:
-        """Whether it encloses nothing to speak of: less than 1e-9 of the cube on its diagonal."""
+        """Whether the enclosed volume is negligible: less than 1e-9 of the cube of its diagonal."""
         if len(self.vertices) == 0:
             return True
         diagonal = float(np.linalg.norm(self.vertices.max(axis=0) - self.vertices.min(axis=0)))
         return abs(self.volume) <= 1e-9 * diagonal**3
 
     def scaled(self, factor: float) -> Triangles:
-        """In another unit."""
+        """Return the mesh in another unit."""
         return Triangles(self.vertices * factor, self.faces)
 
     def outward(self) -> Triangles:
-        """Turned so that the volume is positive."""
+        """Return the mesh with an orientation that makes the volume positive."""
         return self if self.volume >= 0.0 else Triangles(self.vertices, self.faces[:, ::-1])
 
 
 def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Triangles:
-    """Without triangles that name a vertex twice, and without vertices that no triangle names."""
+    """Remove triangles that use a vertex twice, and unused vertices."""
     whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     faces = faces[whole]
     used = np.zeros(len(vertices), dtype=bool)
@@ -67,7 +67,7 @@ def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> 
 
 
 def together(meshes: list[Triangles]) -> Triangles:
-    """Several meshes as one, side by side."""
+    """Return several meshes as one."""
     if len(meshes) == 1:
         return meshes[0]
     offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
@@ -80,7 +80,7 @@ def together(meshes: list[Triangles]) -> Triangles:
 
 
 def counted_twice(meshes: Sequence[Triangles]) -> float:
-    """By how much the volumes of these closed meshes come to more than that of their union (manifold3d)."""
+    """Return the difference between the sum of the volumes of closed meshes and the volume of their union (manifold3d)."""
     from manifold3d import Manifold, Mesh64, OpType
 
     solids = [Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces, dtype=np.uint64))) for mesh in meshes]
@@ -88,7 +88,7 @@ def counted_twice(meshes: Sequence[Triangles]) -> float:
 
 
 def hull(points: NDArray[np.float64]) -> Triangles | None:
-    """The convex hull of points (manifold3d), or None where they lie in a plane."""
+    """Return the convex hull of points (manifold3d), or None if they are in a plane."""
     from manifold3d import Manifold
 
     mesh = Manifold.hull_points(np.ascontiguousarray(points, dtype=np.float64)).to_mesh64()
@@ -106,14 +106,16 @@ _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u
 
 
 def in_single(mesh: Triangles) -> Triangles:
-    """With vertices as 32-bit numbers leave them, which STL files hold and simulators keep: those that become equal are one."""
+    """Round the vertices to 32-bit floats, as in STL files and simulators, and merge those that become equal."""
     single = mesh.vertices.astype(np.float32).astype(np.float64) + 0.0
     firsts, numbers = _once(single)
     return without_slivers(single, firsts[numbers][mesh.faces])
 
 
 def _once(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Where each of the points (n x 3) that differ stands first, in the order of x, y, z; and for each point which of them it is (n,)."""
+    """Return the indices of the first of each set of equal points `(n, 3)`, sorted by x, y, z, and the number of the set of each point
+    `(n,)`.
+    """
     order = np.lexsort(points.T[::-1])  # stable: of equal points the first one comes first
     begins = np.ones(len(order), dtype=bool)
     begins[1:] = (points[order[1:]] != points[order[:-1]]).any(axis=1)
@@ -123,7 +125,7 @@ def _once(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.in
 
 
 def stl(mesh: Triangles) -> bytes:
-    """A binary STL file; the header says nothing that changes."""
+    """Return a binary STL file. Its header is constant."""
     corners = mesh.vertices[mesh.faces].astype("<f4")
     wide = corners.astype(np.float64)
     normals = np.cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0])
@@ -136,14 +138,14 @@ def stl(mesh: Triangles) -> bytes:
 
 
 def obj(mesh: Triangles) -> bytes:
-    """A Wavefront OBJ file: vertices to 9 digits, triangles, no normals."""
+    """Return a Wavefront OBJ file: vertices to 9 digits, triangles, no normals."""
     vertices = ("v %.9g %.9g %.9g\n" * len(mesh.vertices)) % tuple((mesh.vertices + 0.0).ravel().tolist())
     faces = ("f %d %d %d\n" * len(mesh.faces)) % tuple((mesh.faces + 1).ravel().tolist())
     return (vertices + faces).encode()
 
 
 def read_stl(data: bytes) -> Triangles:
-    """A binary STL file, equal vertices joined: the inverse of `stl`."""
+    """Read a binary STL file, with equal vertices merged: the inverse of `stl`."""
     count = int.from_bytes(data[80:84], "little")
     records = np.frombuffer(data, dtype=_STL, count=count, offset=84)
     corners = records["corners"].astype(np.float64).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Mirror images of parts: in a child of the worker. Lengths in mm, but for those of poses."""
+"""Mirror images of parts, made in a child of the worker. Lengths are in mm, except those of poses."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
 SAME = 1e-4
-"""How far the integrals of two faces that are mirror images may lie apart, relative to the area of a face and the size of the part:
-plain integration errs by 1e-5 on a cylinder with a cross hole."""
+"""Tolerance for the integrals of two faces that are mirror images, relative to the area of a face and the size of the part: plain
+integration errs by 1e-5 on a cylinder with a cross hole.
+"""
 SAME_PLACE = 1e-9
-"""How far a mount may move [m], or its z turn [rad], and still be where it was."""
+"""Tolerance for the place [m] and the z axis [rad] of a mount that is its own image."""
 
 
 class SolidMirror(Mirror):
-    """A mirror that also knows solids."""
+    """A mirror that also applies to solids."""
 
     def keeps(self, pose: Pose) -> bool:
-        """Whether the image of a mount is at the same place and looks the same way."""
+        """Whether the image of a mount has the same place and the same z."""
         image = self.mount(pose)
         return dist(image.translation, pose.translation) <= SAME_PLACE and all(
             abs(new[2] - old[2]) <= SAME_PLACE for new, old in zip(image.rotation, pose.rotation, strict=True)
         )
 
     def shape(self, shape: TopoDS_Shape) -> TopoDS_Shape:
-        """The image of a shape."""
+        """Return the image of a shape."""
         from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
         from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
 
@@ -41,8 +42,10 @@ class SolidMirror(Mirror):
         return BRepBuilderAPI_Transform(shape, reflection, True).Shape()
 
     def is_image_of_itself(self, solid: TopoDS_Shape) -> bool:
-        """Whether a solid is unchanged: each face has an image of its area, centroid and second moments among the faces. A thread
-        has not: its faces wind the other way, which the products of moments tell."""
+        """Whether a solid is its own mirror image: the image of each face has the area, centroid and second moments of some face.
+
+        A thread is not: its faces wind the other way, which changes the products of moments.
+        """
         size = extent(solid)
         faces = _integrals(solid, size)
         x, y, z = self.signs
@@ -57,8 +60,10 @@ class SolidMirror(Mirror):
 
 
 def _integrals(solid: TopoDS_Shape, size: float) -> NDArray[np.float64]:
-    """Of each face, in units of the part's size: area, first moments (3) and second moments (xx, yy, zz, xy, xz, yz) about the origin;
-    (faces, 10)."""
+    """Return the integrals of each face about the origin, in units of the part's size: `(faces, 10)`.
+
+    The columns are the area, three first moments and six second moments (xx, yy, zz, xy, xz, yz).
+    """
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
     from OCP.TopAbs import TopAbs_FACE

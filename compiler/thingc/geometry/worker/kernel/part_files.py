@@ -1,5 +1,4 @@
-"""Parts that are files: STEP and BREP as they are, meshes as solids of flat facets. Lengths in mm. And colours
-of parts."""
+"""Parts that are files: STEP and BREP as they are, meshes as solids with flat facets. Lengths are in mm. Also colours of parts."""
 
 from __future__ import annotations
 
@@ -17,8 +16,10 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
 def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tuple[str, ...]]:
-    """The shapes in a file, their colours (`#rrggbb`), and what had to be repaired, in words. `unit` [mm] is that of the numbers in a
-    file that does not state its own. Raises `BadPartFile`."""
+    """Return the shapes in a file, their colours (`#rrggbb`), and descriptions of repairs.
+
+    `unit` [mm] is the unit of a file that does not specify one. Raises `BadPartFile`.
+    """
     suffix = os.path.splitext(path)[1].lower()
     if suffix in (".step", ".stp"):
         return (*_from_step(path), ())
@@ -31,17 +32,17 @@ def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tup
 
 
 def unusable(fault: BaseException) -> BadPartFile:
-    """The reason for a file of which the kernel reads something, and then fails."""
+    """Return the reason for a file from which the kernel reads something and then fails."""
     reason = BadPartFile("the file is damaged, or holds a shape that the CAD kernel cannot use")
     reason.__cause__ = fault
     return reason
 
 
 def kernel_shape(shape: Any) -> TopoDS_Shape | None:
-    """The kernel's shape in a build123d shape, or None where it is empty."""
+    """Return the kernel's shape in a build123d shape, or None if it is empty."""
     try:
         wrapped: TopoDS_Shape | None = shape.wrapped
-    except (AssertionError, AttributeError, ValueError):  # what build123d does of an empty shape
+    except (AssertionError, AttributeError, ValueError):  # raised by build123d for an empty shape
         return None
     return None if wrapped is None or wrapped.IsNull() else wrapped
 
@@ -64,7 +65,7 @@ def _from_brep(path: str) -> TopoDS_Shape:
 
     with open(path, "rb") as stream:
         stream.seek(max(0, os.path.getsize(path) - 100))
-        if re.search(rb"[+-]\d+ \d+\s*$", stream.read(100)) is None:  # the last line names the whole: without it the kernel reads for ever
+        if re.search(rb"[+-]\d+ \d+\s*$", stream.read(100)) is None:  # last line: the whole shape; without it the kernel never returns
             raise BadPartFile("the file is cut off, or is not BREP")
     try:
         shape = kernel_shape(import_brep(path))
@@ -90,7 +91,7 @@ def _scaled(shape: TopoDS_Shape, factor: float) -> TopoDS_Shape:
 
 
 def solids_from(mesh: Triangles) -> list[TopoDS_Shape]:
-    """Solids with a flat face per triangle of a closed surface. Each piece of it is a body, or a void in the body around it."""
+    """Return solids with a flat face for each triangle of a closed surface. Each connected piece is a body, or a void inside a body."""
     pieces = [Triangles(mesh.vertices, mesh.faces[members]) for members in surfaces(mesh)]
     pieces = [without_slivers(piece.vertices, piece.faces) for piece in pieces]
     pieces.sort(key=lambda piece: -abs(piece.volume))
@@ -105,7 +106,7 @@ def solids_from(mesh: Triangles) -> list[TopoDS_Shape]:
 
 
 def surfaces(mesh: Triangles) -> list[NDArray[np.int64]]:
-    """The faces of each connected surface."""
+    """Return the indices of the faces of each connected surface."""
     parent = list(range(len(mesh.vertices)))
 
     def root(index: int) -> int:
@@ -169,13 +170,13 @@ def _shell(mesh: Triangles) -> TopoDS_Shape:
 
 
 def hexadecimal(color: Any) -> str:
-    """A build123d `Color` as `#rrggbb` (sRGB; what it is transparent is left out)."""
+    """Return a build123d `Color` as `#rrggbb` (sRGB), without its transparency."""
     red, green, blue, *_ = tuple(color)
     return "#" + "".join(f"{min(255, max(0, round(255 * channel))):02x}" for channel in (red, green, blue))
 
 
 def named(text: str) -> str:
-    """A CSS name or `#rrggbb` as `#rrggbb`. Raises `ValueError` for what is no colour."""
+    """Return a CSS name or `#rrggbb` as `#rrggbb`. Raises `ValueError` if it is not a colour."""
     from build123d import Color
 
     return hexadecimal(Color(text))

@@ -1,9 +1,9 @@
-"""Solids that are exactly a box, a cylinder, a capsule or a sphere, told by the surfaces of their B-rep.
+"""Recognise solids that are exactly a box, a cylinder, a capsule or a sphere, by the surfaces of their B-rep.
 
-Faces are not counted, because the kernel cuts them as it likes (a cylinder has one side or two). What counts are the surfaces
-that they lie on: three square pairs of planes enclose one bounded region, a box; a cylinder and two planes across its axis
-enclose one, too, and so does a sphere. The regions that a cylinder and two spheres of its radius on its axis enclose make up a
-capsule. A solid of the same volume and area as the primitive fills it.
+The number of faces does not matter, because the kernel may split them (the side of a cylinder is one face or two). What matters are their
+surfaces. Three perpendicular pairs of planes enclose one bounded region, a box. A cylinder and two planes across its axis enclose one, too,
+and so does a sphere. The regions that a cylinder and two spheres of its radius on its axis enclose make up a capsule. A solid with the same
+volume and area as the primitive fills it.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
 SAME = 1e-7
-"""Directions [rad] and, by the size of the solid, lengths that differ by no more are the same."""
+"""Tolerance for directions [rad], and for lengths relative to the size of the solid."""
 AGREEMENT = 1e-9
-"""How far volume and area of the solid and of the primitive may lie apart, relative."""
+"""Relative tolerance for volume and area of the solid and of the primitive."""
 ROUNDING = 1e-12
-"""Components of directions that are no larger are zero: rotated solids have them."""
+"""Components of directions up to this are zero: rotated solids have such rounding errors."""
 DECIMALS = 12
-"""How many decimals of a length [mm] are kept: those after them are rounding, and 2.5 would be 2.499999999999999."""
+"""Decimals to which lengths [mm] are rounded: 2.5 could be 2.499999999999999."""
 
 _Line = tuple[Vector, Vector]
-"""A point [mm] and a unit direction: a plane and its normal, or an axis."""
+"""A point [mm] and a unit direction: a plane with its normal, or an axis."""
 
 
 def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
-    """The primitive [m] that a solid [mm] is exactly, None where it is none.
+    """Return the primitive [m] that a solid [mm] is exactly, or None.
 
-    The pose is chosen, not the kernel's: that of a box is turned as little as can be (not at all along the axes of the part),
-    the axis of a cylinder or capsule points to +z (across it to +y, across both to +x) and is reached by the shortest turn.
+    The pose is chosen here, not by the kernel. A box has the smallest possible rotation (none if it is along the axes of the part). The
+    axis of a cylinder or capsule points to +z (across it to +y, across both to +x), with the smallest rotation.
     """
     planes: list[_Line] = []
     cylinders: list[tuple[_Line, float]] = []
@@ -80,7 +80,7 @@ def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
 
 
 def _filled(primitive: Primitive, solid: TopoDS_Shape) -> bool:
-    """Whether a solid has the volume and the area of a primitive, whichever way its faces look."""
+    """Whether a solid has the volume and the area of a primitive, in either orientation of its faces."""
     matter, surface = integrals(solid, gp_Pnt(*(coordinate * convert.MM for coordinate in primitive.pose.translation)))
     volume, area = convert.volume(matter.Mass()), convert.area(surface.Mass())
     return (
@@ -151,7 +151,7 @@ def _sphere(spheres: list[tuple[Vector, float]], size: float) -> Primitive | Non
 
 
 def _side(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, float] | None:
-    """The axis, pointing up, and the radius that all cylinders have; None where they differ."""
+    """Return the common axis of all cylinders, pointing up, and their radius; None if they differ."""
     (point, axis), radius = cylinders[0]
     for (other, direction), length in cylinders:
         if abs(length - radius) > SAME * size or not _parallel(direction, axis) or _beside(other, point, axis) > SAME * size:
@@ -161,7 +161,7 @@ def _side(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, flo
 
 
 def _two(places: Iterable[float], size: float) -> tuple[float, float] | None:
-    """The lower and the upper of places on a line, None where they are not two."""
+    """Return the lower and the upper of two places on a line; None if there are more or fewer."""
     ordered = sorted(places)
     low, high = ordered[0], ordered[-1]
     between = [place for place in ordered if place - low > SAME * size and high - place > SAME * size]
@@ -169,7 +169,7 @@ def _two(places: Iterable[float], size: float) -> tuple[float, float] | None:
 
 
 def _made(shape: PrimitiveShape, size: tuple[float, ...], rotation: Matrix, centre: Vector) -> Primitive:
-    """In metres."""
+    """Return a primitive in metres from lengths in mm."""
     x, y, z = (round(coordinate, DECIMALS) for coordinate in centre)
     return Primitive(
         shape=shape, size=tuple(convert.length(round(length, DECIMALS)) for length in size),
@@ -178,20 +178,20 @@ def _made(shape: PrimitiveShape, size: tuple[float, ...], rotation: Matrix, cent
 
 
 def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
-    """Of the 24 rotations with these axes (the rows) as columns the one with the largest trace, and which axis each column is."""
+    """Return the rotation with the largest trace whose columns are these axes (rows of `axes`, any sign), and the axis of each column."""
     rotations: list[tuple[Matrix, tuple[int, ...]]] = []
     for order in itertools.permutations(range(3)):
         for one, other in itertools.product((1.0, -1.0), repeat=2):
             x, y = _scaled(axes[order[0]], one), _scaled(axes[order[1]], other)
             rotations.append((transpose((x, y, _unit(cross(x, y)))), order))
-    # of several that are turned as little the one with the largest entries, so that rounding does not choose
+    # if several have the same trace, take the one with the largest entries, so that rounding does not decide
     return max(rotations, key=lambda one: (
         round(sum_of(one[0][k][k] for k in range(3)), 9), [round(entry, 9) for row in one[0] for entry in row]
     ))
 
 
 def _shortest_turn(axis: Vector) -> Matrix:
-    """The rotation that takes z to a unit axis (z component not negative) by the smallest angle."""
+    """Return the rotation by the smallest angle from z to a unit axis whose z component is not negative."""
     x, y, z = axis
     k = 1.0 / (1.0 + z)
     return ((1.0 - x * x * k, -x * y * k + 0.0, x), (-x * y * k + 0.0, 1.0 - y * y * k, y), (-x + 0.0, -y + 0.0, z))
@@ -202,7 +202,7 @@ def _parallel(a: Vector, b: Vector) -> bool:
 
 
 def _beside(point: Vector, origin: Vector, axis: Vector) -> float:
-    """The distance of a point from a line."""
+    """Return the distance of a point from a line."""
     return hypot(*cross(added(point, origin, -1.0), axis))
 
 
@@ -211,7 +211,7 @@ def _scaled(a: Vector, factor: float) -> Vector:
 
 
 def _unit(a: Vector) -> Vector:
-    """Of length 1, without the rounding of rotations: exactly an axis where it is one."""
+    """Return a unit vector. Rounding errors of rotations are removed, so that a coordinate axis is exact."""
     length = hypot(*a)
     x, y, z = (0.0 if abs(component) <= ROUNDING * length else component for component in a)
     return _scaled((x, y, z), 1.0 / hypot(x, y, z))

@@ -1,8 +1,8 @@
-"""Fewer triangles for simulators, of a part whose document bounds them (`faces`), and how far these are from the part's surface.
+"""Simplify meshes for simulators, for parts whose document limits the triangles (`faces`), and measure the deviation from the surface.
 
-trimesh takes edges away, the one that changes the shape least first (Garland and Heckbert, "Surface simplification using quadric error
-metrics", 1997; the package fast_simplification), which follows scans best. It tears flat regions and gives up on long thin triangles:
-manifold3d, which moves no surface by more than a tolerance, takes the flat ones away before, and does it alone where trimesh cannot.
+trimesh collapses the edges that change the shape least (Garland and Heckbert, "Surface simplification using quadric error metrics", 1997;
+the package fast_simplification), which is best for scans. It tears flat regions and stops at long thin triangles. So manifold3d, which
+moves no surface by more than a tolerance, first merges flat regions, and is used alone if trimesh fails.
 """
 
 from __future__ import annotations
@@ -18,27 +18,29 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SIZE = 100.0
-"""The longest side of what trimesh is given: what counts as cheap there depends on the size."""
+"""Longest side of the meshes passed to trimesh, whose cost of a collapse depends on the size."""
 
 FLAT = 1e-6
-"""How far, of the longest side, a surface may move where it is only rid of triangles in one plane."""
+"""Distance, relative to the longest side, by which a surface may move when only coplanar triangles are merged."""
 
 SAMPLES = 100_000
-"""Points on a surface, besides the middles of its triangles, by which the triangles around a point are found."""
+"""Number of sample points on a surface, in addition to the centres of its triangles, for finding the triangles near a point."""
 
 FEW, MANY, AGAIN = 4, 64, 4000
-"""Of those the nearest that are asked, of every point and of as many as seem farthest."""
+"""Number of nearest triangles that are tested for every point; the number for the farthest points; the number of these points."""
 
 
 def simplified(mesh: Triangles, faces: int) -> Triangles:
-    """A closed mesh with at most `faces` triangles, much like this one; of a surface in which every edge has two triangles another such
-    one. Raises `NoPart` where it does not get there."""
+    """Return a similar closed mesh with at most `faces` triangles. If every edge has two triangles, this is true of the result, too.
+
+    Raises `NoPart` if this is not possible.
+    """
     if len(mesh.faces) <= faces:
         return mesh
     scale = SIZE / float(np.ptp(mesh.vertices, axis=0).max())
     mesh = mesh.scaled(scale)
     solid = _solid(mesh)
-    whole = solid.num_tri() > 0  # else edges have four triangles, where bodies touch: manifold3d takes no such mesh
+    whole = solid.num_tri() > 0  # otherwise some edges have four triangles, where bodies touch, and manifold3d does not accept the mesh
     plain = _triangles(solid.simplify(FLAT * SIZE)) if whole else mesh
     if len(plain.faces) <= faces:
         return plain.scaled(1.0 / scale)
@@ -51,7 +53,7 @@ def simplified(mesh: Triangles, faces: int) -> Triangles:
 
 
 def deviation(one: Triangles, other: Triangles) -> float:
-    """How far the corners of either surface are from the other at most, in their unit."""
+    """Return the largest distance from the vertices of either surface to the other, in their unit."""
     return max(_farthest(one.vertices, other), _farthest(other.vertices, one))
 
 
@@ -63,7 +65,7 @@ def _by_quadrics(mesh: Triangles, faces: int) -> Triangles:
 
 
 def _by_tolerance(solid: Any, faces: int) -> Triangles:
-    """With the smallest tolerance, of those that double, that does."""
+    """Simplify with the smallest tolerance of a doubling sequence that suffices."""
     tolerance = FLAT * SIZE
     fewer = solid
     while fewer.num_tri() > faces and tolerance < SIZE:
@@ -73,7 +75,7 @@ def _by_tolerance(solid: Any, faces: int) -> Triangles:
 
 
 def _sound(mesh: Triangles, whole: bool) -> bool:
-    """Whether it encloses something, without border, and with two triangles at each edge where it shall be `whole`."""
+    """Whether a mesh encloses a volume without border and, if `whole`, has two triangles at each edge."""
     return mesh.closed and not mesh.flat and mesh.volume > 0.0 and (not whole or _solid(mesh).num_tri() == len(mesh.faces))
 
 
@@ -90,8 +92,10 @@ def _triangles(solid: Any) -> Triangles:
 
 
 def _farthest(points: NDArray[np.float64], surface: Triangles) -> float:
-    """The largest distance of points to a surface, each to the nearest of the triangles around it; those that seem farthest are asked
-    again, with more triangles."""
+    """Return the largest distance of points to a surface, measured to the nearest of a few triangles around each point.
+
+    The farthest points are measured again with more triangles.
+    """
     import trimesh
     from scipy.spatial import cKDTree
 

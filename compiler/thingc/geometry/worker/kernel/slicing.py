@@ -1,19 +1,18 @@
-"""Cuts a part into the layers that a printer lays, and adds up what is laid into each: in a child of the worker. Lengths in mm.
+"""Slice a part into printed layers and add up the material of each, in a child of the worker. Lengths are in mm.
 
-It goes the way of PrusaSlicer 2.5 (its settings' names are in brackets; where a document has no key for one, its default counts), with
-regions in place of paths:
+It follows PrusaSlicer 2.5 (its names are in brackets; its default is used where documents have no key), with regions in place of paths:
 
-1. A line of width w in a layer of height h has a cross section of s h, where s = w - h (1 - pi/4): a rectangle with half circles for
-   ends [Flow]. Lines that fill lie s apart.
-2. The walls are as many lines inside the outline; what is left inside is the core, if it is at least one line wide. A narrower rest
-   goes to the walls [perimeter_generator = arachne].
-3. The core is filled, a little into the walls [infill_overlap]. What lies open above or below is filled solid, and 3 mm around it; so
-   are pieces of a layer of less than 70 mm^2 [solid_infill_below_area].
-4. So is what lies within `top` layers below an opening and within `bottom` layers above one [discover_horizontal_shells]; pieces too
-   narrow to be laid (under 6 lines) are made wider. The rest is sparse.
-5. What is laid over air or over sparse infill is a bridge: of round strands as thick as the nozzle, 0.05 mm apart [thick_bridges].
-   So are lines of walls that lie beside what is below by half a nozzle [overhangs].
-6. Lines of sparse infill end half a line from its border, and are joined along it (see `JOINED`).
+1. A line of width w in a layer of height h has a cross section of s h with s = w - h (1 - pi/4): a rectangle with semicircular ends [Flow].
+   Lines of infill have the spacing s.
+2. The walls are the given number of lines inside the outline. The region inside them is the core if it is at least one line wide; a
+   narrower rest is added to the walls [perimeter_generator = arachne].
+3. The core is filled, with some overlap into the walls [infill_overlap]. Regions open above or below are filled solid, with 3 mm around
+   them, and so are pieces of a layer of less than 70 mm^2 [solid_infill_below_area].
+4. So are regions within `top` layers below an opening and within `bottom` layers above one [discover_horizontal_shells]; pieces too narrow
+   to print (under 6 lines) are made wider. The rest is sparse.
+5. Material over air or over sparse infill is a bridge: round strands as thick as the nozzle, 0.05 mm apart [thick_bridges]. Wall lines that
+   extend beyond the layer below by half a nozzle are overhangs [overhangs].
+6. Lines of sparse infill end half a line from its border and are connected along it (see `JOINED`).
 """
 
 from __future__ import annotations
@@ -35,45 +34,48 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MOST_LAYERS = 20_000
-"""More than any printer lays: somebody's layer is too thin by a unit."""
+"""More layers than any printer prints: the unit of the layer height is probably wrong."""
 
 NOZZLE = 1.0 / 1.125
-"""The diameter of the nozzle over the width of a line, which slicers choose so where nobody says [auto_extrusion_width]."""
+"""Default diameter of the nozzle, relative to the width of a line [auto_extrusion_width]."""
 SOLID_BELOW = 70.0
-"""Area [mm^2] up to which a piece of infill is laid solid [solid_infill_below_area]."""
+"""Area [mm^2] up to which a piece of infill is solid [solid_infill_below_area]."""
 AROUND = 3.0
-"""How far [mm] open surfaces are filled solid beyond their edge [EXTERNAL_INFILL_MARGIN]."""
+"""Margin [mm] around open surfaces that is filled solid [EXTERNAL_INFILL_MARGIN]."""
 STRAND_GAP = 0.05
-"""Between two strands of a bridge [mm] [BRIDGE_EXTRA_SPACING]."""
+"""Gap between two strands of a bridge [mm] [BRIDGE_EXTRA_SPACING]."""
 FILLABLE = 0.6
-"""Of a line: the least width of a core that is filled [INSET_OVERLAP_TOLERANCE]."""
+"""Smallest width of a core that is filled, relative to the line spacing [INSET_OVERLAP_TOLERANCE]."""
 ANCHOR = 3.0
-"""Of a nozzle: half the least width of a bridge over sparse infill [bridge_over_infill]."""
+"""Half the smallest width of a bridge over sparse infill, relative to the strand [bridge_over_infill]."""
 
 JOINED = 0.32
-"""The share of the border of sparse infill along which lines are joined. Where three families of parallel lines end at a border
-[fill_pattern = stars], the gaps between neighbouring ends are closed one after the other, the shortest first, where both are still free
-[connect_infill]: this is the mean share over all directions of the border (`benchmarks/prints/joined.py`)."""
+"""Fraction of the border of sparse infill along which lines are connected.
+
+Where three families of parallel lines end at a border [fill_pattern = stars], the gaps between neighbouring ends are closed one after the
+other, the shortest first, if both ends are still free [connect_infill]. This is the mean fraction over all directions of the border
+(`benchmarks/prints/joined.py`).
+"""
 
 _UPRIGHT = 1e-6
-"""The cosine of the angle between a wall's normal and the bed up to which the wall is upright."""
+"""A wall is upright if the z component of its unit normal is at most this."""
 _EXACT = 1e-5
-"""Heights [mm] that differ by less are one."""
+"""Heights [mm] that differ by less are equal."""
 _JUST_BELOW = 1e-3
-"""Of a layer: a surface exactly in a plane of cutting belongs to what is above it."""
+"""Offset of a cut, relative to the layer: a surface exactly in the cutting plane belongs to the part above it."""
 _SIMPLE = 1e-3
-"""How far [mm] an outline may be off the cut of the mesh."""
+"""Largest deviation [mm] of an outline from the cut of the mesh."""
 
 Region: TypeAlias = CrossSection
 NOTHING = CrossSection()
 
 
 class NotSliced(Exception):
-    """A part that cannot be cut into layers: the reason, in words that follow its name."""
+    """Why a part cannot be sliced, as text that follows its name."""
 
 
 def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
-    """What is printed of a mesh in the store (STL, mm): a `SliceResult` or `SliceFailure` as JSON."""
+    """Slice a mesh in the store (STL, mm) and return a `SliceResult` or `SliceFailure` as JSON."""
     try:
         result: SliceResult | SliceFailure = slice_part(read_stl(store.read(sha256)), how)
     except NotSliced as fault:
@@ -83,7 +85,7 @@ def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
 
 
 def slice_part(mesh: Triangles, how: Slicing) -> SliceResult:
-    """What is printed of a closed mesh [mm]. Raises `NotSliced`."""
+    """Return the printed material of a closed mesh [mm]. Raises `NotSliced`."""
     turn = _turned_up(how.up)
     vertices = np.ascontiguousarray(mesh.vertices @ turn.T)
     lengths = _Lengths(how)
@@ -97,7 +99,7 @@ def slice_part(mesh: Triangles, how: Slicing) -> SliceResult:
 
 
 def _turned_up(up: tuple[float, float, float]) -> NDArray[np.float64]:
-    """A rotation (3, 3) that takes `up` to z; the identity for z."""
+    """Return a rotation `(3, 3)` that takes `up` to z; the identity for z."""
     z = np.array(up, dtype=np.float64)
     z /= np.linalg.norm(z)
     least = np.eye(3)[int(np.argmin(np.abs(z)))]
@@ -110,12 +112,13 @@ def _turned_up(up: tuple[float, float, float]) -> NDArray[np.float64]:
 
 
 def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: float) -> tuple[list[Region], NDArray[np.float64]]:
-    """The cut in the middle of each layer, from the bed up, and its height (n,). Where the walls are upright, the same object."""
+    """Return the cut in the middle of each layer, from the bed up, and its height `(n,)`. Equal cuts between upright walls are one object.
+    """
     solid = Manifold(Mesh64(vertices, np.ascontiguousarray(faces, dtype=np.uint64)))
     if solid.status() != Error.NoError or solid.is_empty():
         raise NotSliced("has a mesh that is not closed")
     bed, top = float(vertices[:, 2].min()), float(vertices[:, 2].max())
-    count = math.ceil((top - bed - _EXACT) / layer - 0.5)  # the slicer stops where the middle of a layer is above the part
+    count = math.ceil((top - bed - _EXACT) / layer - 0.5)  # PrusaSlicer stops where the middle of a layer is above the part
     if count < 1:
         raise NotSliced("is lower than one layer")
     if count > MOST_LAYERS:
@@ -132,7 +135,7 @@ def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: fl
 
 
 def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArray[np.float64]) -> NDArray[np.int64]:
-    """A number for each cut; cuts with the same number are equal, because between them all walls are upright and nothing begins."""
+    """Return a number for each cut. Cuts with the same number are equal: between them all walls are upright and no surface begins."""
     corners = vertices[faces]
     heights = np.round(corners[:, :, 2] / _EXACT) * _EXACT
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -144,7 +147,7 @@ def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArra
     change = np.zeros(len(levels) + 1, dtype=np.int64)
     np.add.at(change, begins, 1)
     np.add.at(change, ends, -1)
-    upright = np.cumsum(change) == 0  # of the slab above each level
+    upright = np.cumsum(change) == 0  # for the slab above each level
     slab = np.searchsorted(levels, cuts, side="right") - 1
     return np.where(upright[slab], slab, len(levels) + np.arange(len(cuts)))
 
@@ -153,8 +156,9 @@ def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArra
 
 
 class _Lengths:
-    """What a slicing comes to in mm: the spacing of lines, the nozzle, the strands of bridges, and what these are laid with in
-    proportion to the region that they cover (`bridge` of infill, `overhang` of walls)."""
+    """The lengths [mm] of a slicing, and the material of bridges relative to the region that they cover (`bridge` of infill, `overhang` of
+    walls).
+    """
 
     def __init__(self, how: Slicing) -> None:
         self.layer = how.layer * 1e3
@@ -168,11 +172,11 @@ class _Lengths:
         self.bridge = section / ((self.strand + STRAND_GAP) * self.layer)
         self.overhang = section / (self.spacing * self.layer)
         self.rounding = (self.width - self.spacing) / 2.0
-        self.spanned = math.floor(self.strand / self.layer + _EXACT)  # layers that a strand sinks into
+        self.spanned = math.floor(self.strand / self.layer + _EXACT)  # layers that a strand passes through
 
 
 class _Slicer:
-    """From outlines to what is laid. Functions of regions only, so that each is worked out once for equal layers."""
+    """Computes the material of layers from outlines. All methods are pure functions of regions, so that equal layers are computed once."""
 
     def __init__(self, how: Slicing, lengths: _Lengths) -> None:
         self.how = how
@@ -180,7 +184,7 @@ class _Slicer:
         self.once = _Once()
 
     def layers(self, outlines: list[Region]) -> list[_Laid]:
-        """What is laid in each layer."""
+        """Return the material of each layer."""
         once = self.once
         above = [*outlines[1:], NOTHING]
         below = [NOTHING, *outlines[:-1]]
@@ -210,30 +214,30 @@ class _Slicer:
         ]
 
     def core(self, outline: Region) -> Region:
-        """What is left inside the walls, where at least one more line would fit."""
+        """Return the region inside the walls where at least one more line fits."""
         lengths = self.lengths
         left = _grown(outline, -(lengths.rounding + self.how.walls * lengths.spacing))
         return _opened(left, lengths.spacing / 2.0)
 
     def walls(self, outline: Region, core: Region) -> Region:
-        """What walls cover. Lines are rounded: outermost there is less than the outline."""
+        """Return the region of the walls. Lines are rounded, so it is smaller than the outline."""
         return _without(_grown(outline, -self.lengths.rounding), core)
 
     def filled(self, core: Region) -> Region:
-        """What infill may cover: wide enough to be filled, with the overlap."""
+        """Return the region that infill may cover: where the core is wide enough, with the overlap."""
         half = FILLABLE / 2.0 * self.lengths.spacing
         return _grown(_grown(core, -half), half + self.how.overlap * self.lengths.spacing)
 
     def opening(self, outline: Region, other: Region) -> Region:
-        """What another layer leaves open of this one; no hairlines."""
+        """Return the part of this layer that another layer does not cover, without hairlines."""
         return _opened(_without(outline, other), self.lengths.width / 10.0)
 
     def uncovered(self, outline: Region, above: Region, bottom: Region) -> Region:
-        """What is open above. Where it is open below, too, it is a bottom."""
+        """Return the region that is open above. A region that is open below, too, counts as bottom."""
         return _without(self.opening(outline, above), bottom)
 
     def kinds(self, filled: Region, top: Region, bottom: Region) -> _Kinds:
-        """The infill of a layer in kinds."""
+        """Return the infill of a layer by kind."""
         within = _without(_without(filled, top), bottom)
         wide_bottom = self.around(bottom, filled)
         wide_top = _without(self.around(top, filled), wide_bottom)
@@ -245,7 +249,7 @@ class _Slicer:
         )
 
     def around(self, opening: Region, filled: Region) -> Region:
-        """What is filled solid because something is open: that, and some way around it."""
+        """Return the region that is filled solid because of an opening: the opening and a margin around it."""
         there = _both(opening, filled)
         if there.is_empty():
             return NOTHING
@@ -254,17 +258,17 @@ class _Slicer:
             return filled
         x, y, u, v = beside.bounds()
         near = CrossSection.square((u - x + 4.0 * AROUND, v - y + 4.0 * AROUND)).translate((x - 2.0 * AROUND, y - 2.0 * AROUND))
-        return _either(there, _both(_grown(_both(there, near), AROUND, JoinType.Square), filled))  # to grow all of a layer takes long
+        return _either(there, _both(_grown(_both(there, near), AROUND, JoinType.Square), filled))  # growing the whole layer takes long
 
     def shells(self, inside: Region, small: Region, *lids: Region) -> Region:
-        """What of the inside is solid: small pieces, and what is below or above one of these lids."""
+        """Return the solid part of the inside: small pieces, and the regions below or above these lids."""
         regions = [small]
         for lid in lids:
             regions += self.once(self.shell, inside, lid)
         return CrossSection.batch_boolean(regions, OpType.Add) if len(regions) > 1 else small
 
     def shell(self, inside: Region, lid: Region) -> tuple[Region, Region]:
-        """What of the inside is below or above a lid, and what is laid beside that where it is too narrow to be laid."""
+        """Return the part of the inside below or above a lid, and the region added where that is too narrow to print."""
         new = _both(lid, inside)
         if new.is_empty():
             return NOTHING, NOTHING
@@ -273,21 +277,24 @@ class _Slicer:
         return new, _both(_grown(narrow, margin, JoinType.Round), inside)
 
     def bridge(self, solid: Region, *below: Region) -> Region:
-        """What of the solid inside lies over sparse infill in all layers that its strands sink into."""
+        """Return the solid inside that is over sparse infill in all layers that its strands pass through."""
         over = solid
         for sparse in below:
             over = _both(over, sparse)
         return _both(_opened(over, ANCHOR * self.lengths.strand), solid) if below else NOTHING
 
     def overhang(self, walls: Region, below: Region) -> Region:
-        """What of the walls lies beside the layer below."""
+        """Return the part of the walls that the layer below does not support."""
         return _without(walls, _grown(below, self.lengths.nozzle / 2.0))
 
     def laid(self, walls: Region, inside: Region, kind: _Kinds, sparse: Region, below: Region | None, *spanned: Region) -> _Laid:
-        """What is laid in a layer; `below` is the outline of the layer below (None: the bed), `spanned` what is sparse in those that the
-        strands of a bridge sink into."""
+        """Return the material of a layer.
+
+        `below` is the outline of the layer below (None: the bed). `spanned` are the sparse regions of the layers that the strands of a
+        bridge pass through.
+        """
         once, lengths = self.once, self.lengths
-        lines = _grown(sparse, -lengths.spacing / 2.0)  # where lines of sparse infill run
+        lines = _grown(sparse, -lengths.spacing / 2.0)  # where the lines of sparse infill are
         if below is None:
             return _Laid(solid=((1.0, walls), (1.0, inside), (1.0, kind.top), (1.0, kind.bottom)), lines=lines)
         over, bridge = once(self.overhang, walls, below), once(self.bridge, inside, *spanned)
@@ -298,7 +305,7 @@ class _Slicer:
 
 
 class _Kinds:
-    """The infill of one layer: open above and below (with the margin around them), inside, and of that the small pieces."""
+    """The infill of one layer: open above and below (with the margin around them), inside, and the small pieces of the inside."""
 
     __slots__ = ("bottom", "inside", "small", "top")
 
@@ -310,15 +317,14 @@ class _Kinds:
 
 
 class _Laid(FrozenStruct):
-    """A layer: regions that are laid `solid`, each with how much there is in proportion to what would fill it, and where `lines` of sparse
-    infill run."""
+    """The material of a layer: `solid` regions, each with its amount relative to a full region, and the region of sparse infill `lines`."""
 
     solid: tuple[tuple[float, Region], ...]
     lines: Region
 
 
 class _Once:
-    """Answers of pure functions by the identity of their arguments, which it keeps alive."""
+    """A cache of pure functions by the identity of their arguments, which it keeps alive."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[Any, ...], tuple[tuple[Any, ...], Any]] = {}
@@ -334,23 +340,23 @@ class _Once:
 
 
 def _some(region: Region) -> Region:
-    """The region; where it is empty always the same one, so that what follows from it is worked out once."""
+    """Return the region, or always the same object if it is empty, so that results are computed once."""
     return NOTHING if region.is_empty() else region
 
 
 def _grown(region: Region, by: float, join: JoinType = JoinType.Miter, miter: float = 2.0) -> Region:
-    """With a border of width `by` around it, or within it for a negative one."""
+    """Grow a region by a border of width `by`, or shrink it if that is negative."""
     if region.is_empty() or by == 0.0:
         return region
     if by < 0.0:
         x, y, u, v = region.bounds()
-        if min(u - x, v - y) <= -2.0 * by:  # nothing is left; to find that out takes long
+        if min(u - x, v - y) <= -2.0 * by:  # nothing is left, and computing this takes long
             return NOTHING
     return _some(region.offset(by, join, miter, 8))
 
 
 def _opened(region: Region, by: float, miter: float = 2.0) -> Region:
-    """Without what is narrower than twice `by`."""
+    """Remove what is narrower than twice `by`."""
     return _grown(_grown(region, -by, miter=miter), by, miter=miter)
 
 
@@ -371,18 +377,20 @@ def _without(a: Region, b: Region) -> Region:
 # --- moments ----------------------------------------------------------------------------------------------------------
 
 _RAISED = (0, 1, 2, 0, 3, 4, 5, 1, 2, 0)
-"""Of which plane moment each moment of a layer is made (see `_raised`)."""
+"""Index of the plane moment in each moment of a layer (see `_raised`)."""
 _ROUNDING = 1e-12
-"""Of a part's size: what is less is rounding."""
+"""Rounding errors relative to the part's size."""
 
 
 _Integrals: TypeAlias = "dict[int, NDArray[np.float64]]"
-"""Of regions, by their identity, the integrals of 1, x, y, xx, xy, yy (6,); those that are not there are zero."""
+"""The integrals of 1, x, y, xx, xy, yy `(6,)` of regions, by identity; missing ones are zero."""
 
 
 def _flat(layers: list[_Laid], joined: float) -> NDArray[np.float64]:
-    """For each layer the integrals of 1, x, y, xx, xy, yy over what is laid solid, over joins (a share `joined` [mm] of the border along
-    lines), and over sparse lines at 100 % (n, 3, 6)."""
+    """Return integrals of 1, x, y, xx, xy, yy for each layer `(n, 3, 6)`.
+
+    The second axis is solid material, joins (`joined` [mm] wide along the border of the lines), and sparse lines at 100 %.
+    """
     every = [region for layer in layers for region in (layer.lines, *(region for _, region in layer.solid))]
     over, along = _integrals(every, border=False), _integrals([layer.lines for layer in layers], border=True)
     nothing = np.zeros(6)
@@ -396,7 +404,7 @@ def _flat(layers: list[_Laid], joined: float) -> NDArray[np.float64]:
 
 
 def _integrals(regions: list[Region], *, border: bool) -> _Integrals:
-    """Over regions, by Green's theorem along their edges, or along their `border`; of all at once."""
+    """Return the integrals over regions by Green's theorem along their edges, or those along their `border`, for all at once."""
     whole = [region for region in {id(region): region for region in regions}.values() if not region.is_empty()]
     if not whole:
         return {}
@@ -416,8 +424,10 @@ def _integrals(regions: list[Region], *, border: bool) -> _Integrals:
 
 
 def _raised(flat: NDArray[np.float64], middles: NDArray[np.float64], layer: float) -> NDArray[np.float64]:
-    """The integrals of 1, x, y, z, xx, xy, yy, xz, yz, zz over layers (n, 3, 10) from those over their planes (n, 3, 6), whose heights are
-    `middles` (n,)."""
+    """Return the integrals of 1, x, y, z, xx, xy, yy, xz, yz, zz over layers `(n, 3, 10)`.
+
+    `flat` are those over their planes `(n, 3, 6)`, `middles` their heights `(n,)`.
+    """
     factors = np.ones((len(middles), 1, len(_RAISED)))
     factors[:, 0, (3, 7, 8)] = middles[:, None]
     factors[:, 0, 9] = middles * middles + layer * layer / 12.0
@@ -425,7 +435,7 @@ def _raised(flat: NDArray[np.float64], middles: NDArray[np.float64], layer: floa
 
 
 def _moments(sums: NDArray[np.float64], turn: NDArray[np.float64]) -> Moments:
-    """In metres, in the part's frame; zero for what is rounding."""
+    """Return moments in metres, in the part's frame; rounding errors are set to zero."""
     one, x, y, z, xx, xy, yy, xz, yz, zz = sums
     first = turn.T @ np.array([x, y, z])
     second = turn.T @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn

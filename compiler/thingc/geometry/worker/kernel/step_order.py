@@ -1,11 +1,10 @@
-"""Puts the styles of a STEP file in an order of their own, and takes the noise out of its numbers.
+"""Make STEP files reproducible: sort their styles and remove noise from their numbers.
 
-The kernel writes one group of styles per instance in the order of their addresses in memory, so that two runs differ in the
-order of the groups and in the numbers of their entities, and in nothing else. Everything from the first style on is sorted
-by content and numbered anew; the geometry before it stays as it is.
+The kernel writes one group of styles per instance in the order of their memory addresses, so two runs differ in the order of the groups and
+in the numbers of their entities. Everything from the first style on is sorted by content and renumbered; the geometry before it is
+unchanged.
 
-Where a boolean makes one edge of two, the kernel keeps the one with the lower address: a coordinate may be 0 in one run and 2e-31 in
-the next.
+If a boolean merges two edges, the kernel keeps the one with the lower address, so a coordinate may be 0 in one run and 2e-31 in the next.
 """
 
 from __future__ import annotations
@@ -21,9 +20,9 @@ _LIST = re.compile(rb"\(((?:#\d+,?\s*)+)\)")
 
 
 def without_noise(data: bytes) -> bytes:
-    """The same STEP file with 0 for every number below 1e-14 [mm, or the part of a direction]."""
+    """Replace every number below 1e-14 [mm, or component of a direction] in a STEP file by 0."""
     texts = data.split(b"'")
-    for index in range(0, len(texts), 2):  # what is quoted stands between: a quote within it is two
+    for index in range(0, len(texts), 2):  # every other piece is quoted text; a quote inside of it is doubled
         *before, rest = _NOISE.split(texts[index])
         if before:
             texts[index] = b"".join(number.rstrip(b".0123456789").removesuffix(b"-") + b"0." for number in before) + rest
@@ -31,7 +30,7 @@ def without_noise(data: bytes) -> bytes:
 
 
 def settled(data: bytes) -> bytes:
-    """The same STEP file with its styles in canonical order; as it is where it has none."""
+    """Return the same STEP file with its styles in canonical order; unchanged if it has none."""
     begin = data.find(_STYLES)
     end = data.rfind(b"ENDSEC;")
     if begin < 0 or end < begin:
@@ -59,9 +58,9 @@ class _Order:
         self.entities = {number: self._sorted(body) for number, body in entities.items()}
 
     def key(self, number: int) -> bytes:
-        """What an entity is, whatever its number: a digest over everything it leads to."""
+        """Return a digest of an entity and of all entities that it refers to, independent of their numbers."""
         if number not in self.keys:
-            self.keys[number] = b""  # STEP has no cycles; should there be one, it ends here
+            self.keys[number] = b""  # STEP has no cycles; if there were one, the recursion would end here
             body = self.entities[number]
             if body.startswith(_STYLES):
                 body = _LIST.sub(lambda match: b"".join(sorted(self._by_key(match[1]))), body, count=1)
@@ -77,7 +76,7 @@ class _Order:
         return [self.key(int(one)) if int(one) in self.entities else b"#" + one for one in _numbers(references)]
 
     def _sorted(self, body: bytes) -> bytes:
-        """The items of a group of styles in the order of what they are."""
+        """Return a group of styles with its items sorted by content."""
         if not body.startswith(_STYLES):
             return body
 
@@ -89,7 +88,7 @@ class _Order:
         return _LIST.sub(arranged, body, count=1)
 
     def text(self, first: int) -> bytes:
-        """All entities, each after the one that names it first, numbered from `first`."""
+        """Return all entities, each after the first one that refers to it, numbered from `first`."""
         named = {int(one) for body in self.entities.values() for one in _numbers(body)}
         roots = sorted((number for number in self.entities if number not in named), key=lambda number: self.keys[number])
         numbers: dict[int, int] = {}

@@ -1,10 +1,10 @@
-"""From B-rep to triangles: one watertight mesh per shape.
+"""Tessellate a B-rep: one watertight mesh per shape.
 
-Vertices are joined along the kernel's own edges, not by distance: the two faces at an edge are cut at the same parameters
-but may lie a tolerance apart.
+Vertices are merged along the kernel's own edges, not by distance: the two faces at an edge are cut at the same parameters, but the points
+may differ by a tolerance.
 
-The kernel cuts the faces that are bent. What lies in a plane is filled with triangles between the points that its neighbours have on
-their common edges (manifold3d): the surface is the same, and the kernel takes several times as long for it.
+The kernel meshes curved faces. A plane face is filled with triangles between the points of its boundary (manifold3d): the surface is the
+same, and the kernel would take several times as long.
 """
 
 from __future__ import annotations
@@ -37,12 +37,14 @@ if TYPE_CHECKING:
 
 
 _THIN = 1e-12
-"""Of the square on its longest side: twice the area up to which the corners of a triangle are on a line."""
+"""The corners of a triangle are collinear if twice its area, relative to the square of its longest side, is at most this."""
 
 
 def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
-    """Triangles of a shape [mm], at most `linear` [mm] off its surface and `angular` [rad] between neighbours. Whatever it was
-    meshed with before does not matter, and is forgotten."""
+    """Tessellate a shape [mm], with triangles at most `linear` [mm] off its surface and `angular` [rad] between neighbours.
+
+    An earlier mesh of the shape has no effect and is removed.
+    """
     numbers = ShapeMap()
     faces = [_face(TopoDS.Face(face), numbers) for face in explored(shape, TopAbs_FACE)]
     bent = {number for face in faces if not face.plane for number in face.numbers}
@@ -60,7 +62,7 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
 
 
 class _Face(FrozenStruct, kw_only=False):
-    """A face, its edges with a number for each (the same for the same edge of other faces), and whether it lies in a `plane`."""
+    """A face, its edges with a number for each (the same for a shared edge), and whether it is in a `plane`."""
 
     face: TopoDS_Face
     edges: tuple[TopoDS_Edge, ...]
@@ -79,8 +81,9 @@ def _straight(edge: TopoDS_Edge) -> bool:
 
 
 def _meshed(shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bool], linear: float, angular: float) -> Triangles | None:
-    """The shape's triangles: of its faces some are `filled`, and the others cut by the kernel. None where a face cannot be filled."""
-    BRepTools.Clean_s(shape)  # the kernel keeps finer triangles that it finds
+    """Return the triangles of a shape: the faces in `filled` are filled, the others meshed by the kernel. None if a face cannot be filled.
+    """
+    BRepTools.Clean_s(shape)  # the kernel would keep an existing finer mesh
     points = _Points()
     others = [face for face, one in zip(faces, filled, strict=True) if not one]
     if others:
@@ -108,19 +111,19 @@ def _compound(faces: Iterable[TopoDS_Face]) -> TopoDS_Compound:
 
 
 class _Points:
-    """The points of a mesh that is being made: their `places` [mm], and of some of them that `ones[i]` is one with `others[i]`."""
+    """The points of a mesh under construction: their `places` [mm]; the points `ones[i]` and `others[i]` are the same vertex."""
 
     def __init__(self) -> None:
         self.places: list[tuple[float, float, float]] = []
         self.ones: list[int] = []
         self.others: list[int] = []
         self._along: dict[int, list[int]] = {}
-        """By the number of an edge its points, in the order of its parameter."""
+        """The points of each edge by its number, in the order of its parameter."""
         self._vertices = ShapeMap()
         self._corners: dict[int, int] = {}
 
     def of_kernel(self, face: _Face) -> NDArray[np.int64]:
-        """Add the points that the kernel has given a face: its triangles (n, 3)."""
+        """Add the points of a face that the kernel has meshed. Return its triangles `(n, 3)`."""
         location = TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(face.face, location)
         if mesh is None:
@@ -143,8 +146,10 @@ class _Points:
         return np.asarray(corners.reshape(-1, 3)[:, (0, 2, 1) if turned else (0, 1, 2)] + offset)
 
     def rings(self, face: _Face) -> list[list[int]] | None:
-        """The points around a plane face and around its holes, the face to the left as seen from outside. None where its edges do not
-        say by themselves which follows which."""
+        """Return the points around a plane face and its holes, with the face to the left as seen from outside.
+
+        Return None if the order of its edges is ambiguous.
+        """
         chains: dict[int, tuple[list[int], int]] = {}
         for edge, number in zip(face.edges, face.numbers, strict=True):
             ends = [self._corner(edge, first) for first in (True, False)]
@@ -169,11 +174,11 @@ class _Points:
                 chain, end = chains.pop(end)
                 ring = ring + chain
             rings.append(ring)
-        mirrored = face.face.Location().Transformation().IsNegative()  # edges keep their order, and run round the other way
+        mirrored = face.face.Location().Transformation().IsNegative()  # mirrored edges keep their order, but run in the other direction
         return [ring[::-1] for ring in rings] if mirrored else rings
 
     def _corner(self, edge: TopoDS_Edge, first: bool) -> int:
-        """The point at an end of an edge."""
+        """Return the point at an end of an edge."""
         vertex = TopExp.FirstVertex_s(edge) if first else TopExp.LastVertex_s(edge)
         number = self._vertices.Add(vertex)
         if number not in self._corners:
@@ -183,7 +188,7 @@ class _Points:
 
 
 def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDArray[np.float64]) -> NDArray[np.int64] | None:
-    """Triangles (n, 3) between the points around a plane face; None where its borders cross, or all points are on a line."""
+    """Return triangles `(n, 3)` between the points around a plane face; None if its borders cross, or all points are collinear."""
     plane = BRepAdaptor_Surface(face, False).Plane()
     across = np.array([_direction(axis.Direction()) for axis in (plane.XAxis(), plane.YAxis())])
     points = np.concatenate(rings)
@@ -195,14 +200,17 @@ def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDAr
     if _across(flat, flat[following]).sum() < 0.0:
         flat = flat[:, ::-1]
     borders = [np.ascontiguousarray(flat[begin:end]) for begin, end in zip(begins, ends, strict=True)]
-    triangles = np.asarray(triangulate(borders, allow_convex=False), dtype=np.int64)  # what is convex at once has triangles on a line
+    triangles = np.asarray(triangulate(borders, allow_convex=False), dtype=np.int64)  # convex: triangles with collinear corners
     upright = _flipped(triangles, flat) if len(triangles) > 0 else None
     return points[upright] if upright is not None else None
 
 
 def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
-    """The same triangles (n, 3) of points (m, 2), but for those whose corners are on a line, as they come about between holes in rows: such
-    a one and its neighbour at its longest side are cut the other way. None where that leaves one that holds nothing, or is turned over."""
+    """Return the same triangles `(n, 3)` of points `(m, 2)` without any whose corners are collinear, as between holes in rows.
+
+    The diagonal between such a triangle and its neighbour at the longest side is flipped. Return None if a triangle without area, or one
+    with the wrong orientation, remains.
+    """
     areas, sides = _areas(triangles, flat)
     thin = np.flatnonzero(areas <= _THIN * sides.max(axis=1) ** 2).tolist()
     if not thin:
@@ -215,7 +223,7 @@ def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray
             longest = int(sides[number].argmax())
             c, a, b = (corners[number][(longest + k) % 3] for k in range(3))
             other = of_side.get((a, c))
-            if other is None or other in thin:  # of several on a line the last is cut first
+            if other is None or other in thin:  # of several collinear ones the last is flipped first
                 left.append(number)
                 continue
             (d,) = {*corners[other]} - {a, c}
@@ -229,8 +237,10 @@ def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray
 
 
 def _areas(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Twice the areas (n,) of triangles of points (m, 2), negative where they are turned over; and the lengths (n, 3) of their sides, each
-    from the corner of its column to the next."""
+    """Return twice the areas `(n,)` of triangles of points `(m, 2)`, negative if clockwise, and the lengths `(n, 3)` of their sides.
+
+    A side goes from the corner of its column to the next corner.
+    """
     corners = flat[triangles]
     along = corners[:, (1, 2, 0)] - corners
     return _across(along[:, 0], along[:, 1]), np.hypot(along[:, :, 0], along[:, :, 1])
@@ -241,15 +251,15 @@ def _direction(direction: gp_Dir) -> tuple[float, float, float]:
 
 
 def _across(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The cross products (n,) of vectors (n, 2): positive where the second is to the left of the first."""
+    """Return the cross products `(n,)` of vectors `(n, 2)`: positive if the second is to the left of the first."""
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def joined(count: int, ones: Sequence[int], others: Sequence[int]) -> NDArray[np.int64]:
-    """For each of `count` vertices (count,) the lowest of those that it is one with, where `ones[i]` is one with `others[i]`."""
+    """Return for each of `count` vertices `(count,)` the lowest number of the same vertex, where `ones[i]` and `others[i]` are the same."""
     a, b = np.array(ones, dtype=np.int64), np.array(others, dtype=np.int64)
     stands = np.arange(count)
-    while True:  # each turn doubles, at least, how far the lowest number has come
+    while True:  # each iteration at least doubles the distance over which the lowest number has spread
         lowest = np.minimum(stands[a], stands[b])
         fewer = stands.copy()
         np.minimum.at(fewer, stands[a], lowest)
