@@ -1,4 +1,4 @@
-"""Targets: one module or folder for each format that a build writes. What emitters of other packages need is exported here."""
+"""Targets: a module or folder for each output format. This package exports the names that emitters of other packages need."""
 
 from __future__ import annotations
 

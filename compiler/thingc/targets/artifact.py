@@ -1,4 +1,4 @@
-"""What emitters give back: files by relative path, and what their target could not say."""
+"""The result of an emitter: files by relative path, and losses, which are what the target cannot express."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Origin, Span
 
 MANIFEST = "manifest.json"
-"""The manifest's own path in a build folder; the only file that it does not list."""
+"""The path of the manifest in a build folder, the only file that it does not list."""
 
 
 class StoredArtifact(FrozenStruct):
-    """A file that already lies in the content-addressed store: copied, not read, when the build is written."""
+    """A file in the content-addressed store. It is copied into the build, not read."""
 
     sha256: str
     size: int
@@ -23,8 +23,9 @@ class StoredArtifact(FrozenStruct):
 Content = bytes | StoredArtifact
 
 How = Literal["omitted", "approximated", "carried as custom data"]
-"""What becomes of what a target cannot say, the worst first. What is carried is in the files, for who knows of it; nothing acts on it by
-itself."""
+"""What happens to something that a target cannot express, the worst first. Custom data is written to the files, but readers ignore it
+unless they know it.
+"""
 
 CARRIED: Final = "carried as custom data"
 
@@ -32,8 +33,11 @@ HOW: tuple[How, ...] = get_args(How)
 
 
 class Loss(FrozenStruct):
-    """Something a target cannot say. `mode` None where it is not of one mode; `path` of the occurrence, joint or
-    mount; `what` in words; `origin` what in the documents made it."""
+    """Something that a target cannot express.
+
+    `mode` is None if it does not belong to a mode. `path` is that of the occurrence, joint or mount, `what` a description, `origin` its
+    places in the documents.
+    """
 
     target: str
     mode: str | None
@@ -44,23 +48,23 @@ class Loss(FrozenStruct):
 
     @property
     def span(self) -> Span | None:
-        """Where it is shown: the first place of its origin."""
+        """The first place of the origin, or None."""
         return next(iter(self.origin), None)
 
     @staticmethod
     def of(origin: Origin, target: str, mode: str | None, path: str, what: str, how: How) -> Loss:
-        """The loss of what an origin made."""
+        """Return a loss. `origin` comes first, unlike in the fields."""
         return Loss(target=target, mode=mode, path=path, what=what, how=how, origin=origin)
 
 
 def counts_of(losses: Iterable[Loss]) -> dict[str, int]:
-    """How many there are, by what becomes of them."""
+    """Return the number of losses by `how`."""
     counts = Counter(loss.how for loss in losses)
     return {how: counts[how] for how in HOW if counts[how]}
 
 
 class Artifacts(FrozenStruct):
-    """One emitter's answer: `{path in the build folder: content}` and the losses."""
+    """The result of an emitter: `{path in the build folder: content}`, and the losses."""
 
     files: dict[str, Content]
     losses: tuple[Loss, ...] = ()

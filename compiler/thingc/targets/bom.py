@@ -1,4 +1,4 @@
-"""`bom.csv` and `bom.json`: what to print, to machine and to buy, rolled up."""
+"""`bom.csv` and `bom.json`: the parts to print, machine and buy, with quantities."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from thingc.targets.artifact import Artifacts
 from thingc.targets.request import EmitRequest
 
 MACHINED = frozenset({"cnc", "machine", "machined", "mill", "milled", "milling", "lathe", "turning", "laser", "waterjet"})
-"""Kinds of process that take material away; a part of any other kind is printed."""
+"""Kinds of subtractive processes; a part of any other kind is printed."""
 
 _ORDER = {"print": 0, "machine": 1, "buy": 2}
 
 
 class BomRow(FrozenStruct):
-    """One row: `quantity` equal pieces of `mass` [kg] each; `cost` as the document wrote it."""
+    """A row: `quantity` equal pieces of `mass` [kg] each; `cost` as written in the document."""
 
     number: str
     name: str
@@ -42,10 +42,10 @@ COLUMNS = BomRow.__struct_fields__
 
 
 def make_of(occurrence: Occurrence) -> str:
-    """`buy | print | machine`: what the document says, else what the Thing says, else by the process.
+    """Return `buy | print | machine`: the value in the document, else that of the Thing, else by the process.
 
-    Without a word from either: what has no geometry (a frame with a mass, say a circuit board) is bought, since nobody
-    can make it from these files; what has geometry is as its process says: bought, machined if that cuts, else printed.
+    If neither has a value, an occurrence without geometry (a frame with a mass, such as a circuit board) is bought, because these files are
+    not enough to make it. One with geometry follows its process: bought, machined if the process is subtractive, else printed.
     """
     record = occurrence.record
     stated = occurrence.bom.make or (record.bom.get("make") if record is not None else None)
@@ -63,9 +63,9 @@ def make_of(occurrence: Occurrence) -> str:
 
 
 def listed(occurrence: Occurrence) -> bool:
-    """Whether it is a thing to have in hand: it has geometry, or mass, or an entry of its own in the bill of materials.
+    """Whether an occurrence is an item: it has geometry, or mass, or its own entry for the bill of materials.
 
-    A frame that only marks a place is none.
+    A frame that only marks a place is not one.
     """
     own = occurrence.bom
     return (
@@ -76,15 +76,15 @@ def listed(occurrence: Occurrence) -> bool:
 
 
 def items(assembly: Assembly) -> tuple[BomRow, ...]:
-    """The rows of `with_pieces`, without them."""
+    """Return the rows of the bill of materials."""
     return tuple(row for row, _ in with_pieces(assembly))
 
 
 def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...]], ...]:
-    """The rows, each with its pieces: printed, machined, then bought things, each in document order.
+    """Return the rows, each with its occurrences: printed, machined, then bought items, each in document order.
 
-    Occurrences are one row where nothing that a row says differs. A number comes from the document, else from the Thing; the
-    others are counted 1, 2, 3 down the list, leaving out numbers that are taken.
+    Occurrences with equal values are one row. The number comes from the document, else from the Thing. Rows without a number are numbered
+    1, 2, 3 in order, skipping numbers that are used.
     """
     rows: dict[tuple[object, ...], list[list[Occurrence]]] = {}
     for occurrence in assembly.occurrences:
@@ -117,8 +117,10 @@ def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...
 
 
 def csv_text(rows: tuple[BomRow, ...]) -> str:
-    """RFC 4180 with a header and `\\n` line ends; mass of one piece in kg; empty where nothing is known; text that a
-    spreadsheet would compute begins with `'` (see `format_cell`). No line of totals, so that a column can be summed."""
+    """Return RFC 4180 text with a header and `\\n` line ends. The mass is that of one piece [kg]; unknown values are empty.
+
+    Text that a spreadsheet would evaluate begins with `'` (see `format_cell`). There is no line of totals, so that a column can be summed.
+    """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -128,19 +130,21 @@ def csv_text(rows: tuple[BomRow, ...]) -> str:
 
 
 def json_text(rows: tuple[BomRow, ...]) -> bytes:
-    """A list of objects; null where nothing is known."""
+    """Return a list of objects as JSON; unknown values are null."""
     return json_writer.encode([asdict(row) for row in rows])
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """`bom.csv` and `bom.json`, of the same rows."""
+    """Return `bom.csv` and `bom.json` with the same rows."""
     rows = items(request.assembly)
     return Artifacts(files={"bom.csv": csv_text(rows).encode(), "bom.json": json_text(rows)})
 
 
 def _key(occurrence: Occurrence) -> tuple[object, ...]:
-    """What a row says, apart from the mass, the quantity and a counted number. The number of a frame or link identifies it, whatever the
-    component is called."""
+    """Return the values that distinguish rows, except mass, quantity and assigned number.
+
+    A frame or link with a number is identified by it, regardless of the component's name.
+    """
     number = _said(occurrence, "number")
     return (
         _definition(occurrence),
@@ -154,13 +158,13 @@ def _key(occurrence: Occurrence) -> tuple[object, ...]:
 
 
 def _definition(occurrence: Occurrence) -> Definition:
-    """What is made or bought. Nobody sells the mirror image of a part: where one is bought, it is the part itself."""
+    """Return the definition that is made or bought. For a mirror image that is bought, it is the original part."""
     own = occurrence.definition
     return own.plain if own.plain is not None and make_of(occurrence) == "buy" else own
 
 
 def _said(occurrence: Occurrence, key: str) -> str | None:
-    """An entry of the document, else of the Thing."""
+    """Return an entry of the document, else of the Thing, else None."""
     own: str | None = getattr(occurrence.bom, key)
     if own is None and occurrence.record is not None:
         return occurrence.record.bom.get(key)
@@ -168,14 +172,15 @@ def _said(occurrence: Occurrence, key: str) -> str | None:
 
 
 def _material(occurrence: Occurrence) -> str | None:
-    """The material's name where the piece is of one material; what has no geometry has none."""
+    """Return the material's name, or None if the occurrence has no geometry or several materials."""
     has_geometry = occurrence.record is not None and occurrence.record.box is not None
     return occurrence.material.name if occurrence.material is not None and has_geometry else None
 
 
 def _name(occurrence: Occurrence) -> str:
-    """What a person calls the piece: as the Thing says, else the class, the file without its ending, or the component; and how it is
-    mirrored, if it is."""
+    """Return the name for people: that of the Thing, else the class, the file without suffix, or the component; with its mirror axis, if
+    any.
+    """
     mirror = _definition(occurrence).mirror
     return _plain_name(occurrence) + (f" (mirror={mirror})" if mirror is not None else "")
 

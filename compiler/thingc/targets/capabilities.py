@@ -1,10 +1,9 @@
-"""What formats can say of a robot: one table for each target. What its emitter writes follows from it, its losses, and its column in
+"""Capabilities of formats: one table for each target, which decides what its emitter writes, its losses, and its column in
 `docs/formats.md`.
 
-A table is whole by its type: a target that says nothing of a feature is an error of mypy. Where there are several ways to write something
-the cell names one of the target's own words (`by`), and the emitter matches on that (`written`), never on the kind itself: a word that it
-does not know, or has no case for, is an error of mypy, too. What is lost depends on the robot: `losses` walks over what it uses, once for
-all targets.
+Tables are complete by their type: a missing feature is an error of mypy. If something can be written in several ways, the cell names one of
+the target's own words (`by`), and the emitter matches on that (`written`), never on the kind itself: an unknown word, or one without a
+case, is an error of mypy, too. Losses depend on the robot: `losses` checks what it uses, in the same way for all targets.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.artifact import Loss
 
 GRAVITY: Vector = (0.0, 0.0, -9.81)
-"""What every reader takes where a format has none [m/s^2]."""
+"""Gravity [m/s^2] that readers assume if a format has none."""
 
 
 By = TypeVar("By")
@@ -36,16 +35,18 @@ Sensor = TypeVar("Sensor")
 
 
 class Supported(FrozenStruct, Generic[By], kw_only=False):
-    """The format says it; `how`, where that is not by the same word. `by`: the emitter's own word for how it writes it, None where there is
-    one way only."""
+    """The format supports it. `how` describes it if its name differs; `by` is the emitter's word for the way of writing it, None if there
+    is only one.
+    """
 
     by: By
     how: str = ""
 
 
 class Lossy(FrozenStruct, Generic[By], kw_only=False):
-    """The format does, `by` this, but not quite: `how` is that of the `Loss`, whose words `words` go on with, with the comma or colon
-    before."""
+    """The format supports it in part: it is written `by` a certain way, with a `Loss` of kind `how`. `words` are added to the description
+    of the loss, including the comma or colon before.
+    """
 
     by: By
     how: Literal["approximated", "carried as custom data", "omitted"]
@@ -53,18 +54,18 @@ class Lossy(FrozenStruct, Generic[By], kw_only=False):
 
 
 class Omitted(FrozenStruct, kw_only=False):
-    """The format does not: nothing of it is written."""
+    """The format does not support it; nothing is written. `words` are added to the description of the `Loss`."""
 
     words: str = ""
 
     @property
     def how(self) -> Literal["omitted"]:
-        """That of the `Loss`."""
+        """The kind of the `Loss`."""
         return "omitted"
 
 
 class Companion(FrozenStruct, kw_only=False):
-    """Nobody looks for it in files of this format: neither said nor lost."""
+    """Users do not expect it in files of this format: it is neither written nor a loss."""
 
 
 Written = Supported[By] | Lossy[By]
@@ -77,13 +78,14 @@ BESIDE = Companion()
 
 
 def written(cell: Cell[By]) -> By | None:
-    """By what an emitter writes something; None of what it does not."""
+    """Return the emitter's word for the way of writing something, or None if there is only one way or it is not written."""
     return cell.by if isinstance(cell, (Supported, Lossy)) else None
 
 
 class Joints(TypedDict, Generic[By]):
-    """By the form of the motion (`joint_cell`). A base that moves in part, and a joint at which a loop is cut, are written as joints of
-    their kinds."""
+    """Joints by the form of the motion (`joint_cell`). A base that moves in part, and a joint at which a loop is cut, are written as such
+    joints.
+    """
 
     single: Written[By]
     several: Written[By]
@@ -93,7 +95,7 @@ class Joints(TypedDict, Generic[By]):
 
 
 class OfJoints(TypedDict):
-    """What a joint has."""
+    """Properties of joints."""
 
     cone: Plain
     velocity: Plain
@@ -107,7 +109,7 @@ class OfJoints(TypedDict):
 
 
 class Drives(TypedDict, Generic[By]):
-    """By the kind of the drive; those of a `ball` are about axes of their own, and a `universal` has two."""
+    """Drives by their kind; those of a `ball` have their own axes, and a `universal` has two."""
 
     position: Cell[By]
     velocity: Cell[By]
@@ -117,7 +119,7 @@ class Drives(TypedDict, Generic[By]):
 
 
 class LoopKinds(TypedDict, Generic[By]):
-    """By what a loop leaves open where it is cut; a `hold` keeps a mount where it is."""
+    """Loops by the free motion at the cut; a `hold` keeps a mount in place."""
 
     hold: Cell[By]
     weld: Cell[By]
@@ -130,7 +132,7 @@ class LoopKinds(TypedDict, Generic[By]):
 
 
 class Bases(TypedDict):
-    """By what a mode lets its root do, beyond standing fixed; `start` is where a free one begins."""
+    """The motion of the root in a mode, unless it is fixed. `start` is the initial pose of a free base."""
 
     held: Plain
     free: Plain
@@ -140,7 +142,7 @@ class Bases(TypedDict):
 
 
 class Modes(TypedDict):
-    """What a mode has; `simulation` is how it is stepped, but for its `timestep`."""
+    """Properties of modes; `simulation` are its settings except `timestep`."""
 
     gravity: Plain
     poses: Plain
@@ -150,8 +152,11 @@ class Modes(TypedDict):
 
 
 class Links(TypedDict):
-    """What a link has; `rolling` is friction, too. Links without a mass are told apart by whether a joint moves them; what has a mass at a
-    `point`, or points with masses in a `line`, has an inertia that no solid has, and never moves."""
+    """Properties of links.
+
+    `rolling` is a kind of friction. `weightless` links are moved by a joint, a `weightless_base` is not. A `point` mass, or masses in a
+    `line`, have an inertia that is not that of a solid.
+    """
 
     frames: Plain
     colours: Plain
@@ -165,7 +170,7 @@ class Links(TypedDict):
 
 
 class ContactShapes(TypedDict, Generic[By]):
-    """What a link touches with; a `mesh` that is not convex, but for its hull. What is drawn is written alike."""
+    """Collision shapes. `mesh` is one that is not convex and is not replaced by its hull. Primitives that are drawn use the same cells."""
 
     box: Cell[By]
     cylinder: Cell[By]
@@ -178,7 +183,7 @@ class ContactShapes(TypedDict, Generic[By]):
 
 
 class Sensors(TypedDict, Generic[By]):
-    """By the kind of the sensor."""
+    """Sensors by their kind."""
 
     imu: Cell[By]
     force: Cell[By]
@@ -201,20 +206,21 @@ class Sensors(TypedDict, Generic[By]):
 
 
 def all_sensors(cell: Cell[By]) -> Sensors[By]:
-    """The same of every kind."""
+    """Return the same cell for every kind of sensor."""
     return cast("Sensors[By]", dict.fromkeys(Sensors.__annotations__, cell))
 
 
 class OfSensors(TypedDict):
-    """What a sensor has, of those that are written."""
+    """Properties of the sensors that are written."""
 
     noise: Plain
     cutoff: Plain
 
 
 class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
-    """All that a format may or may not be able to say, with the words of its emitter for how it writes joints, drives, loops, shapes and
-    sensors; `Never` of what it never writes."""
+    """Everything that a format may or may not support. The type parameters are the emitter's words for its ways of writing joints, drives,
+    loops, shapes and sensors; `Never` if it never writes them.
+    """
 
     joints: Joints[Joint]
     of_joints: OfJoints
@@ -229,11 +235,14 @@ class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
 
 
 AnyCapabilities = Capabilities[Any, Any, Any, Any, Any]
-"""Of any target."""
+"""The capabilities of any target."""
 
 
 def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
-    """What a target loses of a robot in these modes, each once. Joints at which loops are cut are joints in its files, too, where `cut`."""
+    """Return the losses of a target for a robot in these modes, without duplicates.
+
+    With `cut`, joints at which loops are cut are written as joints in its files, too.
+    """
     lost = _Lost(target, says, cut)
     everything: list[Iterator[Loss]] = [lost.of_assembly(assembly)]
     for robot in robots:
@@ -242,7 +251,7 @@ def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Seque
 
 
 class _Lost:
-    """What is used, and by its cell lost. What is of every mode alike is of none."""
+    """Finds what a robot uses, and yields a loss if its cell says so. Losses common to all modes have no mode."""
 
     def __init__(self, target: str, says: AnyCapabilities, cut: bool) -> None:
         self.target = target
@@ -254,7 +263,7 @@ class _Lost:
             yield Loss.of(origin, self.target, mode, path, what + cell.words, cell.how)
 
     def of_joints(self, robot: Robot) -> Iterator[Loss]:
-        """Of the joints of a mode that are joints in its file."""
+        """Yield the losses of the joints of a mode that are written as joints."""
         mates = robot.assembly.mates
         groups: list[tuple[str, Sequence[TreeJoint | JointEdge]]] = [
             (mates[body.joints[0].mate].name or body.joints[0].path, body.joints) for body in robot.bodies if body.joints
@@ -279,7 +288,7 @@ class _Lost:
                         yield from self(self.says["of_joints"]["polynomial"], None, joint.path, what, joint.mimic.origin)
 
     def of_drive(self, joint: TreeJoint | JointEdge) -> Iterator[Loss]:
-        """Of what drives a coordinate, or turns a ball about an axis of its own."""
+        """Yield the loss of the drive of a coordinate, or of a ball about its own axis."""
         drive = joint.actuator
         if drive is not None:
             gains = [f", {name} {value:.6g}" for name, value in (("kp", drive.kp), ("kv", drive.kv)) if value is not None]
@@ -288,7 +297,7 @@ class _Lost:
             yield from self(self.says["drives"][drive_cell(joint, drive)], None, joint.path, what, drive.origin)
 
     def of_coordinate(self, joint: TreeJoint | JointEdge, path: str) -> Iterator[Loss]:
-        """Of one that moves, or of a whole ball."""
+        """Yield the losses of a coordinate that moves, or of a whole ball."""
         of, dynamics = self.says["of_joints"], joint.dynamics
         q, push, inertia = ("rad", "N m", "kg m^2") if joint.twist.turns else ("m", "N", "kg")
         for cell, value, what, unit in (
@@ -303,7 +312,7 @@ class _Lost:
                 yield from self(cell, None, path, f"its {what} of {value:.6g} {unit}", joint.origin)
 
     def of_mode(self, robot: Robot) -> Iterator[Loss]:
-        """Of one mode."""
+        """Yield the losses of one mode."""
         mode, modes = robot.mode, self.says["modes"]
         for closure in robot.closures:
             cell = self.says["loops"]["hold" if closure.hold else closure.kind]
@@ -331,7 +340,7 @@ class _Lost:
                 yield from self(cell, mode.name, mode.name, what, mode.origin)
 
     def of_base(self, robot: Robot) -> tuple[tuple[Plain, str, bool], ...]:
-        """Of what a mode lets its root do: the cell, what it is, and whether it is used."""
+        """Return the cells for the base of a mode: the cell, a description, and whether it is used."""
         base, bases = robot.base, self.says["bases"]
         match base:
             case "fixed":
@@ -347,7 +356,7 @@ class _Lost:
                 assert_never(base)
 
     def stepping(self, simulation: Mapping[str, object]) -> tuple[tuple[Plain, str, bool], ...]:
-        """Of what a document or a mode says under `simulation`: the cell, what it is, and whether it is used."""
+        """Return the cells for the `simulation` of a document or a mode: the cell, a description, and whether it is used."""
         modes = self.says["modes"]
         return (
             (modes["timestep"], "its time step", "timestep" in simulation),
@@ -355,7 +364,8 @@ class _Lost:
         )
 
     def of_sensor(self, sensor: LinkedSensor) -> Iterator[Loss]:
-        """Of a sensor, or what of one is not written. The range of a rangefinder is no cutoff of what it reads."""
+        """Yield the loss of a sensor, or of its properties that are not written. The range of a rangefinder is not a cutoff of its values.
+        """
         cell, of = self.says["sensors"][sensor.kind], self.says["of_sensors"]
         yield from self(cell, None, sensor.path, "this sensor", sensor.origin)
         if isinstance(cell, (Supported, Lossy)):
@@ -365,7 +375,7 @@ class _Lost:
                 yield from self(of["cutoff"], None, sensor.path, "its cutoff", sensor.origin)
 
     def of_assembly(self, assembly: Assembly) -> Iterator[Loss]:
-        """Of all modes alike."""
+        """Yield the losses common to all modes."""
         links = self.says["links"]
         for magnet in assembly.adhesions:
             origin = assembly.occurrences[magnet.occurrence].origin
@@ -404,12 +414,12 @@ class _Lost:
 
 
 def drive_cell(joint: TreeJoint | JointEdge, drive: ActuatorModel) -> Literal["position", "velocity", "motor", "universal", "ball"]:
-    """Which cell is that of the drive of a joint."""
+    """Return the cell for the drive of a joint."""
     return joint.kind.name if joint.kind.name in ("ball", "universal") else drive.kind
 
 
 def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "screw", "ball"]:
-    """The cell of a kind of joint that moves: how many coordinates it has, and whether formats know its motion."""
+    """Return the cell for a kind of joint that moves, by its coordinates and its motion. Raises `ValueError` for a fixed joint."""
     if not kind.moves:
         raise ValueError("a fixed joint moves nothing")
     if kind.at_once:
@@ -422,5 +432,5 @@ def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "sc
 
 
 def shape_cell(kind: Literal["mesh"] | PrimitiveShape) -> Literal["hull"] | PrimitiveShape:
-    """Which cell is that of a shape that touches, as far as the shape itself tells: a mesh is written as a convex one is."""
+    """Return the cell for a collision shape; a mesh counts as convex."""
     return "hull" if kind == "mesh" else kind

@@ -1,4 +1,4 @@
-"""How the bodies of a mode meet, for formats that take any graph: by the joints of its tree, and by those that close it."""
+"""The connections of the bodies in a mode, for formats that allow any graph: the joints of its tree, and those that close it."""
 
 from __future__ import annotations
 
@@ -15,14 +15,17 @@ from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.capabilities import LoopKinds, written
 
 HOLD = "_hold"
-"""What the name of the joint ends with that holds a mount."""
+"""Suffix of the name of a joint that holds a mount."""
 
 
 class Connection(FrozenStruct):
-    """How a body meets another (None: the world), by their indices: `X_0` is a frame on the parent, `X_1` one on the child, and the first
-    moved by its `coordinates` is the second, by `twists` in the first with the coordinates after each at 0. Without any it is fixed, or
-    where it `turns` only the origins meet. `path` is that of the whole joint, `joints` are its coordinates, where it is one of the
-    document. What is not `in_tree` closes loops and holds."""
+    """A connection between two bodies, given by index (parent None: the world).
+
+    `X_0` is a frame on the parent, `X_1` one on the child. Moving the first by the `coordinates` gives the second; `twists` are in the
+    first frame with all later coordinates at 0. Without coordinates it is fixed, or if it `turns`, only the origins coincide. `path` is
+    that of the whole joint; `joints` are its coordinates if it is a joint of the document. One that is not `in_tree` closes a loop or a
+    hold.
+    """
 
     parent: int | None
     child: int
@@ -38,8 +41,7 @@ class Connection(FrozenStruct):
 
 
 def connections(robot: Robot, loops: LoopKinds[Literal["joint"]], *, closed: bool = True) -> Iterator[Connection]:
-    """The joints of a mode: those of its tree in the order of its bodies, then, where it is to be `closed`, those of its loops and holds
-    that a format writes."""
+    """Yield the joints of a mode in the order of its bodies, then, if `closed`, the loops and holds that the format writes."""
     for index, body in enumerate(robot.bodies):
         path, origin, moves = BASE, robot.mode.origin, body.joints or robot.moves
         if body.joints:

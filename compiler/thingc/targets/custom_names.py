@@ -1,10 +1,9 @@
-"""The robot as files call it: what `names:` of the documents says goes before the paths of things.
+"""Apply the custom names of `names:` in the documents to the robot.
 
-Targets that other programs read by name (`Target.by_name`) are asked with this robot, and know of no other name. A `/` in a name is written
-as one in a path is.
+Emitters of targets whose files are read by name (`Target.by_name`) get this robot, and see no other names. A `/` in a custom name is
+written as in a path.
 
-Fields that hold paths are found by their types (`base/export_names.py`). Records that hold paths in other ways have rules
-(`_Caller.rules`).
+Fields with paths are found by their types (`base/export_names.py`). Records that contain paths in other ways have rules (`_Caller.rules`).
 """
 
 from __future__ import annotations
@@ -25,14 +24,14 @@ from thingc.model.robot.types import Closure, TreeJoint
 from thingc.targets.request import EmitRequest
 
 MADE = "called"
-"""Where the request that has been made of another is kept."""
+"""Key under which the new request is cached in the original."""
 
 AS_WRITTEN = frozenset({AssemblyDefinition, Component, Definition, FileNames, LinkedTest, Occurrence})
-"""Records that speak of things as the documents do."""
+"""Records that keep the names of the documents."""
 
 
 def called(request: EmitRequest) -> EmitRequest:
-    """The request with the names of files in it; itself, where those are the paths."""
+    """Return the request with custom names, or the same request if there are none."""
     names = request.assembly.names
     if names is None:
         return request
@@ -48,7 +47,7 @@ def called(request: EmitRequest) -> EmitRequest:
 
 @cache
 def fields_of(record: type) -> Mapping[str, Any]:
-    """The fields of a record in which paths are, at whatever depth, with their types."""
+    """Return the fields of a record that contain paths, at any depth, with their types."""
     return {name: hint for name, hint in get_type_hints(record, include_extras=True).items() if _holds(hint, frozenset())}
 
 
@@ -61,7 +60,7 @@ def _holds(hint: Any, within: frozenset[type]) -> bool:
 
 
 class _Caller:
-    """Lays the names over an assembly and its robots."""
+    """Applies custom names to an assembly and its robots."""
 
     def __init__(self, assembly: Assembly, names: FileNames) -> None:
         self.names = names
@@ -89,7 +88,7 @@ class _Caller:
         self._made: dict[int, tuple[Any, Any]] = {}
 
     def record(self, old: Any) -> Any:
-        """A record with the names of files; what several records share they share again."""
+        """Return a record with custom names. Records that were shared are shared again."""
         if id(old) not in self._made:
             fields = {name: self.value(hint, getattr(old, name)) for name, hint in fields_of(old.__class__).items()}
             rule = self.rules.get(old.__class__)
@@ -97,7 +96,7 @@ class _Caller:
         return self._made[id(old)][1]
 
     def value(self, hint: Any, old: Any) -> Any:
-        """A value of a type with the names of files."""
+        """Return a value of type `hint` with custom names."""
         kind = get_origin(hint)
         if old is None:
             return None
@@ -115,7 +114,7 @@ class _Caller:
             return self.record(old) if type(old) not in AS_WRITTEN else old
         return self.value(next(one for one in get_args(hint) if _holds(one, frozenset())), old) if get_args(hint) else old
 
-    # --- rules: the fields of a record that change, of which `fields` have been found by their types -----------------------
+    # --- rules: the fields of a record that change; `fields` are those found by their types --------------------------------
 
     def _assembly(self, assembly: Assembly, fields: dict[str, Any]) -> dict[str, Any]:
         return {**fields, "names": None}

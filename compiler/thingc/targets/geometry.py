@@ -1,8 +1,8 @@
-"""What of each occurrence is drawn and what collides: meshes by purpose, shared by definition, and primitives; and how large a robot is.
-Of no target.
+"""The visual and collision shapes of each occurrence, for any target: meshes by purpose, shared by definition, and primitives. Also the
+size of a robot.
 
-The same in every mode, so it is worked out once. Meshes go from the store into the build by name, unread. What a target cannot take, it
-says itself (`Takes`).
+They are the same in every mode, so they are computed once. Meshes are copied from the store by their hash, unread. A target reports what it
+does not accept itself (`Takes`).
 """
 
 from __future__ import annotations
@@ -24,19 +24,21 @@ from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss, StoredArtifact
 
 PIECES = {"decompose": "convex"}
-"""What the files of pieces are called where that is not what `collision` chose."""
+"""Names for files of pieces, if they differ from the value of `collision`."""
 
 ENDLESS = 100.0
-"""Half of how far [m] a plane without an end reaches, in a format whose planes have one."""
+"""Half the size [m] of an infinite plane, in formats without infinite planes."""
 
 Takes = Callable[[Occurrence, Mesh | Primitive], bool]
-"""Whether a target takes a shape to collide an occurrence with. What it does not take, or otherwise, it has said when it answers."""
+"""Returns whether a target accepts a collision shape of an occurrence. The function itself reports what is lost."""
 
 
 class MeshAsset(FrozenStruct):
-    """A mesh with a file of its own: its name, the mesh in the store (OBJ) [m], the `volume` [m^3] of the part that it is of, and
-    the origin of the occurrence that it was first met at. `own` are the bytes of the mesh file that it was read from, whose numbers are
-    metres by the factors `scale`, for MuJoCo."""
+    """A mesh with its own file.
+
+    `mesh` is the mesh in the store (OBJ) [m], `volume` [m^3] that of its part, and `origin` that of the first occurrence with it. `own` are
+    the bytes of the mesh file that it was read from, for MuJoCo; `scale` are their factors to metres.
+    """
 
     name: str
     mesh: Mesh
@@ -47,18 +49,19 @@ class MeshAsset(FrozenStruct):
 
     @property
     def file(self) -> str:
-        """What its file is called."""
+        """The name of its file."""
         return f"{self.name}.obj" if self.own is None else self.name
 
     @property
     def stored(self) -> StoredArtifact:
-        """Where its bytes lie."""
+        """The content of its file."""
         return self.own or StoredArtifact(sha256=self.mesh.sha256, size=self.mesh.size)
 
 
 class Shape(FrozenStruct):
-    """A shape in its occurrence's frame: `kind` `mesh` (named by `mesh`) or a primitive of `size`, both as a `Primitive` has them [m]; of
-    what it is, and in which colour. `name` is what the document calls it in files, behind the path of its document."""
+    """A shape in its occurrence's frame: a mesh (named by `mesh`) or a primitive of `size`, as in `Primitive` [m], with material and
+    colour. `name` is its custom name, after the path of its document.
+    """
 
     kind: Literal["mesh"] | PrimitiveShape
     mesh: str | None = None
@@ -70,7 +73,7 @@ class Shape(FrozenStruct):
 
 
 class Shapes(FrozenStruct):
-    """Of one occurrence, at `path`: what is drawn, and what collides."""
+    """The visual and collision shapes of the occurrence at `path`."""
 
     path: str
     origin: Origin
@@ -79,26 +82,26 @@ class Shapes(FrozenStruct):
 
 
 class Geometry(FrozenStruct):
-    """Of an assembly: `shapes[i]` of occurrence i, and the mesh assets in the order first met."""
+    """The geometry of an assembly: `shapes[i]` are those of occurrence i; mesh assets are in order of first use."""
 
     shapes: tuple[Shapes, ...]
     meshes: tuple[MeshAsset, ...]
 
     @property
     def assets(self) -> dict[str, StoredArtifact]:
-        """Where the bytes of each file of a mesh lie."""
+        """The content of each mesh file."""
         return {mesh.file: mesh.stored for mesh in self.meshes}
 
 
 def material_name(material: Material | None, color: str | None) -> str | None:
-    """`petg_e6e6fa`: material and colour, because a document may colour one material differently; None without a colour."""
+    """Return `petg_e6e6fa`: material and colour, because a document may use a material in several colours; None without a colour."""
     if color is None:
         return None
     return f"{material.name if material is not None else 'color'}_{color.removeprefix('#')}"
 
 
 def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
-    """Colour and origin of each material of what is drawn, by its name, in the order first met."""
+    """Return the colour and origin of each visual material, by its name, in order of first use."""
     named: dict[str, tuple[str, Origin]] = {}
     for one in shapes:
         for shape in one.visual:
@@ -109,12 +112,12 @@ def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
 
 
 def numbered(name: str, index: int) -> str:
-    """The name of one of several: `hand/cap`, `hand/cap_1`."""
+    """Return the name of one of several: `hand/cap`, `hand/cap_1`."""
     return f"{name}_{index}" if index else name
 
 
 def shape_names(shapes: Iterable[Shape], usual: str) -> Iterator[str]:
-    """The name of each shape: that of the document for the first that has it, else the usual one with its number."""
+    """Yield the name of each shape: its custom name if it is the first with this name, else the usual one with its number."""
     used: set[str | None] = {None}
     for index, shape in enumerate(shapes):
         yield numbered(usual, index) if shape.name in used else shape.name or ""
@@ -122,7 +125,7 @@ def shape_names(shapes: Iterable[Shape], usual: str) -> Iterator[str]:
 
 
 def report_same_file(occurrence: Occurrence, owner: Occurrence, path: str, report: Report) -> None:
-    """Report that the definitions of two occurrences would be written as the same file."""
+    """Report that two occurrences with different definitions would be written as the same file."""
     one, other = occurrence.definition.label, owner.definition.label
     report.add(
         Code.SAME_FILE, f"`{one}` and `{other}` would both be written as `{path}`", occurrence.origin, path=occurrence.path,
@@ -131,24 +134,24 @@ def report_same_file(occurrence: Occurrence, owner: Occurrence, path: str, repor
 
 
 def channels(color: str) -> tuple[float, float, float, float]:
-    """Red, green, blue and opacity of `#rrggbb` or `#rrggbbaa`, from 0 to 1."""
+    """Return red, green, blue and opacity of `#rrggbb` or `#rrggbbaa`, from 0 to 1."""
     digits = color.removeprefix("#")
     red, green, blue, alpha = (int(digits[k : k + 2] or "ff", 16) / 255.0 for k in range(0, 8, 2))
     return red, green, blue, alpha
 
 
 def has_inside(piece: Mesh | Primitive) -> bool:
-    """Whether something can be on one side of a shape or on the other: a plane has no volume, and is touched all the same."""
+    """Whether a shape can collide: it has a volume, or is a plane, which has two sides."""
     return not piece.flat if isinstance(piece, Mesh) else piece.shape == "plane" or numeric.minimum(piece.size) > 0.0
 
 
 def linear(channel: float) -> float:
-    """A channel of an sRGB colour from 0 to 1 as linear light (IEC 61966-2-1)."""
+    """Return a channel of an sRGB colour, from 0 to 1, as linear light (IEC 61966-2-1)."""
     return round(channel / 12.92 if channel <= 0.04045 else ((channel + 0.055) / 1.055) ** 2.4, 6)
 
 
 def inputs_of(assembly: Assembly) -> tuple[object, ...]:
-    """What of an assembly its geometry depends on: for a `Memo`."""
+    """Return everything in an assembly that its geometry depends on, as a key for a `Memo`."""
     return tuple(
         (
             one.path, one.definition, one.record, one.listed, one.component.definition, one.overrides.collision, one.overrides.visual,
@@ -159,13 +162,16 @@ def inputs_of(assembly: Assembly) -> tuple[object, ...]:
 
 
 def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report, *, own: bool = False) -> Geometry:
-    """The geometry of every occurrence, as far as a target `takes` it; with `own` mesh files are their own bytes where those are known.
-    Two definitions whose meshes would have one name in the target's `folder` are an error."""
+    """Return the geometry of every occurrence, with the collision shapes that a target `takes`.
+
+    With `own`, meshes use the bytes of their mesh files if known. Two definitions whose meshes would have the same file name in `folder`
+    are reported as an error.
+    """
     return _Collector(folder, takes, report, own).collect(assembly)
 
 
 def solid_geometry(assembly: Assembly, target: str, folder: str, report: Report) -> tuple[Geometry, list[Loss]]:
-    """The geometry of a target that takes what has a volume to collide with, and nothing else; and what it loses by that."""
+    """Return the geometry for a target that accepts only collision shapes with a volume (or planes), and the resulting losses."""
     flat: list[Loss] = []
 
     def takes(occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
@@ -207,7 +213,7 @@ class _Collector:
         return Shapes(path=occurrence.path, origin=occurrence.origin, visual=visual, collision=touching)
 
     def collision(self, occurrence: Occurrence, stem: str) -> tuple[Shape, ...]:
-        """What `collision:` chose for an occurrence: one shape per piece that can collide."""
+        """Return the collision shapes of an occurrence as chosen by `collision:`, one for each piece that can collide."""
         choice = occurrence.overrides.collision
         if choice == "none":
             return ()
@@ -222,8 +228,10 @@ class _Collector:
         return tuple(shapes)
 
     def shape(self, occurrence: Occurrence, surface: Surface, stem: str, suffix: str = "") -> Shape | None:
-        """A shape in the frame of its occurrence; the asset of a mesh, called by its `stem`, is kept. None when another definition has its
-        file name."""
+        """Return a shape in the frame of its occurrence, and store the asset of a mesh.
+
+        The name of the mesh begins with `stem`. Return None, after reporting it, if another definition uses its file name.
+        """
         mesh, title = surface.solid, occurrence.name_in_files(surface)
         if isinstance(mesh, Primitive):
             return Shape(kind=mesh.shape, size=mesh.size, pose=mesh.pose, material=surface.material, color=surface.color, name=title)
@@ -247,7 +255,7 @@ Box = tuple[Vector, Vector]
 
 
 def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple[tuple[tuple[Pose, Box | None], ...], ...]]:
-    """Of every body its parent and its pose there, and of every body the poses and boxes of its parts."""
+    """Return the parent and the pose of every body, and the poses and boxes of the parts of every body."""
     links, occurrences = robot.assembly.links, robot.assembly.occurrences
     boxes = tuple(one.box for one in occurrences)
     return tuple((body.parent, body.X_PL) for body in robot.bodies), tuple(
@@ -257,9 +265,11 @@ def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple
 
 
 def bounds(bodies: Sequence[tuple[int | None, Pose]], parts: Sequence[Sequence[tuple[Pose, Box | None]]]) -> Box | None:
-    """The box [m] around the robot in the world at q = 0, from its parts' boxes (see `placements`); None without geometry. Of a turned
-    box a coordinate is least where each of the three terms that it is the sum of is (Arvo, "Transforming axis-aligned bounding boxes",
-    Graphics Gems, 1990)."""
+    """Return the box [m] around the robot in the world at q = 0, from its parts' boxes (see `placements`); None without geometry.
+
+    The minimum of a coordinate of a rotated box is the sum of the minima of its three terms (Arvo, "Transforming axis-aligned bounding
+    boxes", Graphics Gems, 1990).
+    """
     low, high = [inf] * 3, [-inf] * 3
     poses: list[Pose] = []
     for (parent, X_PL), inside in zip(bodies, parts, strict=True):

@@ -1,10 +1,10 @@
-"""`glb/<name>_<mode>.glb`: a mode where it starts, for whatever shows glTF 2.0, as a tree of links whose joints can be turned.
+"""`glb/<name>_<mode>.glb`: a mode in its start pose, for glTF 2.0 viewers, as a tree of links with movable joints.
 
-    arm_bench:world  ->  base_link  ->  plate:visual (a mesh)
-                                    ->  yaw:joint  ->  bracket  ->  ...
+  arm_bench:world  ->  base_link  ->  plate:visual (a mesh)
+                                  ->  yaw:joint  ->  bracket  ->  ...
 
-A link's node is the frame that MJCF and `modes.json` have of it. A coordinate's lies on its axis, z along it: turning, or shifting, the
-node along its z is what a change of q does. Metres; glTF has y up, and linear colours (glTF 2.0, sections 3.4 and 3.9.2).
+A link's node has the frame of the link in MJCF and `modes.json`. A coordinate's node is on its axis, with z along it: to change q, rotate
+or move the node along its z. Lengths are in metres; glTF has y up, and linear colours (glTF 2.0, sections 3.4 and 3.9.2).
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from thingc.targets.geometry import ENDLESS, channels, linear, material_name, nu
 from thingc.targets.request import EmitRequest
 
 Y_UP = Pose(rotation=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
-"""The world, whose z is up, as glTF has it, whose y is up."""
+"""The world frame, with z up, in glTF, which has y up."""
 
 ROUND = (16, 16)
-"""Into how many pieces what is round is cut, from pole to pole and half around."""
+"""Number of segments of round shapes, from pole to pole and half around."""
 
 JointForm = Literal["nodes", "node"]
 """How a joint is written: a node for each coordinate, or one for all of them."""
@@ -72,15 +72,17 @@ CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     "sensors": all_sensors(BESIDE),
     "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},
 }
-"""What glTF can say of a robot: neither masses nor drives are what a picture is asked for."""
+"""What glTF can express of a robot. Masses, drives and the like are not expected in it."""
 
 ROUGHNESS = 0.6
-"""Of every surface: what a part is made of says its colour, not how it shines."""
+"""Roughness of all surfaces: documents specify colours, but not gloss."""
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """A file for each chosen mode; none, which is a loss, of a robot of which nothing is drawn. Every mesh is in it once for each colour,
-    its numbers once, however often it occurs."""
+    """Return a file for each chosen mode; none, which is a loss, if nothing in the robot is drawn.
+
+    A file contains each mesh once for each colour, and its coordinates once.
+    """
     if not any(occurrence.drawn for occurrence in request.assembly.occurrences):
         assembly = request.assembly
         whole = Loss.of(assembly.definition.origin, "glb", None, assembly.name, "nothing in the robot is drawn", "omitted")
@@ -91,7 +93,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 class _Node(FrozenStruct):
-    """A node below `parent`, at a pose in it; `shown` is what it shows, called `called`, `extras` data of its own."""
+    """A node below `parent` with its pose there. `shown` is its surface, `called` the name of the mesh, `extras` custom data."""
 
     name: str
     parent: str
@@ -102,7 +104,7 @@ class _Node(FrozenStruct):
 
 
 def _nodes(robot: Robot) -> Iterator[_Node]:
-    """All nodes of a mode where it starts, parents first."""
+    """Yield all nodes of a mode in its start pose, parents first."""
     assembly = robot.assembly
     frame = robot.start
     q = coordinates(joints_of(assembly), frame.q if frame is not None else {})
@@ -129,7 +131,7 @@ def _nodes(robot: Robot) -> Iterator[_Node]:
 
 
 def _called(surface: Surface) -> str:
-    """What the geometry of a listed shape is called: by what it is."""
+    """Return the name of a listed shape's mesh, by its content."""
     solid = surface.solid
     if isinstance(solid, Primitive):
         return f"{solid.shape} {' '.join(f'{number:.9g}' for number in solid.size)}"
@@ -137,7 +139,7 @@ def _called(surface: Surface) -> str:
 
 
 def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, float]) -> Iterator[_Node]:
-    """The nodes of the coordinates by which a body moves, one below the other, of a ball one; `pose` is the body's at 0 of them."""
+    """Yield the nodes of a body's coordinates, each the parent of the next; a ball has one. `pose` is the body's when they are 0."""
     if body.parent is None or not body.joints:
         return
     first = body.joints[0]
@@ -160,20 +162,21 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
 
 
 def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
-    """The frame on a twist's axis, its z along it; of a ball the axes stay, at its centre."""
+    """Return the frame on a twist's axis with z along it; for a ball, the axes are unchanged and the origin is its centre."""
     return shifted(*twist.anchor) if at_once else along(twist.axis, twist.anchor)
 
 
 class _Drawn:
-    """The meshes that are drawn, read when first asked for."""
+    """The meshes to draw, read when they are first needed."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._known: dict[str, Any] = {}
 
     def __call__(self, mesh: Mesh | Primitive) -> Any:
-        """A mesh of the store (OBJ, metres) as trimesh has it, vertices and faces as they are; of a primitive one that is near it, around
-        the origin."""
+        """Return a mesh of the store (OBJ, metres) as a trimesh object, with unchanged vertices and faces; for a primitive an
+        approximation.
+        """
         if isinstance(mesh, Primitive):
             return _tessellated(mesh)
         if mesh.sha256 not in self._known:
@@ -223,13 +226,13 @@ def _glb_bytes(robot: Robot, drawn: _Drawn) -> bytes:
         scene.graph.update(**place, geometry=key)
 
     def finish(tree: dict[str, Any]) -> None:
-        """What trimesh has no words for: who made it, colours as exact as they are, and what meshes are called."""
+        """Set what trimesh does not write: the generator, exact colours, and names of meshes."""
         tree["asset"]["generator"] = "thingc"
         tree["materials"] = list(materials.values())
         numbers = {name: number for number, name in enumerate(materials)}
         for mesh in tree["meshes"]:
             mesh["name"], material = of_mesh[mesh["name"]]
-            del mesh["extras"]  # of the file that it was read from
+            del mesh["extras"]  # those of the file that it was read from
             mesh["primitives"][0]["material"] = numbers[material]
 
     written: bytes = scene.export(file_type="glb", include_normals=False, tree_postprocessor=finish)
@@ -237,8 +240,7 @@ def _glb_bytes(robot: Robot, drawn: _Drawn) -> bytes:
 
 
 def _material(surface: Surface) -> dict[str, object]:
-    """The material of what is drawn, named as in MJCF; what has no colour is light grey. Sides that a viewer leaves out are those of the
-    inside, which nobody sees of a closed surface."""
+    """Return the material of a surface, named as in MJCF; the default colour is light grey. Open surfaces are double-sided."""
     red, green, blue, alpha = channels(surface.color or "#bfbfbf")
     name = material_name(surface.material, surface.color) or "color"
     open_ = not surface.solid.closed if isinstance(surface.solid, Mesh) else surface.solid.shape == "plane"

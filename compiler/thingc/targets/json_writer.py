@@ -1,4 +1,4 @@
-"""JSON as our artifacts write it: two spaces, `repr` floats, and a row of numbers on one line so that a matrix reads as one."""
+"""JSON as written to build outputs: indented by two spaces, `repr` floats, and a row of numbers on one line."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from thingc.base.safe_text import json_text
 
 
 def encode(value: object) -> bytes:
-    """`value` (mappings, sequences, text, numbers, flags, None) as UTF-8 JSON with a final newline, keys in the order given.
+    """Return `value` (mappings, sequences, text, numbers, flags, None) as UTF-8 JSON with a final newline, keys in the order given.
 
-    Raises `ValueError` for a number that is not finite, which JSON cannot say, and `TypeError` for anything else.
+    Raises `ValueError` for a number that is not finite, which JSON does not support, and `TypeError` for any other type.
     """
     return (json_text(_format_json(value, "\n")) + "\n").encode()
 
 
 class JsonFragment(str):
-    """A value that is JSON already, at the depth where it will stand (see `fragment`)."""
+    """A value that is already JSON text, indented for its depth (see `fragment`)."""
 
     __slots__ = ()
 
 
 def fragment(value: object, depth: int) -> JsonFragment:
-    """The text of a value that will stand `depth` mappings or sequences deep in another one. Raises as `encode`."""
+    """Return the text of a value that will be nested `depth` levels deep in another one. Raises as `encode` does."""
     return JsonFragment(_format_json(value, "\n" + "  " * depth))
 
 
 @formatter("json")
 def number(value: float) -> str:
-    """A finite number."""
-    return repr(value + 0.0)  # a rotation leaves -0.0 where nothing is
+    """Return the text of a finite number."""
+    return repr(value + 0.0)  # 0.0 in place of the -0.0 in rotations
 
 
 _PLAIN = {float, int, str, bool, type(None)}
@@ -44,7 +44,7 @@ def _format_json(value: object, newline: str) -> str:
     if isinstance(value, str):
         return value if type(value) is JsonFragment else encode_basestring(value)
     inner = newline + "  "
-    if isinstance(value, (dict, Mapping)):  # the concrete type first: to ask an abstract one is slow
+    if isinstance(value, (dict, Mapping)):  # concrete types first, because abstract ones are slow to check
         if not value:
             return "{}"
         entries = [f"{encode_basestring(str(key))}: {_format_json(item, inner)}" for key, item in value.items()]

@@ -1,4 +1,4 @@
-"""`manifest.json`: what a build folder holds and where it came from, so that it can be checked, replaced and trusted."""
+"""`manifest.json`: the contents and sources of a build folder, so that it can be checked and replaced."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "trimesh")
-"""Installed distributions whose version changes what a build holds, besides our own; one that is not installed is left out."""
+"""Distributions, besides thingc, whose version affects a build; one that is not installed is left out."""
 
 
 class BuildChoice(FrozenStruct):
-    """What the build was asked for: modes, targets and readers of MuJoCo models by name, in document and table order, parameters and
-    choices as texts."""
+    """The options of a build.
+
+    `modes`, `emit` (targets) and `compat` (readers of MuJoCo models) are names in document or table order; parameters and choices are
+    texts.
+    """
 
     modes: tuple[str, ...]
     emit: tuple[str, ...]
@@ -44,11 +47,10 @@ def manifest(
     losses: Sequence[Loss],
     workspace: Workspace,
 ) -> bytes:
-    """The bytes of `manifest.json`.
+    """Return the bytes of `manifest.json`.
 
-    `document` and the keys of `documents` (path to SHA-256) are paths in the workspace; `files` everything else that the folder
-    will hold. The same input gives the same bytes, whatever the order of the mappings. Raises `ValueError` when `files` has a
-    manifest of its own.
+    `document` and the keys of `documents` (path to SHA-256) are paths in the workspace; `files` are all other files of the folder. The
+    order of the mappings does not affect the result. Raises `ValueError` if `files` contains a manifest.
     """
     if MANIFEST in files:
         raise ValueError(f"{MANIFEST} cannot list itself")
@@ -83,7 +85,8 @@ def manifest(
 
 
 def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
-    """A loss as the manifest and `--format json` print it; `file` relative to the workspace, null with `line` without a place."""
+    """Return a loss as in the manifest and in `--format json`: `file` is relative to the workspace; `file` and `line` are null if unknown.
+    """
     return {
         "target": loss.target,
         "mode": loss.mode,
@@ -96,17 +99,16 @@ def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
 
 
 def sha256_of(content: Content) -> str:
-    """The SHA-256 of a file's bytes, in hex; of a stored one it is already known."""
+    """Return the SHA-256 of a file's bytes in hexadecimal; that of a stored one is known."""
     return content.sha256 if isinstance(content, StoredArtifact) else hashlib.sha256(content).hexdigest()
 
 
 @functools.cache
 def versions() -> Mapping[str, str]:
-    """Versions of Python, thingc and `DISTRIBUTIONS` as installed, by name; the first on the import path counts. Looked up once
-    in a process.
+    """Return the installed versions of Python, thingc and `DISTRIBUTIONS`, by name. Cached.
 
-    Read from the names of the `NAME-VERSION.dist-info` folders ("Recording installed projects", PyPA specifications):
-    `importlib.metadata` finds the same, but importing it takes longer than writing everything else.
+    The first one on the import path counts. They are read from the names of the `NAME-VERSION.dist-info` folders ("Recording installed
+    projects", PyPA specifications): importing `importlib.metadata` would take longer than writing everything else.
     """
     wanted = {_normal(name): name for name in DISTRIBUTIONS}
     version_of: dict[str, str] = {}
@@ -121,5 +123,5 @@ def versions() -> Mapping[str, str]:
 
 
 def _normal(name: str) -> str:
-    """The name of a distribution as two spellings of it have in common (PEP 503)."""
+    """Return the normalised name of a distribution (PEP 503)."""
     return re.sub("[-_.]+", "-", name).lower()

@@ -1,1 +1,1 @@
-"""Drawings of graphs: where boxes, labels and lines go, in numbers."""
+"""Numeric layout of graph drawings: the places of boxes, labels and lines."""

@@ -13,34 +13,34 @@ from thingc.targets.request import EmitRequest
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """`hag.dot`, `hag.mmd` and `hag.svg` of the same graph."""
+    """Return `hag.dot`, `hag.mmd` and `hag.svg` of the same graph."""
     hag = request.assembly.hag
     return Artifacts(files={"hag.dot": dot(hag).encode(), "hag.mmd": mermaid(hag).encode(), "hag.svg": svg(hag).encode()})
 
 def svg(hag: Hag) -> str:
-    """A self-contained SVG document, see `svg.py`."""
+    """Return a self-contained SVG document (see `svg.py`)."""
     from thingc.targets.hag.svg import picture
 
     return picture(hag)
 
 def graphml(hag: Hag) -> str:
-    """GraphML, which Gephi, yEd, Cytoscape and networkx read, see `graphs.hag_graph`."""
+    """Return GraphML, which Gephi, yEd, Cytoscape and networkx read (see `networkx_export.hag_graph`)."""
     from thingc.targets import networkx_export
 
     return networkx_export.graphml(networkx_export.hag_graph(hag, quantities(hag)))
 
 
 def json(hag: Hag) -> str:
-    """The same graph as node-link JSON."""
+    """Return the same graph as node-link JSON."""
     from thingc.targets import networkx_export
 
     return json_writer.encode(networkx_export.plain(networkx_export.hag_graph(hag, quantities(hag)))).decode()
 
 
 def text(hag: Hag) -> str:
-    """An indented tree for the terminal: component, definition, and how it is placed; then how often each is used.
+    """Return an indented tree for the terminal: component, definition and placement, then how often each definition is used.
 
-    A nested assembly that is used again is not unrolled again; what a `repeat` made is one line.
+    A nested assembly that is used again is not expanded again. The components of a `repeat` are one line.
     """
     below = children(hag)
     labels = {definition.text: escape_control(definition.label) for definition in hag.definitions}
@@ -71,12 +71,12 @@ def text(hag: Hag) -> str:
     return "\n".join(lines) + "\n"
 
 def _remark(definition: Definition) -> str:
-    """What kind of definition it is, unless it is a part, and what it mirrors."""
+    """Return the kind of a definition, unless it is a part, and what it mirrors."""
     kind = f" ({definition.kind})" if definition.kind != "part" else ""
     return kind if definition.plain is None else f"{kind} mirrors {escape_control(definition.plain.label)}"
 
 def dot(hag: Hag) -> str:
-    """Graphviz: a node per definition, an edge per component with its mounts and joint."""
+    """Return the graph for Graphviz: a node per definition, an edge per component with its mounts and joint."""
     style = {
         "assembly": 'shape=box style="rounded,filled" fillcolor="#dbe7f6" color="#3d6fae"',
         "part": 'shape=box style="rounded,filled" fillcolor="#f7f4ec" color="#8f8466"',
@@ -104,7 +104,7 @@ def dot(hag: Hag) -> str:
     return "\n".join([*lines, "}"]) + "\n"
 
 def mermaid(hag: Hag) -> str:
-    """A Mermaid flowchart: a node per definition, one edge per pair of definitions that lists the components."""
+    """Return a Mermaid flowchart: a node per definition, and an edge per pair of definitions that lists the components."""
     shapes = {"assembly": ('(["', '"])'), "part": ('["', '"]'), "file": ('[/"', '"/]'), "link": ('[["', '"]]'), "frame": ('("', '")')}
     names = _names(hag)
     lines = ["flowchart LR"]
@@ -131,10 +131,10 @@ def _names(hag: Hag) -> dict[str, str]:
     return {definition.text: f"n{index}" for index, definition in enumerate(hag.definitions)}
 
 def _dot_quoted(*lines: str) -> str:
-    """A DOT string: `"` and, in labels, `\\` and `&` (HTML entities) are special; lines end with `\\n`."""
+    """Return a DOT string: `"` and, in labels, `\\` and `&` (HTML entities) are escaped; lines end with `\\n`."""
     escaped = (escape_control(line).replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"') for line in lines)
     return '"' + "\\n".join(escaped) + '"'
 
 def _mermaid_escaped(text: str) -> str:
-    """Inside a quoted Mermaid label: characters that end it, begin an entity, HTML or Markdown, as entity codes."""
+    """Escape text for a quoted Mermaid label: characters that end it or begin an entity, HTML or Markdown become entity codes."""
     return "".join(f"#{ord(character)};" if character in "\"#&<`\\" else character for character in escape_control(text))

@@ -1,4 +1,4 @@
-"""The hierarchical assembly graph in words: its edges put together, how often each definition stands in it, what a component is."""
+"""Texts for the hierarchical assembly graph: bundled edges, quantities of definitions, placements of components."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ KINDS: tuple[DefinitionKind, ...] = get_args(DefinitionKind)
 
 
 class EdgeBundle(FrozenStruct):
-    """All edges from one definition to another: drawn as one line."""
+    """All edges from one definition to another, drawn as one line."""
 
     parent: str
     child: str
     edges: tuple[DefinitionEdge, ...]
 
 def bundles(hag: Hag) -> tuple[EdgeBundle, ...]:
-    """The edges put together by their two ends, in the order first met."""
+    """Return the edges grouped by their two ends, in order of first use."""
     grouped: dict[tuple[str, str], list[DefinitionEdge]] = {}
     for edge in hag.edges:
         grouped.setdefault((edge.parent, edge.child), []).append(edge)
     return tuple(EdgeBundle(parent=parent, child=child, edges=tuple(edges)) for (parent, child), edges in grouped.items())
 
 def quantities(hag: Hag) -> dict[str, int]:
-    """How often each definition stands in the whole robot, by its text: the number of paths from the root to it."""
+    """Return the number of each definition in the whole robot, by text: the number of paths from the root to it."""
     waiting = {definition.text: 0 for definition in hag.definitions}
     for edge in hag.edges:
         waiting[edge.child] += 1
@@ -47,25 +47,28 @@ def quantities(hag: Hag) -> dict[str, int]:
     return counted
 
 def how(edge: DefinitionEdge) -> str:
-    """How a component is placed, on one line: `joint yaw: yaw_seat -> yaw_servo.rotor`; empty for a base."""
+    """Return the placement of a component on one line: `joint yaw: yaw_seat -> yaw_servo.rotor`; empty for a base."""
     parts = [f"joint {edge.joint}"] if edge.joint is not None else []
     if edge.mounts:
         parts.append(edge.mounts)
     return escape_control(": ".join(parts))
 
 def mirrors(hag: Hag) -> list[tuple[Definition, str]]:
-    """Every mirror image of a definition that stands in the graph as well, with the text of that."""
+    """Return every mirror image whose original is also in the graph, with the text of the original."""
     texts = {definition.text for definition in hag.definitions}
     return [(one, one.plain.text) for one in hag.definitions if one.plain is not None and one.plain.text in texts]
 
 def total(hag: Hag) -> str:
-    """`12 definitions, 18 components`: the size of the graph and of the tree that it unrolls to (without its root)."""
+    """Return `12 definitions, 18 components`: the size of the graph, and of the expanded tree (without its root)."""
     components = sum(quantities(hag).values()) - 1
     return f"{counted(len(hag.definitions), 'definition')}, {counted(components, 'component')}"
 
 def entries(edges: Sequence[DefinitionEdge]) -> list[tuple[str, str]]:
-    """Edges of one bundle as `(component, how it is placed)`; three or more that a `repeat` made (`leg_0`, `leg_1`, ...) are
-    one entry: `leg_0 ... leg_5`, placed as the first with each number that counts along written as `*`."""
+    """Return the edges of one bundle as `(component, placement)`.
+
+    Three or more components of a `repeat` (`leg_0`, `leg_1`, ...) are one entry: `leg_0 ... leg_5`, with the placement of the first, in
+    which `*` replaces the number.
+    """
     placements: list[tuple[str, str]] = []
     position = 0
     while position < len(edges):
@@ -84,7 +87,7 @@ def entries(edges: Sequence[DefinitionEdge]) -> list[tuple[str, str]]:
     return placements
 
 def short(definition: Definition) -> tuple[str, str, str]:
-    """`(name, where, parameters)` of a definition, for a box: `("RotorBrace", "arm", "length=100 mm")`."""
+    """Return `(name, where, parameters)` of a definition, for a box: `("RotorBrace", "arm", "length=100 mm")`."""
     text = escape_control(definition.label).removesuffix(f" [{escape_control(definition.reference)}]")
     head, opening, rest = text.partition("(") if definition.kind != "file" else (text, "", "")
     parameters = rest[:-1] if opening and rest.endswith(")") else rest
@@ -97,7 +100,7 @@ def short(definition: Definition) -> tuple[str, str, str]:
     return head, escape_control(definition.reference) if definition.kind == "assembly" else "", parameters
 
 def _run(edges: Sequence[DefinitionEdge], start: int) -> int:
-    """How many edges from `start` on are named `stem_k`, `stem_k+1`, ..."""
+    """Return the number of edges from `start` that are named `stem_k`, `stem_k+1`, ..."""
     stem, _, number = edges[start].component.rpartition("_")
     if not stem or not number.isdecimal():
         return 1
@@ -107,7 +110,7 @@ def _run(edges: Sequence[DefinitionEdge], start: int) -> int:
     return length
 
 def children(hag: Hag) -> dict[str, list[DefinitionEdge]]:
-    """The edges below each definition, by its text."""
+    """Return the edges below each definition, by its text."""
     below: dict[str, list[DefinitionEdge]] = {}
     for edge in hag.edges:
         below.setdefault(edge.parent, []).append(edge)

@@ -1,11 +1,10 @@
-"""A layered drawing of an acyclic graph: where boxes, labels and lines go. Numbers only.
+"""A layered layout of an acyclic graph: the places of boxes, labels and lines. Numbers only.
 
-After Sugiyama, Tagawa and Toda, "Methods for visual understanding of hierarchical system structures", 1981: layers by
-longest path, dummy items where a line crosses a layer, crossings reduced by barycentres. Labels are items of layers of their
-own between those of the boxes, so that nothing can lie on anything else. Heights within a layer are the least-squares best
-for their neighbours under the order and the separations (pool adjacent violators: Barlow et al., "Statistical Inference under
-Order Restrictions", 1972). Layers are columns, from left to right: graphs of assemblies are wide and shallow, and a list of
-components reads downwards.
+After Sugiyama, Tagawa and Toda, "Methods for visual understanding of hierarchical system structures", 1981: layers by longest path, dummy
+items where a line crosses a layer, crossings reduced by barycentres. Labels are items of their own layers between those of the boxes, so
+that nothing overlaps. The heights in a layer are a least-squares fit to those of the neighbours under the order and the separations (pool
+adjacent violators: Barlow et al., "Statistical Inference under Order Restrictions", 1972). Layers are columns, from left to right: graphs
+of assemblies are wide and shallow, and a list of components is read downwards.
 """
 
 from __future__ import annotations
@@ -18,28 +17,28 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import sum_of
 
 GAP = 40.0
-"""Between two columns, where the lines spread; more where they are steep."""
+"""Smallest gap between two columns, for the lines."""
 STEEP = 0.14
-"""How much of the highest rise of a line between two columns is added to their gap, up to `WIDEST`."""
+"""Fraction of the largest rise of a line between two columns that is added to their gap, up to `WIDEST`."""
 WIDEST = 110.0
 ROW = 14.0
-"""Between two boxes of a column."""
+"""Gap between two boxes of a column."""
 LINE_ROW = 10.0
-"""Between a line and what is next to it."""
+"""Gap between a line and its neighbour in a column."""
 SWEEPS = 12
 PORT = 9.0
-"""Between two lines at the side of a box."""
+"""Distance of two lines at the side of a box."""
 
 
 class Size(FrozenStruct):
-    """Of a box or a label."""
+    """The size of a box or a label."""
 
     width: float
     height: float
 
 
 class Line(FrozenStruct):
-    """From box `source` to box `target` (indices), with a label of a size."""
+    """A line from box `source` to box `target` (indices), with the size of its label."""
 
     source: int
     target: int
@@ -47,7 +46,7 @@ class Line(FrozenStruct):
 
 
 class Rectangle(FrozenStruct):
-    """`x`, `y` of the upper left corner; y grows downwards."""
+    """`x`, `y` are the upper left corner; y grows downwards."""
 
     x: float
     y: float
@@ -56,14 +55,16 @@ class Rectangle(FrozenStruct):
 
 
 class Route(FrozenStruct):
-    """A line's way: `stretches` are level pieces `(x0, x1, y)` from left to right, joined by curves; `label` lies on one."""
+    """The course of a line: `stretches` are horizontal pieces `(x0, x1, y)` from left to right, joined by curves; `label` is on one of
+    them.
+    """
 
     stretches: tuple[tuple[float, float, float], ...]
     label: Rectangle
 
 
 class Drawing(FrozenStruct):
-    """Boxes in the order given, routes in the order of the lines, and the size of everything, from (0, 0)."""
+    """Boxes in the order given, routes in the order of the lines, and the size of the drawing, from (0, 0)."""
 
     width: float
     height: float
@@ -73,7 +74,7 @@ class Drawing(FrozenStruct):
 
 @dataclass(slots=True)
 class _Item:
-    """Something that takes a place in a column: a box, a label, or (neither) a line passing through."""
+    """An item in a column: a box, a label, or (neither) a line passing through."""
 
     column: int
     size: Size
@@ -84,7 +85,7 @@ class _Item:
 
 
 def draw(boxes: Sequence[Size], lines: Sequence[Line]) -> Drawing:
-    """The drawing of an acyclic graph; the same for the same input. Raises `ValueError` for a cycle."""
+    """Return the layout of an acyclic graph; deterministic. Raises `ValueError` for a cycle."""
     ranks = _ranks(len(boxes), lines)
     items = [_Item(column=2 * ranks[k], size=size, box=k) for k, size in enumerate(boxes)]
     chains = [_chain(items, line, ranks) for line in lines]
@@ -95,7 +96,7 @@ def draw(boxes: Sequence[Size], lines: Sequence[Line]) -> Drawing:
 
 
 def _ranks(count: int, lines: Sequence[Line]) -> list[int]:
-    """The longest path to each box."""
+    """Return the length of the longest path to each box."""
     ranks, waiting = [0] * count, [0] * count
     followers: list[list[int]] = [[] for _ in range(count)]
     for line in lines:
@@ -114,7 +115,7 @@ def _ranks(count: int, lines: Sequence[Line]) -> list[int]:
 
 
 def _chain(items: list[_Item], line: Line, ranks: Sequence[int]) -> list[int]:
-    """Items along a line: its source, its label, what stands for it in the columns it crosses, its target."""
+    """Return the items along a line: its source, its label, dummy items in the columns that it crosses, its target."""
     chain = [line.source]
     for column in range(2 * ranks[line.source] + 1, 2 * ranks[line.target]):
         size = line.label if len(chain) == 1 else Size(width=0.0, height=0.0)
@@ -128,7 +129,7 @@ def _chain(items: list[_Item], line: Line, ranks: Sequence[int]) -> list[int]:
 
 
 def _first_order(items: Sequence[_Item], lines: Sequence[Line], chains: Sequence[Sequence[int]]) -> list[list[int]]:
-    """Columns in the order a reader of the documents meets things: depth first, lines in the order given."""
+    """Return the columns in the order in which the documents list things: depth first, lines in the order given."""
     columns: list[list[int]] = [[] for _ in range(1 + max((item.column for item in items), default=-1))]
     leaving: dict[int, list[int]] = {}
     entered = {line.target for line in lines}
@@ -149,7 +150,7 @@ def _first_order(items: Sequence[_Item], lines: Sequence[Line], chains: Sequence
 
 
 def _crossings(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> int:
-    """How many pairs of lines cross between neighbouring columns (inversions of the ends, counted by insertion)."""
+    """Return the number of crossings of lines between neighbouring columns (inversions of the ends, counted by insertion)."""
     crossings = 0
     for left, right in zip(columns, columns[1:]):
         place = {k: position for position, k in enumerate(right)}
@@ -162,7 +163,7 @@ def _crossings(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> int:
 
 
 def _reduce_crossings(items: Sequence[_Item], columns: list[list[int]]) -> None:
-    """Sweeps to and fro, each column sorted by the mean place of its neighbours in the last; the best order is kept."""
+    """Sweep to and fro, sorting each column by the mean place of its neighbours in the previous one, and use the best order found."""
     best, fewest = [list(column) for column in columns], _crossings(items, columns)
     for sweep in range(SWEEPS):
         if fewest == 0:
@@ -182,13 +183,13 @@ def _reduce_crossings(items: Sequence[_Item], columns: list[list[int]]) -> None:
 
 
 def _separation(a: _Item, b: _Item) -> float:
-    """The least distance between the middles of two items, one above the other."""
+    """Return the smallest distance between the middles of two items, one above the other."""
     gap = ROW if a.box is not None and b.box is not None else LINE_ROW
     return (a.size.height + b.size.height) / 2.0 + gap
 
 
 def _set_heights(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> None:
-    """Middles of all items: each column in turn as near to its neighbours as the order and the separations allow."""
+    """Set the middles of all items: each column in turn as near to its neighbours as the order and the separations allow."""
     for column in columns:
         for above, k in zip(column, column[1:]):
             items[k].y = items[above].y + _separation(items[above], items[k])
@@ -211,11 +212,11 @@ def _set_heights(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> No
 
 
 def _nearest(wanted: Sequence[float], weights: Sequence[float], separations: Sequence[float]) -> list[float]:
-    """The places nearest to `wanted` (weighted squares) with `place[k + 1] >= place[k] + separations[k]`."""
+    """Return the places nearest to `wanted` (weighted least squares) with `place[k + 1] >= place[k] + separations[k]`."""
     offsets = [0.0]
     for separation in separations:
         offsets.append(offsets[-1] + separation)
-    blocks: list[tuple[float, float, int]] = []  # mean, weight, how many
+    blocks: list[tuple[float, float, int]] = []  # mean, weight, number
     for want, weight, offset in zip(wanted, weights, offsets):
         mean, total, count = want - offset, weight, 1
         while blocks and blocks[-1][0] > mean:
@@ -227,7 +228,7 @@ def _nearest(wanted: Sequence[float], weights: Sequence[float], separations: Seq
 
 
 def _ports(items: Sequence[_Item], k: int, neighbours: Sequence[int]) -> dict[int, float]:
-    """Where lines touch the side of a box: side by side, in the order of their other ends."""
+    """Return where lines meet the side of a box: side by side, in the order of their other ends."""
     ordered = sorted(neighbours, key=lambda n: (items[n].y, n))
     room = max(items[k].size.height - 14.0, 0.0)
     step = min(PORT, room / max(1, len(ordered) - 1))
@@ -235,7 +236,7 @@ def _ports(items: Sequence[_Item], k: int, neighbours: Sequence[int]) -> dict[in
 
 
 def _finish(items: Sequence[_Item], columns: Sequence[Sequence[int]], chains: Sequence[Sequence[int]]) -> Drawing:
-    """Columns side by side, everything moved to begin at (0, 0), and the ways of the lines."""
+    """Arrange the columns side by side, move everything to begin at (0, 0), and compute the routes of the lines."""
     top = min((item.y - item.size.height / 2.0 for item in items), default=0.0)
     for item in items:
         item.y = round(item.y - top, 1)

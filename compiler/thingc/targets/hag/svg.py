@@ -1,4 +1,4 @@
-"""The hierarchical assembly graph as a picture: an SVG document that needs nothing else, laid out by `layered_layout.py`."""
+"""The hierarchical assembly graph as a self-contained SVG document, laid out by `layered_layout.py`."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from thingc.targets.hag.layered_layout import Drawing, Line, Rectangle, Route, S
 MARGIN = 28.0
 HEAD = 62.0
 LEAD = 15.0
-"""From one line of text to the next."""
+"""Distance of two lines of text."""
 PADDING = 12.0
 ADVANCE = 0.61
-"""Width of a character of a monospaced font, as a share of its size: DejaVu Sans Mono and Menlo 0.602, Courier 0.600."""
+"""Width of a character of a monospaced font, relative to its size: DejaVu Sans Mono and Menlo 0.602, Courier 0.600."""
 LONGEST = 46
-"""Characters in a line; what is longer is broken, or cut (the tooltip has all of it)."""
+"""Characters in a line; longer text is broken or cut (the tooltip has all of it)."""
 MOST = 6
-"""Entries in a label, and lines of parameters in a box; the tooltip has the rest."""
+"""Number of entries in a label, and of lines of parameters in a box; the tooltip has the rest."""
 
 FONT = "ui-monospace, 'SF Mono', Menlo, Consolas, 'DejaVu Sans Mono', 'Liberation Mono', monospace"
 INK, MUTED, LINE, JOINT = "#1f2937", "#6b7280", "#a3acba", "#c2410c"
@@ -31,8 +31,11 @@ EDGE: Mapping[DefinitionKind, str] = {"assembly": "#3d6fae", "part": "#a89c7c", 
 
 
 def picture(hag: Hag) -> str:
-    """The SVG text. Boxes are definitions (with the number of times each stands in the robot), lines say as which component
-    and how; those of joints are coloured. Hovering over either shows all that is known of it."""
+    """Return the SVG text.
+
+    Boxes are definitions, with their number in the robot. Lines are components with their placement; those of joints are coloured. Tooltips
+    show all details.
+    """
     numbers = {definition.text: index for index, definition in enumerate(hag.definitions)}
     counted = quantities(hag)
     texts = [_box_texts(definition) for definition in hag.definitions]
@@ -92,7 +95,7 @@ def _canvas(hag: Hag, drawing: Drawing) -> ET.Element:
 
 
 def _box_texts(definition: Definition) -> list[str]:
-    """The name, then where it is written and its parameters."""
+    """Return the name, then its module or file and its parameters."""
     name, where, parameters = short(definition)
     lines = [_cut(name)]
     if where:
@@ -102,7 +105,7 @@ def _box_texts(definition: Definition) -> list[str]:
 
 
 def _broken(words: Sequence[str]) -> list[str]:
-    """Words put together with commas to lines of at most `LONGEST` characters."""
+    """Join words with commas to lines of at most `LONGEST` characters."""
     lines: list[str] = []
     for position, word in enumerate(words):
         piece = word + ("," if position < len(words) - 1 else "")
@@ -120,7 +123,7 @@ def _box_size(lines: Sequence[str], count: int) -> Size:
 
 
 class _Words(FrozenStruct):
-    """A line of a label: its baseline below the label's upper edge, and `kind` `name | place | joint`."""
+    """A line of a label: `baseline` is below the label's upper edge, `kind` is `name | place | joint`."""
 
     text: str
     kind: str
@@ -128,7 +131,7 @@ class _Words(FrozenStruct):
 
 
 def _label_words(strand: EdgeBundle) -> list[_Words]:
-    """What a line says: components, each followed by how it is placed."""
+    """Return the label of a line: components, each followed by its placement."""
     words: list[_Words] = []
     baseline = 11.0
     placements = entries(strand.edges)
@@ -205,7 +208,7 @@ def _add_text(parent: ET.Element, x: float, y: float, text: str, style: dict[str
 
 
 def _width(text: str, size: float) -> float:
-    """Of a text in a monospaced font; East Asian wide characters and unknown ones count as two."""
+    """Return the width of a text in a monospaced font; East Asian wide characters count as two."""
     return sum(2.0 if unicodedata.east_asian_width(c) in "WF" else 1.0 for c in text) * ADVANCE * size
 
 
@@ -214,5 +217,5 @@ def _cut(text: str) -> str:
 
 
 def _n(value: float) -> str:
-    """A coordinate to a tenth of a pixel, without a trailing zero."""
+    """Format a coordinate to a tenth of a pixel, without a trailing zero."""
     return f"{round(value, 1):.1f}".removesuffix(".0")

@@ -1,4 +1,4 @@
-"""`html/<name>.html`: frame, style, program, data and meshes of the viewer, put into one page."""
+"""`html/<name>.html`: frame, style, program, data and meshes of the viewer in one page."""
 
 from __future__ import annotations
 
@@ -20,25 +20,27 @@ _AGAINST = (
 
 
 class Page(FrozenStruct):
-    """What a page is made from: the `name` of the robot, what the page is told of it (`data`, JSON), and its meshes (`glb`)."""
+    """The content of a page: the `name` of the robot, its `data` (JSON), and its meshes (`glb`)."""
 
     name: str
     data: str
     glb: bytes
 
     def html(self, *, live: str | None = None, editor: str | None = None, against: Page | None = None) -> bytes:
-        """The page. A `live` one asks the server that it comes from for what has changed since it stood as the word says, by which the
-        server knows it. `editor` is an address that opens a place in an editor, with `{file}` (its path in the workspace) and `{line}`.
-        The robot of `against` is seen through its own."""
+        """Return the page.
+
+        A `live` page asks its server for changes since the version that `live` identifies. `editor` is a URL that opens a place in an
+        editor, with `{file}` (the path in the workspace) and `{line}`. The robot of `against` is shown for comparison.
+        """
         return _framed(self.name, self.data, self.glb, live=live, editor=editor, against=against)
 
     def news(self) -> bytes:
-        """What a live page takes of it, JSON: `robot` and `geometry`, of one and the same build."""
+        """Return an update for a live page as JSON: `robot` and `geometry`, of the same build."""
         return f'{{"robot": {self.data}, "geometry": "{base64.b64encode(self.glb).decode()}"}}'.encode()
 
 
 def waiting(name: str, editor: str | None = None) -> bytes:
-    """A live page that has no robot yet, and takes the first that there is. `name` is what it is called until then."""
+    """Return a live page without a robot, which shows the first one that is available. `name` is its title until then."""
     return _framed(name, "null", b"", live="", editor=editor, against=None)
 
 
@@ -58,12 +60,12 @@ def _framed(name: str, data: str, glb: bytes, *, live: str | None, editor: str |
 
 
 def page_of(request: EmitRequest) -> Page:
-    """The page of a robot in all chosen modes. Raises `BlobMissing`."""
+    """Return the page of a robot in all chosen modes. Raises `BlobMissing`."""
     packed = PackedMeshes(request.store)
     data = describe(request.assembly, request.robots, request.workspace, packed)
     return Page(name=request.assembly.name, data=in_script(data), glb=packed.glb())
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """The page, which loses nothing: it shows what the assembly says."""
+    """Return the page. There are no losses: it shows everything in the assembly."""
     return Artifacts(files={f"html/{request.assembly.name}.html": page_of(request).html()})

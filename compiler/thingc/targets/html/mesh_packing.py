@@ -1,7 +1,7 @@
-"""Meshes packed for a page: one glTF 2.0 binary file, positions in 16 bits of the box around each mesh (KHR_mesh_quantization).
+"""Pack meshes for a page: one glTF 2.0 binary file, with positions as 16-bit numbers in the box around each mesh (KHR_mesh_quantization).
 
-A part of 200 mm is off by 3 um at most. Each mesh is there once, as a node of its own that undoes the packing; where it is drawn, the page
-knows from elsewhere. In plain Python: numpy alone would take longer to import than all of it takes here.
+The error for a part of 200 mm is at most 3 um. Each mesh is in the file once, as a node that undoes the packing; the page gets the places
+of meshes separately. Written in plain Python, because importing numpy would take longer.
 """
 
 from __future__ import annotations
@@ -14,50 +14,50 @@ from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
 
 POSITIONS, CORNERS = 34962, 34963
-"""What glTF calls the use of a buffer: of vertices, of indices."""
+"""glTF's targets of buffer views: vertices and indices."""
 
 SHORT, UNSIGNED_SHORT, UNSIGNED_INT = 5122, 5123, 5125
-"""What glTF calls the type of a number."""
+"""glTF's types of numbers."""
 
 PACKING = "KHR_mesh_quantization"
-"""The extension by which positions may be of 16 bits."""
+"""The extension for 16-bit positions."""
 
 MOST = 32767
-"""The largest number of 16 bits with a sign, which stands for 1."""
+"""The largest signed 16-bit number, which represents 1."""
 
 
 class PackedMeshes:
-    """Meshes of a store, each numbered when it is first asked for."""
+    """Meshes of a store, numbered in the order in which they are first requested."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._numbers: dict[str, int] = {}
 
     def number(self, mesh: Mesh) -> int:
-        """The number of a mesh in the file."""
+        """Return the number of a mesh in the file."""
         return self._numbers.setdefault(mesh.sha256, len(self._numbers))
 
     def glb(self) -> bytes:
-        """The file with every mesh that was asked for. Raises `BlobMissing`."""
+        """Return the file with every requested mesh. Raises `BlobMissing`."""
         tree: dict[str, list[dict[str, object]]] = {"nodes": [], "meshes": [], "accessors": [], "bufferViews": []}
         data = bytearray()
         for sha256 in self._numbers:
             _add(sha256, self._store.read(sha256), tree, data)
         scene = {"scene": 0, "scenes": [{"nodes": list(range(len(tree["nodes"])))}], "buffers": [{"byteLength": len(data)}], **tree}
         packing = {"extensionsUsed": [PACKING], "extensionsRequired": [PACKING]}
-        nothing = {"scene": 0, "scenes": [{}]}  # a list of none would be no glTF
+        nothing = {"scene": 0, "scenes": [{}]}  # an empty list is invalid in glTF
         return _file({"asset": {"version": "2.0", "generator": "thingc"}, **packing, **(scene if data else nothing)}, bytes(data))
 
 
 def _add(sha256: str, obj: bytes, tree: dict[str, list[dict[str, object]]], data: bytearray) -> None:
-    """A mesh (OBJ, all vertices and then all triangles) at the end of the file."""
+    """Append a mesh (OBJ, all vertices and then all triangles) to the file."""
     points, mark, corners = obj.partition(b"f")
     numbers = [float(word) for word in points.replace(b"v", b" ").split()]
     indices = [int(word) - 1 for word in (mark + corners).replace(b"f", b" ").split()]
     axes = [numbers[k::3] for k in range(3)]
     low, high = [min(axis) for axis in axes], [max(axis) for axis in axes]
     centre, half = [(a + b) / 2.0 for a, b in zip(low, high)], max((b - a) / 2.0 for a, b in zip(low, high)) or 1.0
-    packed = array("h", bytes(8 * len(axes[0])))  # of four 16 bits each: a vertex begins at a multiple of four bytes
+    packed = array("h", bytes(8 * len(axes[0])))  # four 16-bit numbers each: a vertex begins at a multiple of four bytes
     for k, axis in enumerate(axes):
         packed[k::4] = array("h", [round((x - centre[k]) / half * MOST) for x in axis])
     wide = len(axes[0]) > 65536
@@ -81,14 +81,14 @@ def _add(sha256: str, obj: bytes, tree: dict[str, list[dict[str, object]]], data
 
 
 def _little(numbers: array[int]) -> bytes:
-    """The bytes of numbers, the low one of each first, whatever the machine has."""
+    """Return the bytes of numbers in little-endian order on any machine."""
     if struct.pack("=H", 1) != struct.pack("<H", 1):
         numbers.byteswap()
     return numbers.tobytes()
 
 
 def _file(tree: dict[str, object], data: bytes) -> bytes:
-    """A binary glTF file (glTF 2.0, section 4.4): header, JSON, buffer."""
+    """Return a binary glTF file (glTF 2.0, section 4.4): header, JSON, buffer."""
     text = json.dumps(tree, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<II", len(text), 0x4E4F534A) + text

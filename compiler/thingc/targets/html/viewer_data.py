@@ -1,11 +1,11 @@
-"""What the page of a robot is told of it: plain data for JSON, SI, from which the page works out where everything is.
+"""The data for the page of a robot: plain values for JSON, in SI units, from which the page computes all poses.
 
-In a mode's `bodies` (parents before children) a link stands, for q of the coordinates that move it, at
+In a mode's `bodies` (parents before children), the pose of a link, for q of the coordinates that move it, is
 
-    X_W,link(q) = X_W,parent @ X @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...
+  X_W,link(q) = X_W,parent @ X @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...
 
-those of a ball at once, `exp(twist_0 q_0 + ...)`; its `loops` are closed where `X_W,parent @ X_PA @ exp(...) == X_W,child @ X_CB` over
-their own coordinates. Poses are 12 numbers, the first three rows of the matrix; a twist is `[angular, linear, anchor]`.
+or `exp(twist_0 q_0 + ...)` for a ball. Its `loops` are closed if `X_W,parent @ X_PA @ exp(...) == X_W,child @ X_CB` over their own
+coordinates. Poses are 12 numbers, the first three rows of the matrix; a twist is `[angular, linear, anchor]`.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from thingc.targets.bom import listed, make_of, with_pieces
 from thingc.targets.html.mesh_packing import PackedMeshes
 
 VERSION = 1
-"""Of the form of the data: the page refuses another."""
+"""Version of the form of the data: the page rejects any other."""
 
 SLACK = 1e-6
-"""What part of the gravity on the joints may stay unbalanced: rounding."""
+"""Largest unbalanced gravity load of the joints, relative to the total, that counts as a rounding error."""
 
 Data = dict[str, object]
 
 
 def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, packed: PackedMeshes) -> Data:
-    """All that the page is told. Meshes are asked of `packed`, and named by their numbers there."""
+    """Return all data for the page. Meshes are requested from `packed`, and referred to by their numbers there."""
     within = in_link(assembly)
     places = _Places(workspace)
     definitions = {one.definition.text: one for one in assembly.occurrences}
@@ -72,22 +72,24 @@ def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, 
 
 
 class _Places:
-    """Where things are written, in files of the workspace; absolute paths are nobody else's."""
+    """Returns the places of things in files of the workspace. Absolute paths are not written, because they differ between machines."""
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace
         self._texts: dict[str, str] = {}
 
     def of(self, origin: Origin) -> Data:
-        """`file` and `line` of the first place of an origin, null without one."""
+        """Return `file` and `line` of the first place of an origin, null if there is none."""
         span = next(iter(origin), None)
         if span is None or span.option is not None:
             return {"file": None, "line": None}
         return {"file": self._workspace.relative(span.file), "line": span.line}
 
     def code(self, path: str, reference: str) -> Data:
-        """The same of a part's class or function. A record may be older than the last edit of its file that moved lines alone, so the line
-        is looked up; null for a file that is outside the workspace."""
+        """Return the same for a part's class or function; null for a file outside the workspace.
+
+        The line is looked up, because edits that only move lines do not rebuild the record.
+        """
         if not self._workspace.contains(path):
             return {"file": None, "line": None}
         if path not in self._texts:
@@ -104,7 +106,7 @@ class _Places:
 
 
 def _definition(occurrence: Occurrence, places: _Places) -> Data:
-    """What an occurrence, and all others of its definition, are made from."""
+    """Return the definition of an occurrence, and of all others with the same one."""
     definition, made, record = occurrence.definition, occurrence.component.definition, occurrence.record
     where: Data = {"file": None, "line": None}
     if record is not None and record.code is not None and os.path.isabs(record.code[0]):
@@ -143,13 +145,14 @@ def _shape(surface: Surface, packed: PackedMeshes) -> Data:
 
 
 def _mass(own: MassProperties) -> Data:
-    """Mass [kg], centre [m], principal moments [kg m^2] about it, and the axes that they are about, the columns of `axes` (by rows)."""
+    """Return mass [kg], centre [m], principal moments [kg m^2] about it, and the principal axes as the columns of `axes` (given by rows).
+    """
     moments, axes = principal_axes(own.inertia)
     return {"mass": own.mass, "centre": own.centre, "moments": moments, "axes": [x for row in axes for x in row]}
 
 
 def _joint_data(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) -> Data:
-    """A coordinate, the same in all modes; `parent` and `child` are the document's, links by number."""
+    """Return a coordinate, which is the same in all modes; `parent` and `child` are those of the document, as numbers of links."""
     drive = joint.actuator
     return {
         "path": joint.path, "joint": mate.name, "kind": joint.kind.name, "turns": joint.twist.turns,
@@ -207,8 +210,11 @@ def _loop(closure: Closure) -> Data:
 
 
 def _pose(robot: Robot, frame: Keyframe) -> Data:
-    """A pose of a mode: q by path, where the base stands if that is elsewhere, how many times over the drives hold it (`margins`), whether
-    it `falls` whatever they give, and the joint that they leave `unheld` (empty for the base, null without any)."""
+    """Return a pose of a mode.
+
+    It has q by path, the pose of the base if it differs, by what factor the drives can hold the pose (`margins`), whether the robot `falls`
+    whatever the drives do, and the joint that they leave `unheld` (empty for the base, null if none).
+    """
     q = coordinates(joints_of(robot.assembly), frame.q)
     base = frame.base or robot.bodies[0].X_PL
     held = static_efforts(robot, q, placed_bodies(robot.bodies, q, base)) if robot.base != "free" or robot.carried else None

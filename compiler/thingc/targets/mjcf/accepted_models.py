@@ -1,9 +1,8 @@
-"""What of a robot's geometry MuJoCo cannot take, or takes otherwise; and what it has accepted before, by content, so that it need not be
-asked again.
+"""Geometry that MuJoCo does not support or treats differently, and a cache of what it has accepted, so that it is not checked again.
 
-Reading meshes takes most of MuJoCo's time with a model (200 of 220 ms for twelve parts), and one that it has taken once,
-it takes again: whether a mesh is fit depends on its bytes and on whether it is read as a surface, on nothing else. So a
-model whose limits, masses or poses were edited is compiled with a tetrahedron in the place of every mesh that is known.
+Reading meshes takes most of MuJoCo's time with a model (200 of 220 ms for twelve parts). Whether MuJoCo accepts a mesh depends only on its
+bytes and on whether it is read as a surface. So a model whose limits, masses or poses were edited is compiled with a tetrahedron in place
+of every known mesh.
 """
 
 from __future__ import annotations
@@ -28,29 +27,32 @@ from thingc.targets.manifest import versions
 from thingc.targets.xml_writer import Element
 
 LEAST_VOLUME = 1e-14
-"""Of a part [m^3]: MuJoCo refuses solid meshes of up to 1e-15 (mjMINVAL), and a mesh holds somewhat less than its part."""
+"""Smallest volume of a part [m^3]: MuJoCo refuses solid meshes of up to 1e-15 (mjMINVAL), and the volume of a mesh is slightly smaller than
+that of its part.
+"""
 
 FOLDER = "mjcf/assets"
-"""Where the meshes of all models lie."""
+"""Folder of the meshes of all models."""
 
 
 MODEL, MESH, START = "mujoco-model", "mujoco-mesh", "mujoco-start"
-"""Kinds of documents in the store: a model, a mesh that a version of MuJoCo compiled without a word, a first instant
-(`initial_state_checks.py`) in which everything was in order."""
+"""Kinds of documents in the store: an accepted model, a mesh that a version of MuJoCo compiled without messages, and an initial state
+without errors (`initial_state_checks.py`).
+"""
 
 HARMLESS = frozenset({"condim", "friction", "gap", "group", "margin", "priority", "rgba", "solimp", "solmix", "solref"})
-"""Attributes of a geom that change nothing of what MuJoCo makes of its mesh."""
+"""Attributes of a geom that do not affect how MuJoCo processes its mesh."""
 
 _CORNERS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _SIDES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 _BOX_SIDES = (
     (0, 1, 3), (0, 3, 2), (4, 7, 5), (4, 6, 7), (0, 4, 5), (0, 5, 1), (2, 7, 6), (2, 3, 7), (0, 2, 6), (0, 6, 4), (1, 7, 3), (1, 5, 7),
 )
-"""Of corners whose z changes first, then y, then x."""
+"""The triangles of a box whose corners are ordered with z changing first, then y, then x."""
 
 
 class AcceptedModels:
-    """The memory of one version of MuJoCo, kept in a store, of models with these `meshes`."""
+    """A cache in a store of what one version of MuJoCo has accepted, for models with these `meshes`."""
 
     def __init__(self, store: Store, version: str, meshes: Sequence[MeshAsset]) -> None:
         self.store = store
@@ -60,49 +62,49 @@ class AcceptedModels:
 
     @functools.cached_property
     def _new(self) -> dict[str, str]:
-        """What the meshes that no accepted model had are remembered by, by file."""
+        """Cache keys of the meshes that have not been accepted, by file."""
         keys = {mesh.file: self._mesh_key(mesh) for mesh in self._meshes}
         return {file: key for file, key in keys.items() if self.store.get_json(MESH, key) is None}
 
     def model(self, texts: Sequence[str], *, started: bool) -> bool:
-        """Whether exactly these files were accepted together; with `started` only if their first instant was in order, too."""
+        """Whether exactly these files were accepted together; with `started` only if their initial state was checked, too."""
         answers = (True,) if started else (True, False)
         return any(self.store.get_json(MODEL, self._key((*texts, str(one)))) is not None for one in answers)
 
     def accept(self, texts: Sequence[str], *, started: bool) -> None:
-        """Remember a model, and the meshes in it; with `started` also that its first instant was in order."""
+        """Store that a model and its meshes were accepted; with `started` also that its initial state was checked."""
         self.store.note_json(MODEL, self._key((*texts, str(started))), True)
         self.accept_meshes()
 
     def accept_meshes(self) -> None:
-        """Remember the meshes of a model that was accepted."""
+        """Store that the meshes of a model were accepted."""
         while self._new:
             self.store.note_json(MESH, self._new.popitem()[1], True)
 
     def accept_mesh(self, mesh: MeshAsset) -> None:
-        """Remember one that was accepted by itself."""
+        """Store that a mesh was accepted."""
         if (key := self._new.pop(mesh.file, None)) is not None:
             self.store.note_json(MESH, key, True)
 
     def unread(self, true: Collection[str]) -> list[MeshAsset]:
-        """The meshes that MuJoCo has to read: those that are not known, and those that have to be `true` (names of meshes)."""
+        """Return the meshes that MuJoCo has to read: unknown ones, and those in `true` (names of meshes)."""
         return [mesh for mesh in self._meshes if mesh.name in true or mesh.file in self._new]
 
     def start(self, key: str) -> bool:
-        """Whether a first instant was in order."""
+        """Whether an initial state was accepted."""
         return self.store.get_json(START, self._key((key,))) is not None
 
     def accept_start(self, key: str) -> None:
-        """Remember that it was."""
+        """Store that an initial state was accepted."""
         self.store.note_json(START, self._key((key,)), True)
 
     def data(
         self, models: Iterable[Element], true: Collection[str] = (), instead: Mapping[str, bytes] = MappingProxyType({}),
     ) -> dict[str, bytes]:
-        """What MuJoCo shall read as each file: where it is not known, or has to be `true` (names of meshes), its bytes, or those of
-        `instead`, else a tetrahedron.
+        """Return the bytes that MuJoCo reads as each file.
 
-        All bytes are the files' own when the documents may change what MuJoCo makes of meshes.
+        For a mesh that is unknown or in `true` (names of meshes), these are the bytes in `instead`, or its own; for others a tetrahedron.
+        If raw attributes may affect meshes, all meshes count as unknown.
         """
         whole = any(about_meshes(model) for model in models)
         files = {mesh.file for mesh in (self._meshes if whole else self.unread(true))}
@@ -122,7 +124,7 @@ class AcceptedModels:
 
 @functools.cache
 def mujoco_version() -> str:
-    """The version of the installed MuJoCo, without importing it, which takes 0.1 s."""
+    """Return the version of the installed MuJoCo without importing it, which takes 0.1 s."""
     if "mujoco" in versions():
         return versions()["mujoco"]
     from importlib.metadata import version
@@ -131,7 +133,7 @@ def mujoco_version() -> str:
 
 
 def about_meshes(model: Element) -> bool:
-    """Whether raw attributes touch meshes, or how they are read or used, or an element that was added pairs what collides, drawn or not."""
+    """Whether raw attributes change meshes, or how they are read or used, or an added element pairs geoms for contacts."""
     sections: Mapping[str, Element] = {child.tag: child for child in model.children}
     if "contact" in sections and any(child.tag == "pair" for child in sections["contact"].children):
         return True
@@ -144,18 +146,18 @@ def about_meshes(model: Element) -> bool:
 
 
 def tetrahedron(file: str) -> bytes:
-    """A mesh that MuJoCo takes as any file of this name, and quickly."""
+    """Return the bytes of a small mesh that MuJoCo accepts as a file of this name."""
     return mesh_bytes(file, _CORNERS, _SIDES)
 
 
 def box_bytes(file: str, points: Sequence[Sequence[float]]) -> bytes:
-    """What a file of this name holds that is the box around points [n x 3]."""
+    """Return the bytes of a file of this name with the box around points [n x 3]."""
     low, high = (tuple(map(side, zip(*points, strict=True))) for side in (min, max))
     return mesh_bytes(file, [*itertools.product(*zip(low, high, strict=True))], _BOX_SIDES)
 
 
 def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Sequence[int]]) -> bytes:
-    """What a file of this name holds, OBJ or binary STL, with these corners [n x 3] and triangles [n x 3]."""
+    """Return the bytes of a file of this name, OBJ or binary STL, with these corners [n x 3] and triangles [n x 3]."""
     if file.endswith(".obj"):
         lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in sides]
         return "\n".join(lines).encode() + b"\n"
@@ -164,7 +166,7 @@ def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Se
 
 
 def taken(assembly: Assembly, report: Report, memo: Memo) -> tuple[Geometry, tuple[Loss, ...]]:
-    """The geometry of every occurrence; what MuJoCo cannot take is reported, what it takes differently is a loss."""
+    """Return the geometry of every occurrence and the losses of MJCF. Geometry that MuJoCo does not accept is reported."""
     shapes, losses, said = memo("geometry", lambda _: _collected(assembly), inputs_of(assembly))
     for diagnostic in said.diagnostics:
         report.say(diagnostic)
@@ -172,7 +174,7 @@ def taken(assembly: Assembly, report: Report, memo: Memo) -> tuple[Geometry, tup
 
 
 def is_shell(mesh: MeshAsset) -> bool:
-    """Whether MuJoCo must take a mesh as a surface (`inertia="shell"`): one that encloses no volume, or almost none."""
+    """Whether MuJoCo must read a mesh as a surface (`inertia="shell"`), because it encloses almost no volume."""
     return mesh.mesh.flat or not mesh.mesh.closed or mesh.volume < LEAST_VOLUME
 
 
@@ -188,7 +190,7 @@ class _Limits:
         self.losses: list[Loss] = []
 
     def takes(self, occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
-        """Whether MuJoCo can touch with a shape; what is lost with it, or by it, is noted."""
+        """Whether MuJoCo supports contacts of a shape; if not, the loss is recorded."""
         choice = occurrence.overrides.collision
         if has_inside(piece):
             return True

@@ -1,4 +1,4 @@
-"""One mode's robot as an MJCF tree, by the conventions of the MuJoCo Menagerie."""
+"""A robot in one mode as an MJCF tree, with the conventions of the MuJoCo Menagerie."""
 
 from __future__ import annotations
 
@@ -23,23 +23,24 @@ from thingc.targets.mjcf.lowering import base_positions, in_body, is_ball, lower
 from thingc.targets.xml_writer import Element, XmlValue
 
 FREE_JOINT = BASE
-"""The name of the joint of a base that turns as a ball; a planar one has `root_0`, `root_1` and `root_2`."""
+"""The name of the joint of a base that rotates as a ball; a planar one has `root_0`, `root_1` and `root_2`."""
 
 INTEGRATORS = {"euler": "Euler", "rk4": "RK4", "implicit": "implicit", "implicitfast": "implicitfast"}
 RESERVED_CLASSES = frozenset({"main", "visual", "collision", adhesion_contacts.CLASS})
 
 STIFF = "0.9999 0.9999 0.001 0.5 2"
-"""`solimp` of a joint that mimics, as hard as MuJoCo allows. MuJoCo regularizes the constraint by the plain sum of both joints'
-inverse inertias, whatever the multiplier; with its default a slide that mimics a light hinge lags by seconds instead of 20 ms."""
+"""`solimp` of a mimic joint, as stiff as MuJoCo allows. MuJoCo regularizes the constraint by the plain sum of both joints' inverse
+inertias, whatever the multiplier; with its default, a slide that mimics a light hinge lags by seconds instead of 20 ms.
+"""
 
 
 def model(robot: Robot, geometry: Geometry, memo: Memo | None = None) -> Element:
-    """The whole `<mujoco>` element of a mode, before raw attributes. What `memo` has of it is taken from there."""
+    """Return the `<mujoco>` element of a mode, before raw attributes. Unchanged elements are taken from `memo`."""
     return _Builder(robot, geometry, memo or Memo()).build()
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """What MJCF cannot say of this mode for what it is: where a joint is cut or reversed, and what a sensor sits on."""
+    """Yield what MJCF cannot express of this mode in particular: where a joint is cut or reversed, and where sensors are attached."""
     for joint in _joints(robot):
         if joint.reversed and joint.kind.at_once and joint.dynamics.friction and joint.path.endswith("_0"):
             what = "its dry friction: MuJoCo has a box of torques about the axes of the tree's child, which is the document's parent"
@@ -52,13 +53,13 @@ def losses(robot: Robot) -> Iterator[Loss]:
 
 
 def class_name(robot: Robot) -> str:
-    """The robot's default class: its name, unless MuJoCo or we have a class of that name already."""
+    """Return the robot's default class: its name, unless MuJoCo or thingc uses this name for a class."""
     name = robot.assembly.name
     return f"{name}_robot" if name in RESERVED_CLASSES else name
 
 
 def adhesion_name(robot: Robot, path: str) -> str:
-    """The actuator of a magnet: its mount's path, marked where a joint of that path has the name."""
+    """Return the actuator's name of a magnet: its mount's path, with a suffix if a joint has the same path."""
     taken = any(joint.path == path for mate in robot.assembly.mates for joint in mate.joints)
     return f"{path}:adhesion" if taken else path
 
@@ -68,7 +69,7 @@ def _joints(robot: Robot) -> list[TreeJoint]:
 
 
 class _Builder:
-    """The sections of one model, one method each."""
+    """Builds the sections of one model, with one method for each."""
 
     def __init__(self, robot: Robot, geometry: Geometry, memo: Memo) -> None:
         self.robot = robot
@@ -83,7 +84,7 @@ class _Builder:
         self.root = Element(tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.mode.name}"}, origin=robot.mode.origin)
 
     def grow(self, parent: Element, place: tuple[str, ...], make: Callable[..., tuple[Element, ...]], *inputs: Any) -> None:
-        """Add the elements that `make(*inputs)` gives, which are none of this model alone, unless raw attributes name them."""
+        """Add the elements that `make(*inputs)` returns. They are shared with other models, and only copied if raw attributes name them."""
         grown, names = self.memo(place, elements.made, make, *inputs)
         if self.raw.isdisjoint(names):
             parent.children.extend(grown)
@@ -91,7 +92,7 @@ class _Builder:
             parent.children.extend(element.copy() for element in grown)
 
     def build(self) -> Element:
-        """The sections in the order of the Menagerie."""
+        """Return the element with its sections in the order of the Menagerie."""
         self.root.add("compiler", {"angle": "radian", "meshdir": "assets", "autolimits": "true"})
         self.option()
         self.default()
@@ -112,7 +113,7 @@ class _Builder:
         return self.root
 
     def option(self) -> None:
-        """Gravity [m/s^2], and how to step: the document's `simulation` with the mode's over it."""
+        """Add gravity [m/s^2] and solver options: the document's `simulation`, overridden by the mode's."""
         mode = self.robot.mode
         attributes: dict[str, XmlValue] = {**self.assembly.definition.simulation, **mode.simulation}
         if "integrator" in attributes:
@@ -122,7 +123,7 @@ class _Builder:
         self.root.add("option", {**attributes, "gravity": self.robot.gravity}, mode.origin)
 
     def default(self) -> None:
-        """Classes. Geoms weigh nothing: the mass of a link is what its `inertial` says."""
+        """Add the classes. Geoms have no mass, because each link has an `inertial`."""
         own = self.root.add("default").add("default", {"class": class_name(self.robot)})
         own.add("site", {"group": "3"})
         visual = own.add("default", {"class": "visual"})
@@ -133,7 +134,7 @@ class _Builder:
             collision.add("default", {"class": adhesion_contacts.CLASS}).add("geom", adhesion_contacts.contact(self.assembly))
 
     def custom(self) -> None:
-        """Velocity limits [rad/s or m/s], which MJCF has no place for."""
+        """Add velocity limits [rad/s or m/s], for which MJCF has no attribute, as custom data."""
         section = self.root.add("custom")
         for joint in self.joints.values():
             if joint.limit.velocity is not None:
@@ -141,13 +142,13 @@ class _Builder:
                 section.add("numeric", {"name": f"{joint.path}:velocity", "data": data}, joint.origin)
 
     def asset(self) -> None:
-        """Materials and meshes, in the order in which the document's occurrences first need them."""
+        """Add materials and meshes, in the order in which the document's occurrences first use them."""
         section = self.root.add("asset")
         self.grow(section, ("material",), elements.materials, self.geometry.shapes)
         self.grow(section, ("mesh",), elements.meshes, self.geometry.meshes)
 
     def worldbody(self) -> None:
-        """The tree of links."""
+        """Add the tree of links."""
         world = self.root.add("worldbody")
         made: dict[int, Element] = {}
         taken = frozenset(shape.name for one in self.geometry.shapes for shape in (*one.visual, *one.collision) if shape.name is not None)
@@ -181,12 +182,12 @@ class _Builder:
         sensors.cameras(self.robot, made)
         sensors.volumes(self.robot, made)
         tendons.shapes(self.robot, made)
-        # The sites of a link belong to it, not to what hangs on it: children come last.
+        # A body's sites, geoms and joints come before its child bodies.
         for element in made.values():
             element.children.sort(key=lambda child: child.tag == "body")
 
     def contact(self) -> None:
-        """Pairs of links that never touch."""
+        """Add the pairs of links whose contacts are excluded."""
         section = self.root.add("contact")
         for first, second in self.robot.excluded:
             crossed = self.robot.bodies[max(first, second)].joints
@@ -196,11 +197,11 @@ class _Builder:
             )
 
     def equality(self) -> None:
-        """Joints that mimic: q by a polynomial in q(other), which are as far from 0 as from where they are at qpos0; then loops."""
+        """Add mimic joints, whose q is a polynomial of q(other), both relative to their values at qpos0; then loops."""
         section = self.root.add("equality")
         for joint in self.joints.values():
             for slide in lowered(joint)[1:]:
-                # The turn depends on the slide: the other way round the slide's share of the constraint is so small that loads slip.
+                # The turn depends on the slide: the other way round, the slide's share of the constraint is so small that loads slip.
                 polynomial: tuple[float, ...] = (0.0, 1.0 / slide.ratio, 0.0, 0.0, 0.0)
                 names = {"name": f"{joint.path}:screw", "joint1": joint.path, "joint2": slide.name}
                 section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.origin)
@@ -211,7 +212,7 @@ class _Builder:
         closures.equalities(self.robot, section, [link.name for link in self.links])
 
     def actuator(self) -> None:
-        """Drives in joint order, those of tendons, then magnets."""
+        """Add drives in joint order, then those of tendons, then magnets."""
         section = self.root.add("actuator")
         for path in self.driven:
             joint, drive = self.joints[path], self.joints[path].actuator
@@ -237,7 +238,7 @@ class _Builder:
             section.add("adhesion", {**names, "ctrlrange": bounds, "gain": "1"}, self.assembly.occurrences[magnet.occurrence].origin)
 
     def keyframe(self) -> None:
-        """Poses of the mode: q and controls; the base stands where the mode puts it, a free one where holds want it."""
+        """Add the poses of the mode: q and controls. The base is where the mode places it, a free one where the holds require it."""
         section = self.root.add("keyframe")
         for frame in self.robot.keyframes:
             base = frame.base or self.robot.bodies[0].X_PL
@@ -255,12 +256,14 @@ class _Builder:
             self.grow(section, ("key", self.robot.mode.name, frame.name), elements.key, tuple(values), frame.origin)
 
     def name_of(self, joint: TreeJoint) -> str:
-        """What the whole joint is called that a coordinate is of."""
+        """Return the name of the whole joint of a coordinate."""
         return FREE_JOINT if joint.mate < 0 else self.assembly.mates[joint.mate].name or joint.path
 
     def position(self, path: str, q: Mapping[str, float]) -> float:
-        """The control [rad or m] that keeps a drive of positions at `q`; 0 of any other. That of a ball's drive is the part of the rotation
-        vector along its axis."""
+        """Return the control [rad or m] with which a position drive stays at `q`; 0 for other drives.
+
+        For the drive of a ball it is the component of the rotation vector along its axis.
+        """
         joint = self.joints[path]
         drive = joint.actuator
         if drive is None or drive.kind != "position":
@@ -271,7 +274,7 @@ class _Builder:
 
 
 def _suffixes(words: tuple[str, ...]) -> Iterator[str]:
-    """What the name in the path of a raw attribute may mean: see `raw.py`."""
+    """Yield the names that a name in the path of a raw attribute may mean (see `raw.py`)."""
     for word in words:
         parts = word.replace(".", "/").split("/")
         yield from ("/".join(parts[first:]) for first in range(len(parts)))

@@ -1,4 +1,4 @@
-"""What MJCF can say of a robot, and MuJoCo does."""
+"""What MJCF and MuJoCo can express of a robot."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Literal
 from thingc.targets.capabilities import SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
 JointForm = Literal["each", "threaded", "ball"]
-"""How a joint is written: a hinge or a slide for each coordinate, a hinge and a slide that are tied together, or a ball."""
+"""How a joint is written: a hinge or a slide for each coordinate, a coupled hinge and slide, or a ball."""
 
 DriveForm = Literal["joint", "ball"]
 """What an actuator drives: a joint, or a ball about an axis."""
 
 LoopForm = Literal["weld", "connect", "two connects", "connect and tendon", "weld or connect"]
-"""By which equalities a loop is closed."""
+"""The equalities that close a loop."""
 
 SensorForm = Literal["elements", "camera"]
 """How a sensor is written: an element for each of its readings, or a camera."""

@@ -1,12 +1,11 @@
-"""Loops in MJCF: a held mount is welded, or with its point connected, to an anchor; a joint that the tree does not cross becomes an
-equality.
+"""Loops in MJCF: a held mount is welded to an anchor, or connected at its point; a joint outside the tree becomes an equality.
 
-An anchor is a mocap body. Its pose is part of `MjData`, so a switch of modes moves it without a change of the model, and
-`mj_resetDataKeyframe` puts it back.
+An anchor is a mocap body. Its pose is part of `MjData`, so that a switch of modes can move it without a change of the model, and
+`mj_resetDataKeyframe` resets it.
 
-MuJoCo has no hinge among its equalities: two `connect`, a lever apart on the axis, make one. Nor has it a universal: one `connect` where
-the axes meet, and a tendon from a point on one axis to a point on the other, which keeps the length that it has at right angles. Both ends
-of every equality are written out; none is left to where things are at qpos0.
+MuJoCo has no hinge equality: two `connect` at a distance along the axis make one. Nor has it a universal: it is a `connect` where the axes
+meet, and a tendon from a point on one axis to a point on the other, whose constant length is that at right angles. Both ends of every
+equality are written explicitly; none depends on poses at qpos0.
 """
 
 from __future__ import annotations
@@ -24,15 +23,16 @@ from thingc.targets.mjcf.elements import pose_attributes
 from thingc.targets.xml_writer import Element, XmlValue
 
 STIFFNESS = "0.999 0.9999 0.001"
-"""`solimp` of a closure. MuJoCo's equalities give way; its own 0.9 lets a held foot sag by a part of a millimetre."""
+"""`solimp` of a closure. With MuJoCo's default of 0.9, a held foot sags by a fraction of a millimetre."""
 
 TIMESTEP = 0.002
-"""MuJoCo's own [s]; twice the timestep is the shortest time in which it lets an equality close (`solref`)."""
+"""MuJoCo's default time step [s]. The shortest time constant of an equality (`solref`) is twice the time step."""
 
 
 def equalities(robot: Robot, section: Element, links: list[str]) -> None:
-    """One `weld` per clamp or rigid loop, one `connect` per point or ball, two per hinge, a `connect` and a `tendon` per universal, as
-    stiff as the timestep allows."""
+    """Add a `weld` for each clamp or rigid loop, a `connect` for each point or ball, two for each hinge, and a `connect` and a `tendon` for
+    each universal, as stiff as the time step allows.
+    """
     stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
     stiff: dict[str, XmlValue] = {"solref": (2.0 * cast("float", stepped), 1.0), "solimp": STIFFNESS}
     for closure in robot.closures:
@@ -68,7 +68,7 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
 
 
 def tendons(robot: Robot, section: Element) -> None:
-    """One for each universal, between a point of either axis."""
+    """Add a tendon for each universal, between a point on either axis."""
     for closure in robot.closures:
         if equality(closure) == "connect and tendon":
             spatial = section.add("spatial", {"name": equality_name(closure), "group": "3"}, closure.origin)
@@ -77,7 +77,7 @@ def tendons(robot: Robot, section: Element) -> None:
 
 
 def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "connect and tendon"] | None:
-    """By what a loop or a hold is closed; None where it stays open."""
+    """Return the equality that closes a loop or a hold; None if it stays open."""
     form = written(CAPABILITIES["loops"]["hold" if closure.hold else closure.kind])
     if form == "weld or connect":
         return "connect" if closure.turns else "weld"
@@ -85,17 +85,17 @@ def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "co
 
 
 def equality_name(closure: Closure) -> str:
-    """`rear_foot/sole:hold`, `rod:loop`."""
+    """Return `rear_foot/sole:hold` or `rod:loop`, or the custom name."""
     return closure.name or f"{closure.path}:{'hold' if closure.hold else 'loop'}"
 
 
 def anchor_name(closure: Closure) -> str:
-    """The name of the body that holds a mount, and of its site if the mount can turn: `leg_2/sole:held`."""
+    """Return the name of the body that holds a mount, and of its site if the mount can turn: `leg_2/sole:held`."""
     return f"{closure.path}:held"
 
 
 def anchors(robot: Robot) -> dict[str, Pose]:
-    """The pose of each anchor in the world, by name: the held link's, or the mount's origin if the mount can turn."""
+    """Return the pose of each anchor in the world, by name: the held link's, or the mount's origin if the mount can turn."""
     return {
         anchor_name(one): Pose(translation=one.X_PA.translation) if one.turns else one.X_PA @ one.X_CB.inverse()
         for one in robot.closures if one.hold
@@ -103,7 +103,7 @@ def anchors(robot: Robot) -> dict[str, Pose]:
 
 
 def _ends(closure: Closure) -> tuple[str, str]:
-    """The sites that a point joins: those of a mount that is held, or of the two sides of a ball that was cut."""
+    """Return the sites that a `connect` joins: those of a held mount, or of the two sides of a cut ball."""
     return (anchor_name(closure), closure.path) if closure.hold else (f"{closure.path}:parent", f"{closure.path}:child")
 
 
