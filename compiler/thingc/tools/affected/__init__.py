@@ -1,1 +1,1 @@
-"""What a change touches: which documents depend on the files that changed. No Python of theirs is run to find out."""
+"""Find the documents that depend on changed files, without running their Python code."""

@@ -1,4 +1,4 @@
-"""The files that git says have changed, and which documents depend on them: read from documents and from the syntax trees of part files."""
+"""Find changed files with git, and the documents that depend on them, from documents and the syntax trees of part files."""
 
 from __future__ import annotations
 
@@ -20,17 +20,20 @@ KINDS = ("assembly", "materials", "variants")
 
 
 class AffectedDocuments(FrozenStruct):
-    """`documents` (absolute paths, sorted) depend on a file that changed; `roots` are what there is to build: the assemblies
-    among them that have modes of their own, or that no other of them nests."""
+    """The documents that depend on a changed file (absolute paths, sorted), and `roots`, those of them to build: the assemblies that have
+    modes, or that no other of these documents nests.
+    """
 
     documents: tuple[str, ...]
     roots: tuple[str, ...]
 
 
 class _Needs(FrozenStruct, kw_only=False):
-    """What a document depends on: real paths of files, there or not, and `folders` of which any file that is no Python counts.
-    `assembly`: is it one; `modes`: has it any; `nested`: real paths of the documents that it uses; `varies`: of the assemblies
-    that variants are made of."""
+    """The dependencies of a document. Paths are real paths; the files need not exist.
+
+    `files` are the files that it depends on; in `folders`, it depends on every file that is not Python. `assembly` and `modes`: whether it
+    is an assembly, and whether it has modes. `nested` are the other documents that it uses, `varies` the assemblies of a variants document.
+    """
 
     files: frozenset[str]
     folders: tuple[str, ...]
@@ -41,19 +44,19 @@ class _Needs(FrozenStruct, kw_only=False):
 
 
 def touched(changed: Collection[str] | None, folder: str, store: Store | None) -> AffectedDocuments:
-    """The documents below a folder that depend on one of the files `changed` (paths, there or not; None: all documents).
+    """Return the documents below a folder that depend on one of the files `changed` (paths that need not exist; None: return all).
 
-    A document depends on the documents that it names, on the files of the code of its parts (and what that imports in the
-    workspace), on files that are parts, on the workspace's file and its lock. What a part reads while it is made is known only when
-    it runs, so a document depends on every file in its part folders that is no Python. Without a store nobody trusts the
-    workspace: what lies outside of it is not read.
+    A document depends on the documents it names, on the code of its parts (with what that imports in the workspace), on part files, and on
+    the settings and the lock of the workspace. The files that a part reads while it is built are not known in advance, so a document
+    depends on every file in its part folders that is not Python. Without a store, the workspace is untrusted: no file outside of it is
+    read.
     """
     real = None if changed is None else frozenset(os.path.realpath(path) for path in changed)
     if real is not None and not real:
         return AffectedDocuments(documents=(), roots=())
     needs = {path: _needs(path, store) for path in documents_in(folder)}
     met = sorted(path for path, need in needs.items() if real is None or _meets(path, need, real))
-    # variants are touched with the assemblies that they vary, which the document itself does not read
+    # A variants document does not read the assemblies that it varies, so they are added here.
     varied = {os.path.realpath(path) for path in met}
     met = sorted({*met, *(path for path, need in needs.items() if need.varies & varied)})
     inside = {inner for path in met for inner in needs[path].nested}
@@ -71,7 +74,7 @@ def _needs(path: str, store: Store | None) -> _Needs:
     report = Report()
     workspace = Workspace.find(path, report)
     documents = load(path, workspace, report, kinds=KINDS) if workspace is not None else None
-    if workspace is None or documents is None:  # it cannot be read, so it names nothing
+    if workspace is None or documents is None:  # errors in the document are reported elsewhere
         return _Needs(frozenset(), (), False, False, frozenset(), frozenset())
     references = sorted({text for document in documents.by_path.values() for text in _texts(document, "part")})
     parts = part_inputs(references, workspace, store)
@@ -90,7 +93,7 @@ def _needs(path: str, store: Store | None) -> _Needs:
 
 
 def _files(documents: Documents) -> Iterator[str]:
-    """The documents, and every file that one of them names, there or not."""
+    """Yield the paths of the documents, and of every file that they name; the files need not exist."""
     yield from documents.files
     for document in documents.by_path.values():
         yield document.path
@@ -102,7 +105,7 @@ def _files(documents: Documents) -> Iterator[str]:
 
 
 def _texts(document: Document, key: str) -> Iterator[str]:
-    """Every text under a key, however deep: a choice of a variant names parts, too."""
+    """Yield every text under a key at any depth, since choices of variants name parts, too."""
     waiting: list[Node] = [document.tree]
     while waiting:
         node = waiting.pop()
@@ -118,13 +121,13 @@ def _texts(document: Document, key: str) -> Iterator[str]:
 
 
 class NotARepository(Exception):
-    """git cannot say: there is no repository here, no such revision, or no git. The message is git's own, in one line."""
+    """Git failed: there is no repository, no such revision, or no git. The message is one line, from git if possible."""
 
 
 def changed_since(revision: str, folder: str) -> list[str]:
-    """Absolute paths of the files below a folder that differ from where this branch left `revision`, sorted.
+    """Return the absolute paths of the files below a folder that differ from the merge base of `revision` and HEAD, sorted.
 
-    Committed, uncommitted and untracked changes count, deleted files, too; ignored files do not. Raises `NotARepository`.
+    Committed, uncommitted, untracked and deleted files count; ignored files do not. Raises `NotARepository`.
     """
     base = git(folder, "merge-base", "--end-of-options", revision, "HEAD").strip()
     top = git(folder, "rev-parse", "--show-toplevel").rstrip("\n")
@@ -132,10 +135,10 @@ def changed_since(revision: str, folder: str) -> list[str]:
 
 
 def changed_paths(folder: str, *commits: str, trusted: bool = False) -> list[str]:
-    """Sorted paths in the repository of the files below a folder that differ between two commits, or between one and the checkout.
+    """Return the files below a folder that differ between two commits, or between one and the checkout: sorted paths in the repository.
 
-    In the checkout, uncommitted and untracked changes count, but not those inside a submodule: to find them, git runs what the
-    configuration of the submodule names. Raises `NotARepository`.
+    In the checkout, uncommitted and untracked changes count. Changes inside a submodule do not: to find them, git would run commands from
+    the configuration of the submodule. Raises `NotARepository`.
     """
     options = ("--name-only", "--no-renames", "--ignore-submodules=dirty", "-z")
     names = git(folder, "diff", *options, *commits, "--", ".", trusted=trusted).split("\0")
@@ -145,15 +148,15 @@ def changed_paths(folder: str, *commits: str, trusted: bool = False) -> list[str
 
 
 def git(folder: str, *words: str, trusted: bool = False) -> str:
-    """The output of a git command, as text. Arguments and errors as for `run_git`."""
-    return os.fsdecode(run_git(folder, *words, trusted=trusted))  # as it is: a name may hold a carriage return
+    """Run a git command and return its output as text. Arguments and errors are those of `run_git`."""
+    return os.fsdecode(run_git(folder, *words, trusted=trusted))  # without newline translation: a name may contain a carriage return
 
 
 def run_git(folder: str, *words: str, given: bytes = b"", trusted: bool = False) -> bytes:
     """Run a git command in a folder and return its output; `given` is its standard input.
 
-    Nothing runs that the configuration of the repository names: no file system monitor, hook, filter or transport. The configuration
-    of the user and of the system holds. If the repository is `trusted`, its filters and transports may run. Raises `NotARepository`.
+    No command from the configuration of the repository runs: no file system monitor, hook, filter or transport. The configuration of the
+    user and of the system applies. If the repository is `trusted`, its filters and transports may run. Raises `NotARepository`.
     """
     if any("\0" in word for word in words):
         raise NotARepository("a revision cannot contain NUL")

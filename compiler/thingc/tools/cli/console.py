@@ -44,8 +44,11 @@ def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly do
 
 
 def document_meant() -> str:
-    """The document of a command line that names none, which is printed: the only assembly below the working folder, else of its workspace,
-    that no other nests. Raises `WrongCommandLine` with those that exist."""
+    """Return the document to use if the command line names none, and print its path.
+
+    It is the only assembly, not nested in another, below the working folder, else in its workspace. Raises `WrongCommandLine` if there is
+    none or more than one.
+    """
     from thingc.documents.load.discovery import assemblies_in, documents_near, is_document
     from thingc.documents.workspace import Workspace
 

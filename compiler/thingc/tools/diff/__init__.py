@@ -1,1 +1,1 @@
-"""What changed in a robot between two states of its documents: `thingc diff`."""
+"""`thingc diff`: compare a robot between two states of its documents."""

@@ -1,4 +1,4 @@
-"""What stands on the command line -> two sides: which documents of which state of the workspace are compared with which."""
+"""Parse the command line of `thingc diff`: the two sides and the documents to compare."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CHECKOUT = "working tree"
 
 
 class UnknownComparison(Exception):
-    """A word that is no side, in words; `hint` says what to write."""
+    """An argument that is not a valid side; `hint` is an instruction."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -26,8 +26,10 @@ class UnknownComparison(Exception):
 
 
 class Side(FrozenStruct):
-    """One of the two: `name` is what it is called in answers, `place` the path of a document, build folder or lock, or the hash of a
-    commit."""
+    """One side of a comparison.
+
+    `name` is its name in reports; `place` is the path of a document, build folder or lock, or the hash of a commit.
+    """
 
     kind: SideKind
     name: str
@@ -35,8 +37,10 @@ class Side(FrozenStruct):
 
 
 class ComparisonRequest(FrozenStruct):
-    """Two sides, and the documents (as named on the command line) that are compared where both are states of a repository; none: those
-    that the change concerns."""
+    """The two sides, and the documents (as named on the command line) to compare if both sides are states of a repository.
+
+    Without documents, those that the change affects are compared.
+    """
 
     old: Side
     new: Side
@@ -44,7 +48,7 @@ class ComparisonRequest(FrozenStruct):
 
 
 def asked(words: Sequence[str], documents: Sequence[str]) -> ComparisonRequest:
-    """What the words of a command line ask for; `documents` are those behind `--`. Raises `UnknownComparison`, `NotARepository`."""
+    """Parse the arguments; `documents` are those after `--`. Raises `UnknownComparison` and `NotARepository`."""
     words = list(words)
     if len(words) > 2:
         raise UnknownComparison(f"expected two sides, found {len(words)} words", "documents that are compared in two revisions follow `--`")
@@ -68,7 +72,7 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
     if documents and not kinds <= {"revision", "checkout"}:
         message = "documents behind `--` are those of revisions, and no two revisions are named"
         raise UnknownComparison(message, "write `thingc diff OLD.yaml NEW.yaml`")
-    if kinds == {"revision", "document"}:  # of one document its state there and here
+    if kinds == {"revision", "document"}:  # compare the document in the revision with the one in the checkout
         document = next(side for side in sides if side.kind == "document").place
         checkout = Side(kind="checkout", name=CHECKOUT)
         old, new = (side if side.kind == "revision" else checkout for side in sides)
@@ -81,7 +85,7 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
 
 
 def _sides(word: str) -> list[Side]:
-    """Parse an argument to one side, or to two: `main..HEAD`, or from the merge base: `main...HEAD`."""
+    """Parse an argument to one side, or to two: `main..HEAD`, or `main...HEAD` for the merge base and HEAD."""
     if os.path.isfile(word):
         if os.path.basename(word).endswith(LOCK_FILE):
             return [Side(kind="lock", name=word, place=os.path.abspath(word))]

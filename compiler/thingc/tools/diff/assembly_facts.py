@@ -1,4 +1,4 @@
-"""A linked assembly -> what a snapshot holds of it: mates, occurrences, links and the rows of its bill of materials."""
+"""Convert a linked assembly to parts of a snapshot: mates, occurrences, links and rows of the bill of materials."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from thingc.tools.diff.snapshot import Edge, Fact, LinkOf, Named, OccurrenceSnap
 
 
 def edges_of(assembly: Assembly) -> Iterator[Edge]:
-    """Its mates, by the paths and mounts of their ends."""
+    """Yield the mates as edges between paths."""
     paths = [occurrence.path for occurrence in assembly.occurrences]
     for mate in assembly.mates:
         kind = mate.joints[0].kind.name if mate.joints else "fixed" if mate.name is not None else ""
@@ -24,7 +24,7 @@ def edges_of(assembly: Assembly) -> Iterator[Edge]:
 
 
 def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceSnapshot]:
-    """Its occurrences, in document order; `whole`: everything is known of all parts, else geometry and mass properties are left out."""
+    """Yield the occurrences in document order. Without `whole`, geometry, mounts, poses and full mass properties are left out."""
     placed = {mate.child: mate for mate in _placing(assembly)}
     for occurrence in assembly.occurrences:
         mate = placed.get(occurrence.index)
@@ -40,7 +40,7 @@ def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceSnapsh
 
 
 def _placing(assembly: Assembly) -> Iterator[Mate]:
-    """The mates without those that close loops, each turned so that its parent is nearer to the base."""
+    """Yield the mates that do not close loops, each turned so that its parent is nearer to the base."""
     beside: dict[int, list[tuple[int, Mate]]] = {}
     for mate in assembly.mates:
         if mate.loop is None:
@@ -57,7 +57,7 @@ def _placing(assembly: Assembly) -> Iterator[Mate]:
 
 
 def shape_of(record: PartRecord | None) -> PartShape | None:
-    """The geometry of a part; None if it has none."""
+    """Return the geometry of a part, None if it has none."""
     if record is None or record.box is None:
         return None
     drawn = record.meshes.get("visual")
@@ -70,13 +70,13 @@ def shape_of(record: PartRecord | None) -> PartShape | None:
 
 
 def _mounts(occurrence: Occurrence) -> dict[str, Pose]:
-    """Those of its part; what the document adds is a thing of its own."""
+    """Return the mounts of the part of an occurrence, without `origin` and those that the document adds, which are compared as elements."""
     added = occurrence.component.mounts
     return {name: mount.pose for name, mount in occurrence.mounts.items() if name not in added and name != "origin"}
 
 
 def links_of(assembly: Assembly) -> Iterator[LinkOf]:
-    """Its links, with the paths of their members."""
+    """Yield the links, with the paths of their members."""
     paths = [occurrence.path for occurrence in assembly.occurrences]
     for link in assembly.links:
         yield LinkOf(
@@ -85,7 +85,7 @@ def links_of(assembly: Assembly) -> Iterator[LinkOf]:
 
 
 def rows_of(assembly: Assembly) -> Iterator[Row]:
-    """The rows of its bill of materials, with the paths of the pieces."""
+    """Yield the rows of the bill of materials, with the paths of their pieces."""
     for row, pieces in with_pieces(assembly):
         stem = None
         for occurrence in pieces:
@@ -99,7 +99,7 @@ def rows_of(assembly: Assembly) -> Iterator[Row]:
 
 
 def sensor_values(assembly: Assembly, sensor: LinkedSensor) -> Iterator[tuple[tuple[str, ...], Value]]:
-    """By its keys what a sensor is, where it sits, and what of it is stated (None: not)."""
+    """Yield the properties of a sensor by keys; None for those that are not set."""
     yield ("type",), sensor.kind
     for key, mount in (("at", sensor.at), ("in", sensor.seen_from)):
         if mount is not None:
@@ -117,7 +117,10 @@ def sensor_values(assembly: Assembly, sensor: LinkedSensor) -> Iterator[tuple[tu
 
 
 def tendon_facts(assembly: Assembly) -> dict[str, Fact]:
-    """By key (`tendons.grip.dynamics.stiffness`): the factors of its joints, its limits, dynamics and drive, as far as they are stated."""
+    """Return the properties of all tendons by key (`tendons.grip.dynamics.stiffness`): joints, path, limit, dynamics and drive.
+
+    Unset ones are left out.
+    """
     facts: dict[str, Fact] = {}
     for one in assembly.tendons:
         values: dict[str, Value] = {f"joints.{path}": factor for path, factor in one.moves.items()}
@@ -129,7 +132,7 @@ def tendon_facts(assembly: Assembly) -> dict[str, Fact]:
 
 
 def _step_value(step: TendonStep) -> Value:
-    """What a step of a path is, in a few words and numbers."""
+    """Convert a step of the path of a tendon to a value that can be compared."""
     if step.divisor is not None:
         return step.divisor
     mounts = tuple(mount.path.replace("/", ".") for mount in (step.mount, step.side) if mount is not None)

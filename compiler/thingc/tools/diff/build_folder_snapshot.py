@@ -1,4 +1,4 @@
-"""Build folders and locks as snapshots: what can be compared without their documents."""
+"""Read build folders and locks as snapshots, which contain what can be compared without the documents."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OF_LOCKS = "what documents say, which no lock holds"
 
 
 class UnreadableSide(Exception):
-    """A folder or file that cannot be compared: why, in words, or as diagnostics."""
+    """A folder or file that cannot be compared. The reason is the message or, for locks, `diagnostics`."""
 
     def __init__(self, message: str, diagnostics: tuple[Diagnostic, ...] = ()) -> None:
         super().__init__(message)
@@ -31,8 +31,10 @@ class UnreadableSide(Exception):
 
 
 def snapshot_of_build(folder: str) -> Snapshot:
-    """What a build folder holds of a robot: components with definitions and masses, modes, joints, the bill of materials, print files.
-    Raises `UnreadableSide`."""
+    """Read a build folder: components with definitions and masses, modes, joints, the bill of materials and print files.
+
+    Raises `UnreadableSide`.
+    """
     manifest = _json(folder, MANIFEST, dict)
     modes, rows = _json(folder, "modes.json", dict, {}), _json(folder, "bom.json", list, [])
     try:
@@ -73,7 +75,7 @@ def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[
 
 
 def outline(snapshot: Snapshot) -> Snapshot:
-    """Of a document what a build folder would hold, too."""
+    """Return the part of the snapshot of a document that a build folder also contains."""
     things = [_component(path, one.definition) for path, one in snapshot.occurrences.items()]
     for (what, _), thing in snapshot.things.items():
         if what == "joint" and "type" in thing.facts:
@@ -89,8 +91,10 @@ def outline(snapshot: Snapshot) -> Snapshot:
 
 
 def snapshot_of_lock(path: str) -> Snapshot:
-    """What a lock says of parts: the parameters of each with defaults and bounds; of every definition volume, area, box, mounts and what
-    mass it states. Raises `UnreadableSide`."""
+    """Read a lock: the parameters of each part with defaults and bounds, and the properties and shapes of all its definitions.
+
+    Raises `UnreadableSide`.
+    """
     report = Report()
     workspace = Workspace.find(path, report)
     lock = read_lock(workspace, report) if workspace is not None else None
@@ -125,7 +129,7 @@ def _stated(text: str, facts: Mapping[str, Value], file: str) -> SnapshotElement
 
 
 def _said(record: PartRecord) -> dict[str, Value]:
-    """What a part says of itself, besides its shape."""
+    """Return the properties of a part, without its shape."""
     said: dict[str, Value] = {"material": record.material, "color": record.color}
     for key, stated in (("mass", record.mass), ("com", record.com), ("density", record.density)):
         if stated is not None:

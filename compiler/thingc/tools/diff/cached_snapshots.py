@@ -1,4 +1,4 @@
-"""A document -> its snapshot: compiled, its tests run, and what is costly kept in the store by content."""
+"""Compile a document and take its snapshot; results of its tests are cached in the store."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from thingc.tools.diff.snapshot import Snapshot, TestOutcome
 from thingc.tools.diff.take_snapshot import take_snapshot
 
 ASSETS = "mjcf/assets/"
-"""Where the meshes of models are."""
+"""Folder of the meshes in the MuJoCo output."""
 
 
 class BrokenDocument(Exception):
-    """A document that does not compile. `diagnostics` say why."""
+    """A document does not compile; `diagnostics` are its errors."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         super().__init__(counted(len(diagnostics), "error"))
@@ -33,9 +33,9 @@ class BrokenDocument(Exception):
 
 
 class Subject:
-    """A document, compiled once; its tests are run when that is asked. A context manager: leaving it ends its workers.
+    """A compiled document, whose tests run on demand. A context manager that ends the workers on exit.
 
-    Raises `BrokenDocument` where it does not compile.
+    Raises `BrokenDocument` if the document does not compile.
     """
 
     def __init__(self, document: str, options: Options) -> None:
@@ -55,11 +55,11 @@ class Subject:
 
     @property
     def store(self) -> Store:
-        """Where what is modelled is kept."""
+        """The store of the environment."""
         return self._environment.store
 
     def tested(self) -> Snapshot:
-        """The snapshot with the outcomes of the tests; those that have been run before are in the store."""
+        """Return the snapshot with the results of the tests, which are cached in the store."""
         key = self._key()
         earlier = self.store.get_json("diff-tests", key)
         if earlier is not None:
@@ -70,7 +70,7 @@ class Subject:
         return replace(self.snapshot, outcomes=outcomes)
 
     def model(self) -> tuple[str, dict[str, bytes]]:
-        """The MuJoCo model of the first mode, and its meshes by name."""
+        """Return the MuJoCo model of the first mode (XML), and its meshes by file name."""
         compilation = replace(self._compilation, robots=self._compilation.robots[:1])
         files = pipeline.emit(self._environment, compilation, ["mjcf"], verify=0)["mjcf"].files
         read = {path: one if isinstance(one, bytes) else self.store.read(one.sha256) for path, one in files.items()}
@@ -97,7 +97,7 @@ class Subject:
         )
 
     def _key(self) -> str:
-        """All that outcomes depend on: documents, parts, and thingc itself."""
+        """Return a hash of everything that test results depend on: documents, parts, settings and thingc itself."""
         documents, assembly = self._compilation.documents, self._compilation.assembly
         assert documents is not None and assembly is not None
         parts = sorted({
@@ -109,7 +109,7 @@ class Subject:
             ], sort_keys=True))
             for o in assembly.occurrences if o.record is not None
         })
-        links = sorted({o.definition.text for o in assembly.occurrences if o.listed is not None})  # mesh files by what is in them
+        links = sorted({o.definition.text for o in assembly.occurrences if o.listed is not None})  # definitions contain mesh hashes
         settings = self._compilation.settings
         about = [
             fingerprint(), documents.root.relative, sorted((path, one.sha256) for path, one in documents.by_path.items()), parts, links,

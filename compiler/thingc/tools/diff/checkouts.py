@@ -1,4 +1,4 @@
-"""Two sides -> pairs of documents, laid out where they are compared; and what came of comparing them."""
+"""Write the documents of both sides to folders where they can be compiled, and compare them."""
 
 from __future__ import annotations
 
@@ -25,15 +25,17 @@ from thingc.tools.diff.surface_distance import SurfaceDistances
 
 
 class Checkout(OneLineRepr, FrozenStruct):
-    """A document of one state: `path` is where it is laid out, `revision` the state, None where it lies there anyway. Or a build folder or
-    lock, as `kind` says."""
+    """A document, build folder or lock (`kind`) of one side, at `path`.
+
+    `revision` is the revision it was written from, None for files that were already there.
+    """
 
     path: str
     revision: Revision | None = None
     kind: SideKind = "document"
 
     def home(self, file: str) -> str:
-        """Where a file that was laid out belongs in the checkout."""
+        """Return the path in the working tree of a file of this side."""
         if self.revision is None:
             return file
         inside = os.path.relpath(file, self.revision.root)
@@ -41,7 +43,7 @@ class Checkout(OneLineRepr, FrozenStruct):
 
 
 class DocumentPair(OneLineRepr, FrozenStruct):
-    """A document in both states; `name` is what it is called on the command line. One that is in one state alone has no other."""
+    """A document of both sides; `name` is its path on the command line. A side is None if the document is missing there."""
 
     name: str
     old: Checkout | None
@@ -49,7 +51,7 @@ class DocumentPair(OneLineRepr, FrozenStruct):
 
 
 class BrokenSide(OneLineRepr, FrozenStruct):
-    """A side that does not compile: what is wrong, at places that say which state they are of, and the texts of those documents."""
+    """A side that does not compile: its diagnostics, with the side in the file names, and the texts of those files."""
 
     name: str
     diagnostics: tuple[Diagnostic, ...]
@@ -57,9 +59,9 @@ class BrokenSide(OneLineRepr, FrozenStruct):
 
 
 def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[DocumentPair]:
-    """The documents that are compared, laid out until the stack is left; `code`: whether code of the repository may run.
+    """Return the documents to compare, in folders that exist until `stack` is closed. `code`: whether code of the repository may run.
 
-    Raises `UnknownComparison`, `NotARepository`.
+    Raises `UnknownComparison` and `NotARepository`.
     """
     if asked.old.kind in ("document", "build", "lock"):
         old, new = (Checkout(path=side.place, kind=side.kind) for side in (asked.old, asked.new))
@@ -102,7 +104,7 @@ def _laid(repository: Repository, state: Revision | None, path: str) -> Checkout
 
 
 def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequence[Revision | None], here: str) -> list[str]:
-    """The documents below the working folder that depend on a file which differs: those that nothing else nests, or with modes."""
+    """Return the documents below the working folder that depend on a changed file and either have modes or are not nested in another."""
     changed = changed_paths(here, asked.old.place, *filter(None, [asked.new.place]), trusted=repository.trusted)
     if not changed:
         return []
@@ -121,8 +123,10 @@ def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequenc
 
 
 def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[str, str], draw: bool = False) -> Comparison | BrokenSide:
-    """What changed of a document that is in both states, with its `tests`, and pictures where something did (`draw`). Places are in the
-    checkout; those of a broken side begin with its name. Raises `UnknownComparison`."""
+    """Compare a document that is in both states; with `tests`, also test results; with `draw`, also pictures if anything changed.
+
+    Source locations are in the checkout; those of a broken side begin with the name of the side. Raises `UnknownComparison`.
+    """
     assert both.old is not None and both.new is not None, "there is nothing to compare it with"
     with ExitStack() as stack:
         sides: list[Subject | Snapshot] = []
@@ -141,7 +145,7 @@ def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[
 
 
 def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options, *, tests: bool) -> Comparison:
-    """Of two documents all that there is to compare; else what a build folder, or a lock, holds."""
+    """Compare two documents completely, or a build folder or lock in what it contains."""
     if not isinstance(old, Subject) or not isinstance(new, Subject):
         before, after = (outline(one.snapshot) if isinstance(one, Subject) else one for one in (old, new))
         return compare(before, after)
@@ -153,7 +157,7 @@ def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options
 
 
 def _snapshot(laid: Checkout) -> Snapshot:
-    """Of a build folder or a lock. Raises `UnknownComparison`, and `BrokenDocument` where a lock is."""
+    """Read a build folder or a lock. Raises `UnknownComparison`, and `BrokenDocument` for a lock with errors."""
     try:
         return snapshot_of_build(laid.path) if laid.kind == "build" else snapshot_of_lock(laid.path)
     except UnreadableSide as fault:
@@ -163,7 +167,10 @@ def _snapshot(laid: Checkout) -> Snapshot:
 
 
 def _subject(laid: Checkout, options: Options) -> Subject:
-    """Raises `BrokenDocument`. Where what was laid out is not enough, all of the state is."""
+    """Compile a document. If this fails with the files of a revision that were written, write all of its files and retry.
+
+    Raises `BrokenDocument`.
+    """
     try:
         return Subject(laid.path, options)
     except BrokenDocument:
@@ -183,7 +190,7 @@ def _at_home(change: Change, both: DocumentPair) -> Change:
 
 
 def _broken(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide:
-    """What is wrong with a side; a file of a revision is called as git calls it, `main:arm.yaml`."""
+    """Convert the errors of a side; files of a revision get names as in git, `main:arm.yaml`."""
     texts: dict[str, str] = {}
 
     def named(span: Span | None) -> Span | None:

@@ -1,4 +1,4 @@
-"""Two snapshots -> all that changed, and what follows from it."""
+"""Compare two snapshots: find all changes, and which of them are consequences of others."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from thingc.tools.diff.name_mapping import NameMapping, equal, largest
 from thingc.tools.diff.snapshot import Change, DisplayValue, How, OccurrenceSnapshot, Row, Snapshot, What
 
 Farthest = Callable[[str, str], float | None]
-"""The largest distance [m] of two surfaces, by the SHA-256 of their meshes; None where they cannot be had."""
+"""Returns the largest distance [m] between two surfaces, by the SHA-256 of their meshes; None if unknown."""
 
 Difference = tuple[str, DisplayValue, DisplayValue]
-"""A field, and what it was and is."""
+"""A field, its old value and its new value."""
 
 MADE = ("part", "file", "assembly", "link", "frame", "mirror", "faces", "unit")
 WEIGHED = ("mass.", "com.", "inertia.", "process.", "material")
 SHAPES = 1e-7
-"""By how much of itself an integral over a shape may differ that is the same: the kernel adds up faces in the order it meets them."""
+"""Relative tolerance for integrals over a shape: the kernel adds up faces in varying order."""
 
 
 class _Following:
-    """Adds what follows to the changes of what is stated."""
+    """Adds the consequences of the changes in documents."""
 
     def __init__(self, pairing: NameMapping, changes: DocumentChanges, farthest: Farthest) -> None:
         self.pairing, self.changes, self.farthest = pairing, changes, farthest
@@ -40,7 +40,7 @@ class _Following:
         self._moved: dict[str, tuple[str, ...]] = {}
 
     def all(self) -> None:
-        """Every kind, those that cause others first."""
+        """Add all consequences, in an order in which causes come first."""
         for old, new in self.occurrences:
             self._geometry(old, new)
             self._mounts(old, new)
@@ -68,7 +68,10 @@ class _Following:
     # --- parts -------------------------------------------------------------------------------------------------------
 
     def _made(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> dict[str, None]:
-        """What gave a part another shape: what it is, and its parameters. Its code alone is the cause itself."""
+        """Return the changes that gave a part another shape: its definition and its parameters.
+
+        A change of its code is not recorded as a change, so it is never among them.
+        """
         paths = (old.path, new.path)
         return self.changes.causes("component", paths, MADE) | self.changes.causes("parameter", paths, ("params.",))
 
@@ -133,7 +136,7 @@ class _Following:
     # --- places ------------------------------------------------------------------------------------------------------
 
     def _places(self) -> None:
-        """Where parts and frames are at q = 0, seen from the base, or from what it is now."""
+        """Compare the poses of parts and frames at q = 0, relative to the component that was the base of the old robot."""
         base = next((occurrence for occurrence in self.old.occurrences.values() if occurrence.parent is None), None)
         there = self.pairing.path("component", base.path) if base is not None else None
         if base is None or there is None or base.place is None or there not in self.new.occurrences:
@@ -155,7 +158,7 @@ class _Following:
                 self._add("component", (old.path, new.path), difference, because, change="moved")
 
     def _mover(self, path: str) -> tuple[str, ...]:
-        """What moved a part of the new robot: something between it and the base."""
+        """Return the causes why a part of the new robot moved: changes between it and the base."""
         if path not in self._moved:
             self._moved[path] = ()
             occurrence = self.new.occurrences[path]
@@ -180,7 +183,7 @@ class _Following:
         )
 
     def _hung(self, occurrence: OccurrenceSnapshot) -> dict[str, None]:
-        """What was changed where a part hangs: the mate, the joint, the mounts that meet, the parts that have them."""
+        """Return the changes where a part is attached: its mate or joint, the two mounts and the two parts."""
         ends = [occurrence.path, *([occurrence.parent] if occurrence.parent is not None else [])]
         above = [path for end in ends for path in above_of(end)]
         causes = self.changes.causes("mate", above) | self.changes.causes_of_mounts(above)
@@ -194,7 +197,7 @@ class _Following:
     # --- links and the whole -----------------------------------------------------------------------------------------
 
     def _links(self) -> None:
-        """What links are called and which frame they have; and the masses of those of several parts."""
+        """Compare the names and frames of links, and the masses of links with several parts."""
         olds, news = ({link.frame: link for link in side.links} for side in (self.old, self.new))
         for old, new in self.occurrences:
             one, other = olds.get(old.path), news.get(new.path)
@@ -230,7 +233,7 @@ class _Following:
             self._add("geometry", ("", ""), ("robot.reach", one, other), moved or self.changes.structure())
 
     def _coordinates(self) -> None:
-        """The order in which a mode's model has the coordinates that both robots have."""
+        """Compare the order of coordinates of each mode, for coordinates that both robots have."""
         joints = [path for what, path in self.old.things if what == "joint"]
         known = {path: there for path in joints if (there := self.pairing.path("joint", path)) is not None}
         for mode, names in self.old.coordinates.items():
@@ -247,7 +250,7 @@ class _Following:
     # --- what is made of it ------------------------------------------------------------------------------------------
 
     def _rows(self) -> None:
-        """Lines of the bill of materials, by what they are of, and files of prints."""
+        """Compare the bill of materials by definition, and the print files."""
         olds, news = _by_definition(self.old.rows), _by_definition(self.new.rows)
         renumbered: list[tuple[str, Row, Row]] = []
         causes: dict[str, None] = {}
@@ -279,7 +282,7 @@ class _Following:
         self._prints()
 
     def _listed(self, members: Sequence[str]) -> dict[str, None]:
-        """What changed that pieces are there, or what they are."""
+        """Return the changes of the number or the definition of the pieces."""
         materials = [
             occurrence.material for side in (self.old, self.new) for path in members
             if (occurrence := side.occurrences.get(path)) is not None and occurrence.material is not None
@@ -309,7 +312,7 @@ class _Following:
                     what="file", change="removed" if after is None else "added", path=path, because=tuple(self._listed(row.members)),
                 ))
                 continue
-            # the same text, and another shape: the code of the part is another one
+            # If the text of the definition is the same but the shape is not, the code of the part has changed.
             because = self.changes.causes("geometry", [*before.members, *after.members])
             if because and self._reshaped(before, after):
                 self.changes.add(Change(what="file", change="changed", path=path, because=tuple(because)))
@@ -322,7 +325,7 @@ class _Following:
         )
 
     def _outcomes(self) -> None:
-        """Tests that come to something else."""
+        """Compare the results of tests."""
         if self.old.outcomes is None or self.new.outcomes is None:
             return
         news = {(outcome.test, outcome.where): outcome for outcome in self.new.outcomes}
@@ -343,12 +346,12 @@ class _Following:
                 self._add("test", paths, (f"passed{at}", old.passed, new.passed), because)
             for name in {**old.measured, **new.measured}:
                 before, after = old.measured.get(name), new.measured.get(name)
-                if before is None or after is None or not _near(before, after, 1e-2):  # what is below a nanometre, or so, is nothing
+                if before is None or after is None or not _near(before, after, 1e-2):  # coarse, and ignores changes below about a nanometre
                     self._add("test", paths, (f"measured.{name}{at}", before, after), because)
 
 
 def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Difference]:
-    """What is another in the mass of a body. What weighs nothing is nowhere."""
+    """Return the differences between two masses. Centre and inertia of massless bodies are ignored."""
     told: list[tuple[str, DisplayValue, DisplayValue]] = []
     if not _near(old.mass, new.mass):
         told.append((f"{prefix}mass", old.mass, new.mass))
@@ -361,7 +364,7 @@ def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Diffe
 
 
 def _reach(robot: Snapshot) -> float:
-    """How far from the base's origin the farthest frame or mount is at q = 0 [m]."""
+    """Return the distance [m] of the farthest frame or mount from the origin of the base at q = 0."""
     base = next(occurrence.place for occurrence in robot.occurrences.values() if occurrence.parent is None)
     assert base is not None
     back = base.inverse()
@@ -373,7 +376,7 @@ def _reach(robot: Snapshot) -> float:
 
 
 def _near(old: DisplayValue, new: DisplayValue, scale: float = 0.0) -> bool:
-    """`equal` at the precision of integrals over shapes."""
+    """Return whether two values are equal, at the precision of integrals over shapes."""
     if isinstance(old, tuple) and isinstance(new, tuple):
         scale = max(scale, largest(old), largest(new))
         return len(old) == len(new) and all(_near(one, other, scale) for one, other in zip(old, new, strict=True))
@@ -406,7 +409,7 @@ def _by_definition(rows: Iterable[Row]) -> dict[str, list[Row]]:
 
 
 def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None]) -> list[tuple[Row | None, Row | None]]:
-    """Lines of one definition in both lists: those of the same pieces, then in order."""
+    """Pair the rows of one definition: first those with a common piece, then the others in order."""
     left, pairs = list(news), []
     rest: list[Row] = []
     for old in olds:
@@ -423,8 +426,10 @@ def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None])
 
 
 class Comparison(OneLineRepr, FrozenStruct):
-    """What changed of one robot: what somebody changed first, then what follows; `unknown` says what could not be compared. `pictures` are
-    PNG files, `before`, `after` and `overlay`, where they were asked for."""
+    """The changes of one robot: those in documents first, then their consequences.
+
+    `unknown` lists what could not be compared. `pictures` are PNG files by name (`before`, `after`, `overlay`), empty unless requested.
+    """
 
     name: str
     changes: tuple[Change, ...]
@@ -433,7 +438,7 @@ class Comparison(OneLineRepr, FrozenStruct):
 
 
 def compare(old: Snapshot, new: Snapshot, farthest: Farthest = lambda old, new: None) -> Comparison:
-    """What changed from one snapshot to another. `farthest` measures how far surfaces are apart; without it nothing says so."""
+    """Compare two snapshots. `farthest` measures the distance of surfaces; by default it is not compared."""
     pairing = NameMapping(old, new)
     changes = StatedChanges(pairing).changes
     _Following(pairing, changes, farthest).all()

@@ -1,4 +1,4 @@
-"""What somebody changed in documents, and what of the rest that they state follows from it."""
+"""Find the changes in documents, and which of them are consequences of others."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from thingc.tools.diff.source_locations import names_in
 
 POSITIONS = frozenset({"limit.lower", "limit.upper", "limit.cone", "offset"})
 LONGEST = 40
-"""Characters of what is shown as it is written."""
+"""Maximum length of a value that is shown as written."""
 
 
 def worded(pair: Pair, key: str, old: Fact | None, new: Fact | None, robots: tuple[Snapshot, Snapshot]) -> tuple[str, str] | None:
-    """The values of a fact in both robots; None where nobody knows their dimension."""
+    """Format both values of a fact; None if their dimension is unknown."""
     words = tuple(_said(fact) for fact in (old, new))
     if words[0] is not None and words[1] is not None:
         return (words[0], words[1])
@@ -51,7 +51,7 @@ def _dimension(thing: SnapshotElement, key: str, robot: Snapshot) -> Dimension |
 
 
 def _coordinate(joint: SnapshotElement) -> Dimension | None:
-    """Of q of a joint, or of one coordinate of it, whose path ends with its number: `wrist_1`."""
+    """Return the dimension of q of a joint, or of one coordinate, whose path ends with its number: `wrist_1`."""
     kind = KINDS.get(joint.label or "")
     if kind is None or kind.coordinate is not None:
         return kind.coordinate if kind is not None else None
@@ -64,14 +64,14 @@ def _number(value: Value, dimension: Dimension) -> str:
 
 
 _MADE_OF = frozenset({"part", "file", "assembly", "link", "frame", "mirror"})
-"""Facts of a component that say what it is."""
+"""Facts of a component that define its kind and content."""
 _MEANT: tuple[What, ...] = ("mount", "joint", "pose", "mode")
 _INNER: frozenset[What] = frozenset({"parameter", "mate", "mount"})
-"""What is not told of a component that is new or gone: it comes and goes with it."""
+"""Kinds that are not reported for an added or removed component, because they come with it."""
 
 
 class DocumentChanges:
-    """The changes that have been found, each with its causes; later ones ask for those of earlier ones."""
+    """The changes found so far, with their causes. Later changes look up the causes of earlier ones."""
 
     def __init__(self) -> None:
         self.found: list[Change] = []
@@ -79,7 +79,7 @@ class DocumentChanges:
         self._on: dict[str, list[Change]] = {}
 
     def add(self, change: Change) -> None:
-        """One more."""
+        """Add a change."""
         self.found.append(change)
         for path in {change.path, change.new_path or change.path}:
             self._at.setdefault((change.what, path), []).append(change)
@@ -87,12 +87,11 @@ class DocumentChanges:
                 self._on.setdefault(path.rpartition("/")[0], []).append(change)
 
     def roots(self, change: Change) -> tuple[str, ...]:
-        """What caused a change in the end: itself, where nothing did."""
+        """Return the paths of the initial causes of a change: itself if it has none."""
         return tuple(word for word in change.because if word != PERHAPS) if change.caused else (change.path,)
 
     def causes(self, what: What, paths: Iterable[str], fields: Iterable[str] | None = None) -> dict[str, None]:
-        """The roots of all changes of a kind at one of the paths: of those fields, where they are named (`process.` for all that begin
-        so)."""
+        """Return the initial causes of all changes of a kind at `paths`, only those of `fields` if given (`process.` is a prefix)."""
         wanted = None if fields is None else tuple(fields)
         causes: dict[str, None] = {}
         for path in paths:
@@ -102,11 +101,11 @@ class DocumentChanges:
         return causes
 
     def causes_of_mounts(self, paths: Iterable[str]) -> dict[str, None]:
-        """The roots of all changes of mounts of components."""
+        """Return the initial causes of all changes of mounts of components."""
         return {root: None for path in paths for change in self._on.get(path, ()) for root in self.roots(change)}
 
     def structure(self) -> dict[str, None]:
-        """The roots of all changes of who is connected to whom."""
+        """Return the initial causes of all changes of the structure: components, mates, and what joints connect."""
         causes: dict[str, None] = {}
         for change in self.found:
             built = change.what in ("component", "joint") and (
@@ -118,7 +117,7 @@ class DocumentChanges:
 
 
 def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
-    """Whether a change is of one of the fields, or of all of something. Another name changes nothing else."""
+    """Return whether a change is one of a field in `fields`, or of the whole element. Renaming does not count."""
     field = change.field
     if field is None:
         return change.change != "renamed"
@@ -126,7 +125,7 @@ def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
 
 
 class StatedChanges:
-    """All `changes` of what the documents state."""
+    """All changes of what the documents state; the result is `changes`."""
 
     def __init__(self, pairing: NameMapping) -> None:
         self.pairing = pairing
@@ -148,7 +147,7 @@ class StatedChanges:
             self._facts(pair)
 
     def _alone(self, thing: SnapshotElement, how: How) -> None:
-        """What is new or gone."""
+        """Add an element that is only in one of the robots."""
         there = self.pairing.path("component", thing.of) if how == "removed" else self.pairing.old_component(thing.of)
         inner = thing.of != "" and there is None and thing.what != "component"
         if inner and thing.what in _INNER:
@@ -162,7 +161,7 @@ class StatedChanges:
         ))
 
     def _renamed(self, pair: Pair) -> None:
-        """A new name; below an assembly that has one, the new path follows from that."""
+        """Add a renamed element. Below a renamed assembly, the new path is a consequence."""
         old, new = pair.old, pair.new
         if old.what == "mate":
             return
@@ -180,15 +179,15 @@ class StatedChanges:
         ))
 
     def _facts(self, pair: Pair) -> None:
-        """Values that are others now."""
+        """Add the changed values of an element."""
         pairing, old, new = self.pairing, pair.old, pair.new
         changed = [(key, before, after) for key, before, after in pairing.facts(old, new) if not pairing.same(before, after)]
         made = {key for key, _, _ in changed if key in _MADE_OF}
-        # what is written first: the rest may follow from it
+        # Sort changed texts first, since the others may be consequences of them.
         changed.sort(key=lambda one: _written(old.facts.get(pairing.old_fact(old, one[0]))) == _written(new.facts.get(one[0])))
         for key, before, after in changed:
             if made and key.startswith("params."):
-                continue  # they are of another part
+                continue  # parameters of another part
             earlier, later = old.facts.get(pairing.old_fact(old, key)), new.facts.get(key)
             if old.what == "pose" and self._unknown(key):
                 because: tuple[str, ...] = tuple(self.changes.causes("joint", [key]))
@@ -200,12 +199,15 @@ class StatedChanges:
             ))
 
     def _unknown(self, joint: str) -> bool:
-        """Whether a joint (of the new robot, or gone) is in one of the robots alone."""
+        """Return whether a joint is in only one of the robots."""
         return any(thing.what == "joint" and thing.path == joint for thing in (*self.pairing.gone, *self.pairing.come))
 
     def _because(self, pair: Pair, key: str, old: Fact | None, new: Fact | None, made: set[str]) -> tuple[str, ...]:
-        """What a value follows from: parameters in the same expression as before; or, where it is not written at all, what the component,
-        or the drive, is now."""
+        """Return the causes of a changed value.
+
+        If its expression is unchanged, these are the changed parameters in it; if it is not written, changes of the component or of the
+        drive.
+        """
         before, after = (fact.value if fact is not None else None for fact in (old, new))
         if new is not None and new.written is not None and _written(old) == new.written:
             return self._meant(new) or self._alive(before, after) or tuple(self.changes.structure())
@@ -220,7 +222,7 @@ class StatedChanges:
         return ()
 
     def _meant(self, fact: Fact) -> tuple[str, ...]:
-        """What changed of what the words of a fact name: parameters, and mounts, joints, poses and modes of its document."""
+        """Return the causes of changes of the names in an expression: parameters, mounts, joints, poses and modes of its document."""
         causes: dict[str, None] = {}
         for name in names_in(fact.written or ""):
             path = f"{fact.scope}/{name}" if fact.scope else name
@@ -230,7 +232,7 @@ class StatedChanges:
         return tuple(causes)
 
     def _driven(self, pair: Pair) -> tuple[str, ...]:
-        """What changed what a joint has of its drive, or a drive of its joint."""
+        """Return the causes of changes that a joint gets from its drive."""
         own = self.changes.causes("joint", [pair.new.path], ("type", "drive", "drive.", "limit.", "dynamics."))
         drives = [
             fact.value.path for thing in (pair.old, pair.new)
@@ -239,7 +241,7 @@ class StatedChanges:
         return tuple(own or self.changes.causes("component", drives, _MADE_OF) | self.changes.causes("parameter", drives, ("params.",)))
 
     def _alive(self, old: Value, new: Value) -> tuple[str, ...]:
-        """What comes and goes in a list, where that is all that is new about it."""
+        """Return the causes of added and removed names in a list, empty if one of them has no cause."""
         before, after = set(_names_in(self.pairing.now(old))), set(_names_in(new))
         causes: dict[str, None] = {}
         for one in before ^ after:
@@ -250,9 +252,9 @@ class StatedChanges:
         return tuple(sorted(causes))
 
     def _parameter(self, path: str) -> tuple[str, ...]:
-        """What changed a parameter (its path in the new robot), in the end; nothing where it is as it was."""
+        """Return the initial causes of the change of a parameter (path in the new robot), empty if it is unchanged."""
         if path not in self._known:
-            self._known[path] = ()  # parameters in a circle are a fault of the document
+            self._known[path] = ()  # stops at cycles of parameters, which are an error in the document
             pair = self._parameters.get(path)
             if pair is not None:
                 old, new = pair.old.facts["value"], pair.new.facts["value"]
@@ -262,7 +264,7 @@ class StatedChanges:
 
 
 def _what(thing: SnapshotElement, key: str) -> What:
-    """What a fact is of: parameters of parts and lines of the bill of materials are written at components."""
+    """Return the kind of a fact: parameters of parts and rows of the bill of materials are written at components."""
     return "parameter" if key.startswith("params.") else "bom" if key.startswith("bom.") else thing.what
 
 
@@ -279,6 +281,6 @@ def _names_in(value: Value) -> Iterator[Named]:
 
 
 def above_of(path: str) -> list[str]:
-    """A path, and those of all assemblies that it is in."""
+    """Return a path, and the paths of all assemblies that contain it."""
     words = path.split("/")
     return ["/".join(words[:count]) for count in range(len(words), 0, -1)]

@@ -1,11 +1,11 @@
-"""Which component of the old robot is which of the new one.
+"""Match the components of the old and the new robot.
 
-Equal names are anchors. Who is left is known by what it is and whom it meets: a component that is alone in meeting known ones in its
-way is known, too, and so on from there; then by colours, refined by those of the neighbours until nothing splits any more
-(B. Weisfeiler and A. Leman, 1968). Components of one colour are told apart by an isomorphism of what is left, where that is
-small, else by their place; both is said with "perhaps", as far as the robot cannot be turned into itself by exchanging them.
+Components with the same name match. Each of the others matches if it is the only one with its definition and its mates to matched
+components; this repeats until there is nothing more to find. Then components get colours, refined by those of their neighbours until the
+partition is stable (B. Weisfeiler and A. Leman, 1968). Components of the same colour are matched by an isomorphism of the remaining graphs
+if these are small, else by their poses; such matches are marked `perhaps`.
 
-The answer does not depend on which robot is the old one: both are put into an order of their own first.
+The result does not depend on which robot is the old one: both are ordered first.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from thingc.base.numeric import dist
 from thingc.tools.diff.snapshot import ComponentNode, Snapshot
 
 RESIDUE = 30
-"""Components that may be left for an isomorphism to be looked for."""
+"""Maximum number of remaining components for which an isomorphism is searched."""
 ROUNDS = 64
-"""How often colours are refined at most."""
+"""Maximum number of rounds of colour refinement."""
 SAME_PLACE = 1e-3
-"""How near [m] to each other two components are in the same place."""
+"""Distance [m] below which two components are in the same place."""
 
 
 class Match(FrozenStruct):
-    """A component of the old robot in the new one, by path; by what it was known, and whether that leaves room for doubt."""
+    """A component of the old robot and its counterpart, by path; why they match, and `perhaps` if the match is uncertain."""
 
     old: str
     new: str
@@ -37,7 +37,7 @@ class Match(FrozenStruct):
 
 
 def match(old: Snapshot, new: Snapshot) -> dict[str, Match]:
-    """The components that are in both, by their old path."""
+    """Match the components of two robots; the result is by the old path."""
     if _order(new) < _order(old):
         return {
             pair.new: Match(old=pair.new, new=pair.old, reason=pair.reason, perhaps=pair.perhaps)
@@ -51,7 +51,7 @@ def _order(snapshot: Snapshot) -> list[str]:
 
 
 class _Side:
-    """One robot as a graph: its components by path, and whom each meets and how."""
+    """One robot as a graph: components by path, and the neighbours of each with the kind of connection."""
 
     def __init__(self, snapshot: Snapshot) -> None:
         self.nodes = {node.path: node for node in snapshot.nodes}
@@ -69,7 +69,7 @@ class _Side:
 
 
 class _Matching:
-    """What has been found so far, and the ways to find more, from the surest to the least."""
+    """The matches found so far; each method adds more, in order of certainty."""
 
     def __init__(self, old: Snapshot, new: Snapshot) -> None:
         self.old, self.new = _Side(old), _Side(new)
@@ -92,7 +92,10 @@ class _Matching:
         del self.old.left[old], self.new.left[new]
 
     def _around(self) -> bool:
-        """An assembly is the one that holds what it held; and in one that is called otherwise now, those of the same name are the same."""
+        """Match assemblies that contain matched components, and components of the same name in matched assemblies.
+
+        Returns whether anything was found.
+        """
         before = len(self.found)
         for path in [one for one in self.old.left if self.old.nodes[one].kind == "assembly"]:
             held = (self.found[inner].new for how, inner in self.old.beside[path] if how == ("down", "holds") and inner in self.found)
@@ -109,7 +112,10 @@ class _Matching:
     # --- neighbours --------------------------------------------------------------------------------------------------
 
     def _known_neighbours(self, what: Callable[[ComponentNode], Hashable], words: str, exact: bool) -> bool:
-        """Who alone is what it is and meets known components as it does; with `exact` by the same mounts."""
+        """Match components that are unique by `what` and by their mates to matched components; with `exact`, also by the names of mounts.
+
+        Returns whether anything was found.
+        """
         before = len(self.found)
         sides = (self._signed(self.old, what, self._old_name, exact), self._signed(self.new, what, self._back.get, exact))
         for signature, ones in sides[0].items():
@@ -123,7 +129,7 @@ class _Matching:
     def _signed(
         self, side: _Side, what: Callable[[ComponentNode], Hashable], known: Callable[[str], str | None], exact: bool,
     ) -> dict[tuple[Hashable, tuple[tuple[tuple[str, ...], str], ...]], list[str]]:
-        """Those that are left, by what they are and whom they meet of those that are known; who meets nobody known is not there."""
+        """Group the unmatched components by `what` and their mates to matched ones. Components without such mates are left out."""
         signed: dict[Any, list[str]] = defaultdict(list)
         for path in side.left:
             met = [
@@ -138,7 +144,7 @@ class _Matching:
         return path if path in self.found else None
 
     def _in_one_place(self, old: str, new: str) -> bool:
-        """Whether two components stand in the same assembly."""
+        """Return whether two components are in the same assembly."""
         above, there = self.old.nodes[old].parent, self.new.nodes[new].parent
         known = self.found.get(above)
         return (above == "" and there == "") or known is not None and known.new == there
@@ -146,14 +152,17 @@ class _Matching:
     # --- colours -----------------------------------------------------------------------------------------------------
 
     def _colours(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
-        """One round: who is alone of a colour in both robots; else one colour of several, told apart by isomorphism or by place."""
+        """Match all components with a unique colour, else one group of equal colour by isomorphism or by place.
+
+        Returns whether anything was found.
+        """
         if not self.old.left or not self.new.left:
             return False
         colours = self._refined(what)
         shared = self._shared(lambda number, path: colours[number, path])
         alone = [(ones[0], others[0]) for ones, others in shared if len(ones) == len(others) == 1]
         if alone:
-            # Who meets nobody that is known may as well be gone, and another one new.
+            # A component without matched neighbours may have been removed, and the other one added.
             for one, other in alone:
                 self._take(one, other, f"{words} and mates", perhaps=not self._met(one))
             return True
@@ -166,7 +175,7 @@ class _Matching:
         return self._by_definition(what, words)
 
     def _shared(self, key: Callable[[int, str], Hashable]) -> list[tuple[list[str], list[str]]]:
-        """Those that are left of the old and of the new robot (0, 1) with the same key, for each key that both have."""
+        """Group the unmatched components of the old and the new robot by `key`; return the groups that both have."""
         groups: dict[Hashable, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
         for number, side in enumerate((self.old, self.new)):
             for path in side.left:
@@ -174,7 +183,7 @@ class _Matching:
         return [(ones, others) for ones, others in groups.values() if ones and others]
 
     def _by_definition(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
-        """Colours that no neighbour refines, where nothing else is in common any more."""
+        """Match by definition only, if no colours are shared. Returns whether anything was found."""
         shared = self._shared(lambda number, path: what((self.old, self.new)[number].nodes[path]))
         before = len(self.found)
         for ones, others in shared:
@@ -185,11 +194,11 @@ class _Matching:
         return len(self.found) > before
 
     def _met(self, path: str) -> bool:
-        """Whether a component of the old robot meets one that is known."""
+        """Return whether a component of the old robot has a mate to a matched one."""
         return any(other in self.found for how, other in self.old.beside[path] if how[1] == "mate")
 
     def _refined(self, what: Callable[[ComponentNode], Hashable]) -> dict[tuple[int, str], int]:
-        """The colours of those that are left, of both robots at once."""
+        """Return the refined colours of the unmatched components of both robots, by number of the robot (0, 1) and path."""
         numbers: dict[Hashable, int] = {}
 
         def colour(of: Hashable) -> int:
@@ -212,8 +221,10 @@ class _Matching:
         return now
 
     def _isomorphic(self, colours: Mapping[tuple[int, str], int]) -> bool:
-        """An isomorphism of all that is left, where it is the same in both robots and small enough: what exchanges with what in it does
-        so by an automorphism of the new robot, so that none of it is wrong."""
+        """Match all remaining components by an isomorphism, if the graphs are small and isomorphic; return whether they are.
+
+        If there are several isomorphisms, they differ by an automorphism of the new robot, so any of them is correct.
+        """
         if not len(self.old.left) == len(self.new.left) <= RESIDUE:
             return False
         if Counter(colours[0, path] for path in self.old.left) != Counter(colours[1, path] for path in self.new.left):
@@ -250,7 +261,7 @@ class _Matching:
         return False
 
     def _by_place(self, ones: Sequence[str], others: Sequence[str], reason: str, within: float = math.inf) -> None:
-        """Pairs, the nearest first; one whose place nobody knows counts as far away. With doubt, always."""
+        """Match pairs, the nearest first, as `perhaps`. Components without a pose count as infinitely far away."""
         for distance, one, other in sorted((self._distance(one, other), one, other) for one in ones for other in others):
             if distance <= within and one in self.old.left and other in self.new.left:
                 self._take(one, other, reason, perhaps=True)

@@ -1,4 +1,4 @@
-"""What of the old robot is what of the new one: names of all kinds, taken from one robot to the other, and values that are equal."""
+"""Match named elements of the old and the new robot, translate names, and compare values."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from thingc.tools.diff.matching import match
 from thingc.tools.diff.snapshot import Named, Snapshot, SnapshotElement, Value, What
 
 RELATIVE = 1e-9
-"""By how much of themselves two numbers may differ that are the same one in other words (`0.1 m`, `100 mm`)."""
+"""Relative tolerance of equal numbers (`0.1 m`, `100 mm`)."""
 NOTHING = 1e-12
-"""What is nothing in lengths [m], angles [rad] and whatever else may come to 0."""
+"""Absolute tolerance near 0 for lengths [m], angles [rad] and other numbers."""
 
 _ORDER: tuple[What, ...] = ("parameter", "material", "mount", "joint", "pose", "mode", "sensor", "test")
 _OWNED: tuple[What, ...] = ("component", "mate")
 
 
 class Pair(FrozenStruct):
-    """A thing in both robots, by what it was known if its name is another one, and whether that leaves room for doubt."""
+    """An element of both robots. If it was renamed, `reason` is why it was matched; `perhaps`: the match is uncertain."""
 
     old: SnapshotElement
     new: SnapshotElement
@@ -29,12 +29,12 @@ class Pair(FrozenStruct):
 
     @property
     def new_path(self) -> str | None:
-        """Its path in the new robot where that is another one."""
+        """Its path in the new robot if it differs, else None."""
         return self.new.path if self.new.path != self.old.path else None
 
 
 class NameMapping:
-    """Who is who in two robots. `pairs` are the things that are in both, `gone` and `come` the others."""
+    """The mapping of names between two robots. `pairs` are the elements in both, `gone` and `come` those in one only."""
 
     def __init__(self, old: Snapshot, new: Snapshot) -> None:
         self.old, self.new = old, new
@@ -51,15 +51,15 @@ class NameMapping:
     # --- names and values --------------------------------------------------------------------------------------------
 
     def path(self, what: What, path: str) -> str | None:
-        """What something of the old robot is called in the new one; None where it is gone."""
+        """Return the path in the new robot of an element of the old one, None if it was removed."""
         return self._paths[what].get(path)
 
     def old_component(self, path: str) -> str | None:
-        """What a component of the new robot was called in the old one; None where it was not there."""
+        """Return the path in the old robot of a component of the new one, None if it was added."""
         return self._back.get(path)
 
     def now(self, value: Value) -> Value:
-        """A value of the old robot with the names of the new one; what is gone keeps its name."""
+        """Replace the names in a value of the old robot by those of the new one. Removed elements keep their names."""
         if isinstance(value, tuple):
             return tuple(self.now(one) for one in value)
         if not isinstance(value, Named):
@@ -70,7 +70,7 @@ class NameMapping:
         return Named(what=value.what, path=self._paths[value.what].get(value.path, value.path), mount=mount)
 
     def same(self, old: Value, new: Value) -> bool:
-        """Whether a value of the old robot is that of the new one. Names that stand beside each other have no order."""
+        """Return whether a value of the old robot equals one of the new robot. Lists of names are compared as sets."""
         now = self.now(old)
         if _names(now) and _names(new):
             return sorted(map(repr, now)) == sorted(map(repr, new))  # type: ignore[arg-type]
@@ -93,7 +93,7 @@ class NameMapping:
         self.come += news.values()
 
     def _called(self, thing: SnapshotElement) -> str | None:
-        """Where a thing of the old robot is expected in the new one: where its component is; None where that is gone."""
+        """Return the expected path in the new robot of an element: its own, or below its component. None if that was removed."""
         if thing.what in _OWNED:
             return self._paths["component"].get(thing.path)
         if not thing.of:
@@ -121,7 +121,7 @@ class NameMapping:
                     continue
                 rivals = [one for one in before[candidates[0]] if one in olds]
                 if len(candidates) == len(rivals) and (len(candidates) == 1 or not perhaps):
-                    # Of several that are alike the order of the documents decides.
+                    # elements with equal content are matched in document order
                     there = candidates[rivals.index(path)] if path in rivals else candidates[0]
                     self._take(olds[path], news[there], reason, perhaps or len(candidates) > 1)
             for pair in self.pairs:
@@ -144,11 +144,11 @@ class NameMapping:
         )
 
     def _shared(self, old: SnapshotElement, new: SnapshotElement) -> int:
-        """How many facts of two things are the same."""
+        """Return the number of equal facts of two elements."""
         return sum(1 for _, before, after in self.facts(old, new) if self.same(before, after))
 
     def facts(self, old: SnapshotElement, new: SnapshotElement) -> Iterator[tuple[str, Value, Value]]:
-        """The values of two things by key; keys with names of the old robot in them have those of the new one."""
+        """Yield the facts of two elements by key, with old and new value. Keys that contain old names are translated."""
         before = {self._key(old.what, key): fact.value for key, fact in old.facts.items()}
         for key in {**before, **dict.fromkeys(new.facts)}:
             after = new.facts[key].value if key in new.facts else None
@@ -165,7 +165,7 @@ class NameMapping:
         return key
 
     def old_fact(self, thing: SnapshotElement, key: str) -> str:
-        """The key of a fact of the old robot that is called `key` in the new one."""
+        """Return the key in the old robot of a fact whose translated key is `key`."""
         return next((one for one in thing.facts if self._key(thing.what, one) == key), key)
 
 
@@ -174,7 +174,7 @@ def _names(value: Value) -> bool:
 
 
 def equal(old: Value, new: Value, scale: float = 0.0) -> bool:
-    """Whether two values are the same but for rounding; numbers of a tuple in proportion to its largest one."""
+    """Return whether two values are equal up to rounding; numbers in a tuple relative to its largest one."""
     if isinstance(old, tuple) and isinstance(new, tuple):
         scale = max(scale, *(largest(one) for one in (old, new)))
         return len(old) == len(new) and all(equal(one, other, scale) for one, other in zip(old, new, strict=True))
@@ -184,7 +184,7 @@ def equal(old: Value, new: Value, scale: float = 0.0) -> bool:
 
 
 def largest(value: Value) -> float:
-    """The largest number of a value, without its sign; 0 if there is none."""
+    """Return the largest absolute number in a value, 0 if it has none."""
     if isinstance(value, tuple):
         return max((largest(one) for one in value), default=0.0)
     return abs(value) if _is_number(value) else 0.0

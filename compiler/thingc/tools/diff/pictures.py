@@ -1,4 +1,4 @@
-"""Pictures of what changed, by one camera: before, after, and after with what changed in colours."""
+"""Draw the robot before and after a change from the same camera, and an overlay that colours what changed."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from thingc.tools.diff.snapshot import Change
 SIZE = (960, 720)
 """Width and height [px]."""
 NEW, OTHER, MOVED, SAME, GONE = "0.2 0.65 0.3 1", "0.9 0.45 0.1 1", "0.25 0.45 0.9 1", "0.86 0.86 0.88 1", "0.85 0.1 0.15 0.45"
-"""Colours of what is new, what is another now, what only stands elsewhere, of the rest, and of what is gone."""
+"""Colours of added, changed, moved, unchanged and removed parts."""
 Model = tuple[str, dict[str, bytes]]
 
 
 def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, bytes]:
-    """PNG files `before`, `after` and `overlay` of MuJoCo models with their meshes; none where nothing is to be seen. Call
-    `ready` of `render` first, before MuJoCo is imported."""
+    """Return the PNG files `before`, `after` and `overlay` of two MuJoCo models with meshes; empty if nothing is visible.
+
+    Call `ready` of `render` first, before MuJoCo is imported.
+    """
     seen = [extent(xml, assets, None) for xml, assets in (old, new)]
     points = [point for corners, _ in seen for point in corners]
     if not points:
@@ -30,7 +32,7 @@ def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, 
 
 
 def colours(changes: Iterable[Change]) -> dict[str, str]:
-    """The colour of each part of the new robot that is not as it was, by path; what is inside of a new assembly is named itself."""
+    """Return the colours of changed parts of the new robot, by path. Components in an added assembly have changes of their own."""
     by_path: dict[str, str] = {}
     for change in changes:
         path = change.new_path or change.path
@@ -45,7 +47,7 @@ def colours(changes: Iterable[Change]) -> dict[str, str]:
 
 
 def coloured(xml: str, colours: Mapping[str, str]) -> str:
-    """A model whose drawn parts have these colours, and the rest a pale one."""
+    """Return the model with these colours on the visual geoms, and a pale colour on the others."""
     root = ElementTree.fromstring(xml)
     for geom in root.iter("geom"):
         if geom.get("class") == "visual" and (name := geom.get("name")) is not None:
@@ -54,7 +56,7 @@ def coloured(xml: str, colours: Mapping[str, str]) -> str:
 
 
 def with_removed(new: Model, old: Model, changes: Iterable[Change]) -> Model:
-    """The new model, and in it, where they were, the drawn parts of the old one that are gone."""
+    """Return the new model with the removed parts of the old one added at their old poses."""
     gone = {change.path for change in changes if change.what == "component" and change.change == "removed"}
     before, root = ElementTree.fromstring(old[0]), ElementTree.fromstring(new[0])
     meshes = {mesh.get("name"): mesh for mesh in before.iter("mesh")}
@@ -75,7 +77,7 @@ def with_removed(new: Model, old: Model, changes: Iterable[Change]) -> Model:
         mesh = meshes.get(geom.get("mesh"))
         if mesh is not None:
             name, file = f"gone:{mesh.get('name')}", mesh.get("file", "")
-            where = f"gone_{file.replace('/', '_')}"  # MuJoCo knows files by their names without folders
+            where = f"gone_{file.replace('/', '_')}"  # MuJoCo ignores folders in file names
             if where not in files:
                 ElementTree.SubElement(asset, "mesh", {**mesh.attrib, "name": name, "file": where})
                 files[where] = old[1][file]

@@ -1,4 +1,4 @@
-"""What `thingc diff` answers: of every document that is compared what changed, in the form that programs read."""
+"""The result of `thingc diff`: the changes of every compared document, also as JSON."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ from thingc.tools.diff.snapshot import Change
 
 
 class DiffResult(OneLineRepr, FrozenStruct):
-    """`old` and `new` name the two sides; `documents` what changed in each that is in both, by name; `come` and `gone` are those
-    that are in one alone."""
+    """The result of a comparison of the sides named `old` and `new`.
+
+    `documents` are the comparisons of the documents in both sides, by name; `come` and `gone` are the documents in one side only.
+    """
 
     old: str
     new: str
@@ -29,7 +31,7 @@ class DiffResult(OneLineRepr, FrozenStruct):
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """All of them; a document that is new or gone is a file."""
+        """All changes. Added and removed documents are changes of files."""
         alone = [Change(what="file", change="added", path=name) for name in self.come]
         alone += [Change(what="file", change="removed", path=name) for name in self.gone]
         return (*alone, *(change for _, comparison in self.documents for change in comparison.changes))
@@ -38,7 +40,7 @@ class DiffResult(OneLineRepr, FrozenStruct):
 def answered(
     old: str, new: str, pairs: Sequence[DocumentPair], compare: Callable[[DocumentPair], Comparison | BrokenSide],
 ) -> DiffResult | BrokenSide:
-    """The answer for documents; the first side that does not compile in its place."""
+    """Compare all documents. If a side does not compile, return the first such side instead."""
     documents: list[tuple[str, Comparison]] = []
     for both in pairs:
         if both.old is not None and both.new is not None:
@@ -53,7 +55,7 @@ def answered(
 
 
 def as_json(answer: DiffResult) -> dict[str, object]:
-    """`{"old", "new", "changes"}`; where several documents are compared, each change of one has its `document`. Numbers are SI."""
+    """Return `{"old", "new", "changes"}` in SI units. If several documents were compared, their changes have a key `document`."""
     several = len(answer.documents) > 1
     alone = len(answer.come) + len(answer.gone)
     changes = [_entry(change) for change in answer.changes[:alone]]
@@ -72,14 +74,14 @@ def _entry(change: Change) -> dict[str, object]:
 
 
 def pack(answer: Comparison | BrokenSide) -> list[Any]:
-    """The values of an answer for one document."""
+    """Convert the result for one document, without pictures, to plain values."""
     if isinstance(answer, BrokenSide):
         return ["broken", answer.name, [packed(d) for d in answer.diagnostics], dict(answer.texts)]
     return ["compared", answer.name, to_builtins(answer.changes), list(answer.unknown)]
 
 
 def unpack(values: list[Any]) -> Comparison | BrokenSide:
-    """The inverse of `pack`."""
+    """Convert the output of `pack` back."""
     kind, name, inner, more = values
     if kind == "broken":
         return BrokenSide(name=name, diagnostics=tuple(unpacked(one) for one in inner), texts=more)

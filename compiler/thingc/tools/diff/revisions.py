@@ -1,7 +1,7 @@
-"""Revisions of a git repository, laid out in folders of their own: the checkout and its index are not touched.
+"""Write revisions of a git repository to temporary folders, without touching the checkout and its index.
 
-Of a revision only what a document needs is laid out: the settings of its workspace, the documents and files that it names, and those
-that these name, and the folders of parts. Where that is not enough (a part reads something else), `everything` lays out the rest.
+Only the files that a document needs are written: the settings of its workspace, documents and files that it names, recursively, and the
+folders of parts. If a part reads other files, `everything` writes the rest.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from thingc.tools.affected.dependents import NotARepository, git, run_git
 LOCK_FILE = "parts.lock.json"
 DOCUMENTS = (".yaml", ".yml", ".toml")
 _NAMED = re.compile(rb"[^\s\"'\[\]{},:]+\.(?:ya?ml|toml|step|stp|brep|brp|stl|3mf|obj)\b", re.IGNORECASE)
-"""What may be the name of a file in a document: more is laid out than is needed, never less."""
+"""Pattern of possible file names in a document. It may match too much, never too little."""
 _LINK = "120000"
 
 
 class UnknownRevision(Exception):
-    """There is no such revision. `names` are branches and tags that there are."""
+    """The revision does not exist. `names` are the existing branches and tags."""
 
     def __init__(self, name: str, names: tuple[str, ...]) -> None:
         super().__init__(name)
@@ -36,19 +36,21 @@ class UnknownRevision(Exception):
 
 
 class Repository(OneLineRepr, FrozenStruct):
-    """The repository that a folder is in; `top` is the absolute path of its checkout. The filters of its own configuration run only if
-    it is `trusted`."""
+    """A git repository; `top` is the absolute path of its checkout.
+
+    Filters of its own configuration run only if it is `trusted`.
+    """
 
     top: str
     trusted: bool = False
 
     @staticmethod
     def of(folder: str, *, trusted: bool = False) -> Repository:
-        """Raises `NotARepository`."""
+        """Return the repository that contains a folder. Raises `NotARepository`."""
         return Repository(top=os.path.realpath(git(folder, "rev-parse", "--show-toplevel").rstrip("\n")), trusted=trusted)
 
     def commit(self, name: str) -> str:
-        """The hash of the commit that a revision is. Raises `UnknownRevision`."""
+        """Return the hash of the commit of a revision. Raises `UnknownRevision`."""
         try:
             return git(self.top, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}").strip()
         except NotARepository:
@@ -56,17 +58,17 @@ class Repository(OneLineRepr, FrozenStruct):
             raise UnknownRevision(name, tuple(one for one in names if one)) from None
 
     def common(self, old: str, new: str) -> str:
-        """The commit where two revisions parted. Raises `UnknownRevision`, and `NotARepository` where they have nothing in common."""
+        """Return the merge base of two revisions. Raises `UnknownRevision`, and `NotARepository` if there is none."""
         return git(self.top, "merge-base", self.commit(old), self.commit(new)).strip()
 
     def path(self, file: str) -> str:
-        """The path in the repository, with `/`, of a file that is or was in the checkout."""
+        """Return the path in the repository, with `/`, of a file that is or was in the checkout."""
         folder, name = os.path.split(os.path.abspath(file))
         return os.path.relpath(os.path.join(os.path.realpath(folder), name), self.top).replace(os.sep, "/")
 
 
 class Revision:
-    """A commit, laid out file by file in a temporary folder. A context manager: leaving it removes the folder."""
+    """A commit, of which files are written on demand to a temporary folder. A context manager that removes the folder on exit."""
 
     def __init__(self, repository: Repository, name: str, commit: str) -> None:
         self.repository, self.name, self.commit = repository, name, commit
@@ -82,20 +84,20 @@ class Revision:
         self._folder.cleanup()
 
     def has(self, path: str) -> bool:
-        """Whether the revision has a file of this path in the repository."""
+        """Return whether the revision has a file with this path in the repository."""
         return path in self._files
 
     def documents(self, folder: str) -> list[str]:
-        """Paths of the files below a folder (its path in the repository) that may be documents."""
+        """Return the paths of the files below a folder (its path in the repository) that may be documents."""
         above = "" if folder == "." else f"{folder}/"
         return [path for path in self._files if path.startswith(above) and path.lower().endswith(DOCUMENTS)]
 
     def file(self, path: str) -> str:
-        """The absolute path at which a file of the repository is laid out."""
+        """Return the absolute path at which a file of the repository is written."""
         return os.path.join(self.root, *path.split("/"))
 
     def lay_out(self, documents: Collection[str]) -> None:
-        """What documents (their paths in the repository) need."""
+        """Write the files that documents (their paths in the repository) need."""
         waiting = [path for path in documents if path in self._files]
         settings = {
             posixpath.join(folder, name) for path in documents for folder in _above(path) for name in (OWN_FILE, SHARED_FILE, LOCK_FILE)
@@ -113,21 +115,21 @@ class Revision:
             ]
 
     def everything(self) -> bool:
-        """All files; whether there were any more."""
+        """Write all files; return whether any were missing."""
         return bool(self._bring(self._files))
 
     def _bring(self, paths: Iterable[str]) -> dict[str, bytes]:
-        """Lay files out that are not there yet; their contents."""
+        """Write the files that have not been written yet; return their contents."""
         wanted = [path for path in dict.fromkeys(paths) if path in self._files and path not in self._there]
         self._there.update(wanted)
         contents = dict(self._contents(wanted))
         links = {path: data for path, data in contents.items() if self._files[path][0] == _LINK}
-        targets = {path: os.fsdecode(data) for path, data in links.items() if data and b"\0" not in data}  # no system has others
+        targets = {path: os.fsdecode(data) for path, data in links.items() if data and b"\0" not in data}
         write_tree(self.root, {path: data for path, data in contents.items() if path not in links}, targets)
         return contents
 
     def _contents(self, paths: list[str]) -> Iterator[tuple[str, bytes]]:
-        """Contents as a checkout would have them (line ends, large files kept elsewhere)."""
+        """Yield paths and contents, as in a checkout (with line endings converted and large files fetched by filters)."""
         if not paths:
             return
         asked = b"".join(self._files[path][1].encode() + b" " + os.fsencode(path) + b"\n" for path in paths)
@@ -143,7 +145,7 @@ class Revision:
 
 
 def _listed(top: str, commit: str) -> Mapping[str, tuple[str, str]]:
-    """The files of a commit: mode and hash by path. Submodules are left out, and names that no checkout could have.
+    """Return the files of a commit: mode and hash by path, without submodules and names that a checkout cannot have.
 
     Raises `NotARepository` if a path is both a file and a folder.
     """
@@ -162,7 +164,7 @@ def _listed(top: str, commit: str) -> Mapping[str, tuple[str, str]]:
 
 
 def _above(path: str) -> Iterator[str]:
-    """The folders that a file is in, the nearest first; of the repository's own folder an empty path."""
+    """Yield the folders that contain a file, the nearest first; the last one is the empty path of the repository itself."""
     folder = posixpath.dirname(path)
     while folder:
         yield folder
@@ -171,7 +173,7 @@ def _above(path: str) -> Iterator[str]:
 
 
 def _parts(path: str, data: bytes) -> Iterator[str]:
-    """The folders of parts that a file of settings names."""
+    """Yield the part folders in a file of settings."""
     try:
         table = tomllib.loads(data.decode("utf-8-sig")) if path.endswith(".toml") else {}
     except (ValueError, RecursionError):
@@ -185,16 +187,16 @@ def _parts(path: str, data: bytes) -> Iterator[str]:
 
 
 def _reads(path: str, data: bytes) -> Iterator[str]:
-    """The files that parts of a lock have read: whether they are as they were is asked without their code."""
+    """Yield the files that the parts in a lock have read. Without running code, these files show whether a part is up to date."""
     try:
         for thing in json.loads(data)["things"].values():
             for read in thing["reads"]:
                 yield posixpath.normpath(posixpath.join(posixpath.dirname(path), read))
     except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
-        return  # who reads the lock says what is wrong with it
+        return  # the reader of the lock reports errors
 
 
 def _names(path: str, data: bytes) -> Iterator[str]:
-    """Paths in the repository of the files that a document may name."""
+    """Yield the paths in the repository of the files that a document may name."""
     for match in _NAMED.finditer(data):
         yield posixpath.normpath(posixpath.join(posixpath.dirname(path), os.fsdecode(match[0])))

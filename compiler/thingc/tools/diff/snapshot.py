@@ -1,4 +1,4 @@
-"""A robot as it is compared: what stands in its documents as facts with their places, what comes of them, and changes of it."""
+"""A robot in comparable form (facts of its documents with source locations, and results), and changes between two of them."""
 
 from __future__ import annotations
 
@@ -15,23 +15,26 @@ What = Literal[
     "component", "joint", "mate", "parameter", "mode", "pose", "material", "sensor", "test", "mass", "geometry", "mount", "bom", "file",
 ]
 WHATS: tuple[What, ...] = get_args(What)
-"""What a change may be of, the most important first where they are told."""
+"""Kinds of changes, the most important first."""
 
 How = Literal["added", "removed", "renamed", "moved", "changed"]
 
 DisplayValue = Union[None, bool, int, float, str, tuple["DisplayValue", ...]]
-"""A value as an answer tells it: SI, names as documents write them."""
+"""A value in reports: SI units, names as in documents."""
 
 PERHAPS = "perhaps"
-"""What `because` has of a match that is doubtful."""
+"""Marks an uncertain match in `because`."""
 
 
 class Change(OneLineRepr, FrozenStruct):
-    """`path` is the occurrence, joint, mode, ... in the old robot (of what is added in the new one), `new_path` in the new one where it is
-    called otherwise there. `field` is the key whose value was `old` and is `new` (SI; `words` both for people, where their dimension is
-    known). `because` are paths of the changes that caused it: empty for what somebody changed himself. `reason` says by what
-    something renamed was known, and a match that is doubtful has `perhaps` among its causes. `span` is where the new robot says it, of
-    what is removed the old one."""
+    """A change.
+
+    `path` is the path of the element in the old robot (for added elements, in the new one), `new_path` its path in the new robot if it
+    differs. `field` is the key whose value changed from `old` to `new` (SI units); `words` are both values for people, if their dimension
+    is known. `because` are the paths of the changes that caused it, empty for changes made in documents; it contains `perhaps` for an
+    uncertain match. `reason` is why a renamed element was matched. `span` is the location in the new robot; for a removed element, in the
+    old one.
+    """
 
     what: What
     change: How
@@ -52,13 +55,13 @@ class Change(OneLineRepr, FrozenStruct):
 
 
 PLACES = frozenset({"origin", "origins", "span", "spans"})
-"""Fields of structs that say where something is written."""
+"""Fields of structs that are source locations."""
 NOT_COMPARED = PLACES | {"name", "sources", "wrong"}
-"""These, and fields that say what something is called, where its numbers come from, or that it could not be read."""
+"""Fields that are not compared: source locations, names, sources of numbers, and unreadable values."""
 
 
 class Named(OneLineRepr, FrozenStruct):
-    """The name of something of the robot: the component, joint, pose, ... `path`, and of a component perhaps one of its mounts."""
+    """A reference to an element of the robot by its path; for a component, possibly to one of its mounts."""
 
     what: What
     path: str
@@ -66,17 +69,20 @@ class Named(OneLineRepr, FrozenStruct):
 
     @property
     def text(self) -> str:
-        """As a document writes it, from the top: `hand.cap.pen`."""
+        """The reference as written in the top document: `hand.cap.pen`."""
         return ".".join(word for word in (*self.path.split("/"), self.mount) if word)
 
 
 Value = Union[None, bool, int, float, str, Named, tuple["Value", ...]]
-"""What a fact comes to: SI."""
+"""The value of a fact, in SI units."""
 
 
 class Fact(OneLineRepr, FrozenStruct):
-    """A value, as it is `written` in its document where it is written there, and the path of the assembly whose parameters the names of
-    an expression mean (`scope`). `words` is the value for people, where its own dimension is known."""
+    """A value of a document.
+
+    `written` is its text, None if it is not written there. `scope` is the path of the assembly in which names of an expression are
+    resolved. `words` is the value for people, if its dimension is known.
+    """
 
     value: Value
     written: str | None = None
@@ -86,8 +92,10 @@ class Fact(OneLineRepr, FrozenStruct):
 
 
 class SnapshotElement(OneLineRepr, FrozenStruct):
-    """Something that a document states, with its facts by dotted key. `label` says for people what it is; `of` is the path of the component
-    that it belongs to, empty for what is of the whole document."""
+    """An element of a document, with its facts by dotted key.
+
+    `label` describes it for people; `of` is the path of the component that it belongs to, empty for elements of the whole document.
+    """
 
     what: What
     path: str
@@ -98,8 +106,11 @@ class SnapshotElement(OneLineRepr, FrozenStruct):
 
 
 class ComponentNode(OneLineRepr, FrozenStruct):
-    """A component to be known again: `kind` is `part | file | assembly | frame`, `reference` its class, file or document, `text` its
-    definition, `place` where its frame is at q = 0 in the base's (None: an assembly)."""
+    """A component with the properties used to match it.
+
+    `kind` is `part`, `file`, `assembly`, `link` or `frame`; `reference` is its class, file or document, `text` its definition. `place` is
+    its pose in the frame of the base at q = 0, None for an assembly.
+    """
 
     path: str
     kind: str
@@ -109,12 +120,12 @@ class ComponentNode(OneLineRepr, FrozenStruct):
 
     @property
     def parent(self) -> str:
-        """The path of the assembly that it stands in; empty for the top."""
+        """The path of the assembly that contains it, empty for the top."""
         return self.path.rpartition("/")[0]
 
 
 class Edge(OneLineRepr, FrozenStruct):
-    """Two components that meet, by path: `mounts` are the names of the mounts, `joint` the kind of what moves there, if anything does."""
+    """A mate between two components (paths) at two mounts; `joint` is the kind of joint, `fixed`, or empty if it is not a joint."""
 
     parent: str
     child: str
@@ -123,8 +134,10 @@ class Edge(OneLineRepr, FrozenStruct):
 
 
 class PartShape(OneLineRepr, FrozenStruct):
-    """The geometry of a part: volume [m^3], area [m^2], centre [m], inertia at density 1 [m^5], the corners of its box [m]; `mesh` is the
-    SHA-256 of what is drawn of it (None: not known here), `made` where its code stands."""
+    """The geometry of a part: volume [m^3], area [m^2], centre [m], inertia at density 1 [m^5], corners of its bounding box [m].
+
+    `mesh` is the SHA-256 of the visual mesh, None if unknown; `made` is the location of its code.
+    """
 
     volume: float
     area: float
@@ -136,8 +149,11 @@ class PartShape(OneLineRepr, FrozenStruct):
 
 
 class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
-    """What came of a part or frame: its mass in its own frame and where that is from, its shape (None: it has none), mounts of its part
-    by name, and its place at q = 0. It hangs on `parent` (None: the base) by the joint `joint` (None: rigidly)."""
+    """A part or frame of the linked assembly.
+
+    `properties` and `mass` [kg] are in its own frame, and `source` is the source of the mass. `shape` is None without geometry; `mounts`
+    are those of its part; `place` is its pose at q = 0. It is attached to `parent` (None: it is the base) by `joint` (None: rigidly).
+    """
 
     path: str
     definition: str
@@ -153,7 +169,7 @@ class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
 
 
 class LinkOf(OneLineRepr, FrozenStruct):
-    """A link by its name: the occurrence whose frame it has, its members, and its mass in its frame."""
+    """A link: its name, the occurrence that defines its frame, its members, and its mass in its frame."""
 
     name: str
     frame: str
@@ -162,8 +178,10 @@ class LinkOf(OneLineRepr, FrozenStruct):
 
 
 class Row(OneLineRepr, FrozenStruct):
-    """A line of the bill of materials: how many of a definition, and who they are. `stem` is what its print file is called (None: it has
-    none)."""
+    """A row of the bill of materials: the quantity of a definition, and the paths of its pieces.
+
+    `stem` is the base name of its print file, None if it has none.
+    """
 
     definition: str
     number: str
@@ -175,7 +193,7 @@ class Row(OneLineRepr, FrozenStruct):
 
 
 class TestOutcome(OneLineRepr, FrozenStruct):
-    """What a test came to in one mode and pose: whether it passed, and what was measured, by name (SI)."""
+    """The result of a test in one mode and pose (`where`); measured values by name [SI]."""
 
     test: str
     where: str
@@ -184,10 +202,11 @@ class TestOutcome(OneLineRepr, FrozenStruct):
 
 
 class Snapshot(OneLineRepr, FrozenStruct):
-    """A robot, ready to be compared. `things` by what they are and path, in document order; `lacks` says in words what is not known of it.
+    """A robot, ready to be compared. `things` are elements by kind and path, in document order; `lacks` lists what is unknown.
 
-    `coordinates` are the joints of every mode in the order in which its model has them, `prints` the SHA-256 of print files by path,
-    of a build folder. `outcomes` is None where no tests were run."""
+    `coordinates` are the joints of every mode in model order; `prints` are the SHA-256 of print files by path, only for a build folder.
+    `outcomes` is None if no tests were run.
+    """
 
     name: str
     nodes: tuple[ComponentNode, ...] = ()
@@ -204,12 +223,12 @@ class Snapshot(OneLineRepr, FrozenStruct):
 
 
 def told(value: Value) -> DisplayValue:
-    """A value as an answer has it."""
+    """Convert a value to the form in reports."""
     if isinstance(value, Named):
         return value.text
     return tuple(map(told, value)) if isinstance(value, tuple) else value
 
 
 def field_values(key: str, kind: type[FrozenStruct], of: FrozenStruct | None) -> dict[str, Any]:
-    """The fields of a struct of a kind by dotted key, without those that say where it is written. Without a struct each is None."""
+    """Return the fields of a struct by dotted key, without those in `NOT_COMPARED`. If `of` is None, all values are None."""
     return {f"{key}.{name}": getattr(of, name, None) for name in kind.__struct_fields__ if name not in NOT_COMPARED}

@@ -1,4 +1,4 @@
-"""Where a document says something, and in what words: so that what somebody changed is told from what follows from it."""
+"""Find the source location and text of values in documents, to distinguish changes by the user from their consequences."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
 
 
 Section = tuple[Node | None, ...]
-"""What a document says of one thing: in its own place, then where it says it of others, too (defaults, the mode that one extends)."""
+"""The nodes of one element: its own, then those it inherits from (defaults, or the mode that it extends)."""
 
 
 class DocumentTrees:
-    """The trees of documents, asked by what they are about."""
+    """The trees of documents, searched by element."""
 
     def __init__(self, documents: Documents) -> None:
         self._trees = {relative: document.tree for relative, document in documents.by_path.items()}
@@ -28,7 +28,7 @@ class DocumentTrees:
         self._by_key: dict[str, dict[Span, str]] = {}
 
     def note_component(self, path: str, document: str, component: Component) -> Section:
-        """What the document (its path in the workspace) says of a component, which from now on is known by its path."""
+        """Return the nodes of a component of a document (path in the workspace), and store them by the path of the component."""
         tree = self._trees.get(document)
         components = tree.entries.get("components") if tree is not None else None
         if not isinstance(components, MappingNode):
@@ -41,11 +41,11 @@ class DocumentTrees:
         return section
 
     def component(self, prefix: str) -> Section:
-        """What the document above says of the assembly at a prefix (`hand/`)."""
+        """Return the nodes of the component that is the assembly at a prefix (`hand/`), empty if unknown."""
         return self._components.get(prefix.rstrip("/"), ())
 
     def section(self, document: str, *keys: str) -> Section:
-        """What a document says under some keys, and in what that `extends`."""
+        """Return the node under some keys, and those that it extends."""
         *above, name = keys
         nodes: dict[str, Node | None] = {}
         while name not in nodes:
@@ -57,22 +57,24 @@ class DocumentTrees:
         return tuple(nodes.values())
 
     def words_at(self, span: Span | None) -> str | None:
-        """What stands at a place of a document; None where that is more than a line."""
+        """Return the text at a source location, None if it spans several lines."""
         lines = self._lines.get(span.file) if span is not None else None
         if lines is None or span is None or span.line != span.end_line or span.line > len(lines):
             return None
         return lines[span.line - 1][span.column - 1 : span.end_column - 1]
 
     def parameter(self, document: str, name: str) -> dict[str, tuple[str, Span]]:
-        """The words and place of the value and the bounds of a parameter that a document declares."""
+        """Return the text and location of the value and the bounds of a parameter of a document."""
         node = _at(self._trees.get(document), ("parameters", name))
         if isinstance(node, MappingNode):
             return {key: _node_text(inner) for key, inner in node.entries.items() if key in ("value", "min", "max")}
         return {} if node is None else {"value": _node_text(node)}
 
     def fact(self, value: Value, section: Section, keys: Sequence[str], *, scope: str = "", otherwise: Span | None = None) -> Fact:
-        """A value that stands under some keys of a section, where it stands in none its place is `otherwise`. An orientation is `rpy`
-        also where the document says it by `quat`; those are its words then."""
+        """Create a fact for a value under some keys of a section; without such keys its location is `otherwise`.
+
+        For the key `rpy`, an orientation that the document gives as `quat` is found, too; `words` is then its text.
+        """
         for node in section:
             place = _at(node, keys)
             if place is not None:
@@ -85,7 +87,7 @@ class DocumentTrees:
         return Fact(value=value, scope=scope, span=otherwise)
 
     def number(self, text: str) -> Value:
-        """What a bound comes to [SI]; an expression, or what is no quantity, as it is written."""
+        """Parse a bound to a number [SI]. Expressions and texts that are not quantities are returned unchanged."""
         try:
             return parse_quantity(text).value
         except UnitError:
@@ -93,12 +95,12 @@ class DocumentTrees:
 
 
 def names_in(written: str) -> list[str]:
-    """The names in an expression, or in other words, sorted: those of parts of others with dots, as paths."""
+    """Return the names in an expression or other text, sorted; dots in names become `/`, as in paths."""
     return sorted({name.replace(".", "/") for name in _NAME.findall(written)})
 
 
 def _at(node: Node | None, keys: Sequence[str]) -> Node | None:
-    """What stands under keys; a scalar on the way is all that there is (`mass: 12 g` for `mass.value`)."""
+    """Return the node under some keys. A scalar on the way is the result (`mass: 12 g` for `mass.value`)."""
     for key in keys:
         if isinstance(node, ScalarNode):
             return node

@@ -1,4 +1,4 @@
-"""How far two surfaces are apart, by the meshes that are drawn of them."""
+"""Compute the distance between two surfaces from their visual meshes."""
 
 from __future__ import annotations
 
@@ -15,21 +15,23 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 AT_ONCE = 400_000
-"""Pairs of a point and a triangle that are looked at at once."""
+"""Maximum number of pairs of point and triangle processed at once."""
 MOST = 60_000_000
-"""Pairs that are looked at altogether: beyond it nothing is said."""
+"""Maximum number of pairs in total; for more, the distance is unknown."""
 
 
 class SurfaceDistances:
-    """Distances of meshes in a store. Each is worked out once, and kept there."""
+    """Distances between meshes in a store, which caches them."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._known: dict[tuple[str, str], float | None] = {}
 
     def farthest(self, old: str, new: str) -> float | None:
-        """The largest distance [m] of a corner of either mesh (SHA-256 of OBJ files) from the other's surface: the Hausdorff distance, as
-        far as it is reached at a corner. None where a mesh is not there or both are too fine."""
+        """Return the largest distance [m] of a vertex of either mesh (SHA-256 of OBJ files) from the surface of the other.
+
+        This is the Hausdorff distance if it is attained at a vertex. None if a mesh is missing or both are too fine.
+        """
         pair = (min(old, new), max(old, new))
         if pair not in self._known:
             key = " ".join(pair)
@@ -51,7 +53,7 @@ class SurfaceDistances:
 
 
 def _from_surface(points: Array, triangles: Array) -> float:
-    """The largest distance [m] of points (n x 3) from triangles (m x 3 x 3)."""
+    """Return the largest distance [m] of points `(n, 3)` from triangles `(m, 3, 3)`."""
     import numpy as np
 
     step = max(1, AT_ONCE // len(triangles))
@@ -59,8 +61,10 @@ def _from_surface(points: Array, triangles: Array) -> float:
 
 
 def _squared(points: Array, triangles: Array) -> Array:
-    """The squared distance of each point (n x 3) from the nearest of the triangles (m x 3 x 3): to its plane where the point lies
-    over it, else to the nearest of its edges."""
+    """Return the squared distance [m^2] of each point `(n, 3)` from the nearest triangle `(m, 3, 3)`.
+
+    It is the distance to the plane if the point projects into the triangle, else to the nearest edge.
+    """
     import numpy as np
 
     corners = [triangles[:, k] for k in range(3)]

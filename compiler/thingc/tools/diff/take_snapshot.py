@@ -1,4 +1,4 @@
-"""A compilation -> its snapshot: what its documents state, place by place, and what came of it."""
+"""Take the snapshot of a compilation: the values in its documents with their locations, and the results."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from thingc.tools.diff.snapshot import PLACES, ComponentNode, Fact, Named, Snaps
 from thingc.tools.diff.source_locations import DocumentTrees
 
 KEYS = {"minimum": "min", "maximum": "max", "base": "from"}
-"""Keys of tests, where what is read of them is called otherwise."""
+"""Keys of tests in documents whose fields have other names."""
 
 
 def take_snapshot(compilation: Compilation) -> Snapshot:
-    """The snapshot of a compilation without errors, without outcomes of its tests."""
+    """Return the snapshot of a compilation without errors, without test results."""
     assembly, documents = compilation.assembly, compilation.documents
     assert assembly is not None and documents is not None, "the compilation failed"
     reader = _Reader(assembly, DocumentTrees(documents))
@@ -47,7 +47,7 @@ def take_snapshot(compilation: Compilation) -> Snapshot:
 
 
 class _Reader:
-    """Walks a definition and the assemblies nested in it, and notes all that they state."""
+    """Walks a definition and its nested assemblies, and collects their elements."""
 
     def __init__(self, assembly: Assembly, written: DocumentTrees) -> None:
         self.assembly = assembly
@@ -60,7 +60,7 @@ class _Reader:
     # --- assemblies ----------------------------------------------------------------------------------------------
 
     def assembly_at(self, prefix: str, definition: AssemblyDefinition) -> None:
-        """All that stands in a document, as it is placed at `prefix` (`hand/`), and below."""
+        """Collect the elements of a document placed at `prefix` (`hand/`), and of nested documents."""
         place = prefix.rstrip("/")
         self._parameters(prefix, definition)
         for component in definition.components:
@@ -83,7 +83,7 @@ class _Reader:
         self.things.append(SnapshotElement(what=what, path=path, facts=facts, label=label, of=of, span=span))
 
     def _parameters(self, prefix: str, definition: AssemblyDefinition) -> None:
-        """The parameters of a document where it is placed: what they come to there, and their bounds."""
+        """Collect the parameters of a placed document: values and bounds."""
         given = self.written.component(prefix)
         for name, value in definition.parameters:
             fact = self.written.fact(value, given, ("parameters", name), scope=prefix.rstrip("/").rpartition("/")[0])
@@ -140,7 +140,7 @@ class _Reader:
             }, of=path, span=mount.origin[0])
 
     def _placement(self, prefix: str, definition: AssemblyDefinition, component: Component, path: str, fact: Any) -> None:
-        """The mate that places a component, where it is not a joint."""
+        """Collect the mate that places a component, unless a joint does."""
         placement = component.placement
         if isinstance(placement, Attach):
             self._add("mate", path, {
@@ -180,7 +180,7 @@ class _Reader:
             self._add("joint", prefix + joint.path.replace(".", "/"), own, label=joint.kind.name, of=scope, span=joint.origin[0])
 
     def _moving(self, prefix: str, definition: AssemblyDefinition, joint: Joint) -> Iterator[tuple[str, Value]]:
-        """What one coordinate has of its own, with the defaults of its drive."""
+        """Yield the properties of one coordinate, including defaults of its drive."""
         edge: JointEdge | None = self._edges.get(prefix + joint.path.replace(".", "/"))
         limit, dynamics = (edge.limit, edge.dynamics) if edge is not None else (joint.limit, joint.dynamics)
         yield "offset", joint.offset
@@ -199,7 +199,7 @@ class _Reader:
     # --- the top -------------------------------------------------------------------------------------------------
 
     def top(self) -> None:
-        """What only the document of the whole robot says."""
+        """Collect the elements that only the top document has."""
         assembly, definition = self.assembly, self.assembly.definition
         raw = {one.dotted: Fact(value=one.value, span=one.origin[0]) for one in assembly.raw}
         raw |= tendon_facts(assembly)
@@ -232,12 +232,12 @@ class _Reader:
         self._materials(definition)
 
     def _placed(self, value: Value, origin: Origin) -> Fact:
-        """A value of the top document that stands at the first place of an origin."""
+        """Create a fact for a value of the top document at the first location of an origin."""
         span = origin[0] if origin else None
         return Fact(value=value, written=self.written.words_at(span), span=span)
 
     def _check(self, definition: AssemblyDefinition, check: object, within: str = "") -> Iterator[tuple[str, Value]]:
-        """What a test says, by key: data of data is written with dots."""
+        """Yield the settings of a test by key; keys of nested structs are dotted."""
         assert isinstance(check, FrozenStruct)
         for name in check.__struct_fields__:
             value, key = getattr(check, name), within + KEYS.get(name, name)
@@ -298,7 +298,7 @@ class _Reader:
         self._add("mode", mode.name, facts, span=mode.origin[0])
 
     def _materials(self, top: AssemblyDefinition) -> None:
-        """The materials in scope of all documents, by name; one of that name in another document, with another content, by both."""
+        """Collect the materials of all documents by name. If another document defines the name differently, its name is added."""
         known: dict[str, Mapping[str, Fact]] = {}
         for definition in assemblies_of(top):
             for name, material in definition.materials.items():
@@ -318,7 +318,7 @@ class _Reader:
 
 
 def _occurrence(definition: AssemblyDefinition, prefix: str, reference: Reference) -> Named:
-    """The part or frame, and its own mount, that a reference of a document at `prefix` means in the end."""
+    """Resolve a reference of a document at `prefix` to a part or frame and its own mount."""
     current, at, mount = definition, prefix.rstrip("/"), reference.mount
     names = list(reference.path)
     while names:
@@ -353,7 +353,7 @@ def _process(process: Process | None) -> Iterator[tuple[str, Fact]]:
 
 def _pose(pose: Pose) -> Iterator[tuple[str, Value]]:
     yield "xyz", tuple(pose.translation)
-    # without rounding, which at half turns, and of pitch at quarter turns, has one rotation written in two ways come to other angles
+    # Round first: at half turns (and quarter turns of pitch), equal rotations written in two ways give other angles.
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (tuple(round(part, 14) + 0.0 for part in row) for row in pose.rotation)
     yield "rpy", tuple(rpy_of(((xx, xy, xz), (yx, yy, yz), (zx, zy, zz))))
 

@@ -1,4 +1,4 @@
-"""An answer for people: lines for a terminal, Markdown for the comment on a pull request, and a page of HTML."""
+"""Format the result of a comparison as text for a terminal, Markdown for a comment, or an HTML page."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from thingc.tools.diff.snapshot import PERHAPS, Change, DisplayValue, How, What
 MOVED = ": moved"
 NOTHING = "nothing changed in meaning"
 SHOWN = 3
-"""Paths of a line; others are counted."""
+"""Maximum number of paths in a line; others are counted."""
 FOLLOWING = 30
-"""Lines of what follows on a terminal."""
+"""Maximum number of lines of consequences on a terminal."""
 LARGEST = 60_000
-"""Bytes of a comment."""
+"""Maximum size [bytes] of a Markdown comment."""
 
 _RANK: dict[What, int] = {
     "mass": 1, "bom": 2, "file": 3, "test": 4, "joint": 5, "mode": 6, "pose": 7, "component": 8, "geometry": 9, "mate": 10, "parameter": 11,
     "mount": 12, "material": 13, "sensor": 14,
 }
-"""What follows, the most important first."""
+"""Order of consequences, the most important first."""
 _SIGNS: dict[How, str] = {"added": "+", "removed": "-", "renamed": "~", "moved": "~", "changed": " "}
 TITLES: dict[What, str] = {
     "test": "tests", "mass": "masses", "bom": "bill of materials", "file": "files to print anew", "joint": "joints", "mode": "modes",
@@ -46,7 +46,7 @@ _ANGLES = ("rpy", "turn", "fovy", "cone")
 
 
 class ReportLine(FrozenStruct):
-    """Changes that say the same of several things: `paths` and what is said of them, `words`. `decides`: a test has another outcome."""
+    """Equal changes of several elements: `paths`, and `words`, the description. `decides`: a test now passes or fails."""
 
     what: What
     sign: str
@@ -57,12 +57,12 @@ class ReportLine(FrozenStruct):
 
     @property
     def named(self) -> str:
-        """The paths, so many as fit."""
+        """The paths, abbreviated if there are many."""
         return _listed(self.paths)
 
 
 def as_text(answer: DiffResult) -> Iterator[str]:
-    """Lines for a terminal."""
+    """Yield the lines for a terminal."""
     for sign, names in (("+", answer.come), ("-", answer.gone)):
         yield from (f"{sign} {name}" for name in names)
     if not answer.documents and not answer.come and not answer.gone:
@@ -85,8 +85,10 @@ def as_text(answer: DiffResult) -> Iterator[str]:
 
 
 def as_markdown(answer: DiffResult, pictures: Callable[[str, str], str] | None = None) -> str:
-    """Markdown for a comment: what somebody changed, what fails now, then what else follows, folded by kind; at most `LARGEST` bytes.
-    `pictures` gives the address of a picture, by the document's name and `before`, `after` or `overlay`."""
+    """Format as Markdown of at most `LARGEST` bytes: changes in documents, changed test results, then other consequences, folded by kind.
+
+    `pictures` returns the address of a picture by the name of the document and `before`, `after` or `overlay`.
+    """
     for most in (10_000, 200, 50, 20, 5, 1):
         text = "\n".join(_markdown(answer, most, pictures)) + "\n"
         if len(text.encode()) <= LARGEST:
@@ -129,12 +131,12 @@ def _items(lines: Sequence[ReportLine], most: int) -> Iterator[str]:
 
 
 def _plain(text: str) -> str:
-    """A name where Markdown is read: without what means something there."""
+    """Replace the characters of a name that have a meaning in Markdown."""
     return "".join(letter if letter.isalnum() or letter in " ./_-" else "?" for letter in escape_control(text))
 
 
 def _code(text: str) -> str:
-    """A code span: what others wrote is no Markdown of ours."""
+    """Format as a code span, so that text of documents is not read as Markdown."""
     return f"`{escape_control(text).replace('`', chr(39))}`"
 
 
@@ -143,20 +145,19 @@ def _listed(paths: Sequence[str]) -> str:
 
 
 def made(comparison: Comparison) -> Iterator[ReportLine]:
-    """What somebody changed."""
+    """Return the changes made in documents."""
     return _lines(change for change in comparison.changes if not change.caused)
 
 
 def following(comparison: Comparison) -> Iterator[ReportLine]:
-    """What follows, the most important first: what fails now, the whole robot before its parts; what tests have measured behind what
-    is to be printed and bought."""
+    """Return the consequences, the most important first: changed test results, then by kind, the whole robot before its parts."""
     consequences = [change for change in comparison.changes if change.caused and not _of_a_part(change)]
     consequences.sort(key=lambda c: (0 if _decides(c) else _RANK[c.what], c.path != ""))
     return _lines(consequences)
 
 
 def outcomes_and_more(comparison: Comparison) -> tuple[list[ReportLine], dict[What, list[ReportLine]]]:
-    """What follows: the tests that pass or fail now, which are not folded away, and the rest by kind."""
+    """Return the consequences: changed test results, and the others by kind."""
     follows = list(following(comparison))
     kinds: dict[What, list[ReportLine]] = {}
     for line in follows:
@@ -170,7 +171,7 @@ def _decides(change: Change) -> bool:
 
 
 def _of_a_part(change: Change) -> bool:
-    """Where in a part its mass is, and how it turns: programs read that."""
+    """Return whether the change is one of the centre or inertia of a part or link, which only JSON output contains."""
     return change.what == "mass" and change.field in ("centre", "inertia", "link.centre", "link.inertia")
 
 
@@ -178,7 +179,7 @@ def _lines(changes: Iterable[Change]) -> Iterator[ReportLine]:
     grouped: dict[tuple[What, str, str], list[Change]] = {}
     for change in changes:
         measured = change.what == "test" and (change.field or "").startswith("measured.")
-        everywhere = replace(change, field=(change.field or "").partition(" [")[0]) if measured else change  # whatever mode and pose
+        everywhere = replace(change, field=(change.field or "").partition(" [")[0]) if measured else change  # without mode and pose
         grouped.setdefault((change.what, _SIGNS[change.change], _change_text(everywhere)), []).append(change)
     for (what, sign, words), ones in grouped.items():
         if len({one.field for one in ones}) == 1:
@@ -195,8 +196,10 @@ def _lines(changes: Iterable[Change]) -> Iterator[ReportLine]:
 
 
 def _motion(change: Change) -> tuple[float, float]:
-    """How far [m] something has moved, and the angle [rad] that it has turned by. The value of a `place` is a translation, of a `turn`
-    three angles (roll, pitch, yaw), of a `pose` both."""
+    """Return the distance [m] and the angle [rad] of a motion.
+
+    The value of a `place` is a translation, of a `turn` three angles (roll, pitch, yaw), of a `pose` both.
+    """
     values: Any = (change.old, change.new)
     pairs = {"place": [(value, (0.0,) * 3) for value in values], "turn": [((0.0,) * 3, value) for value in values]}
     old, new = (placed(*pair) for pair in pairs.get(change.field or "", values))
@@ -205,7 +208,7 @@ def _motion(change: Change) -> tuple[float, float]:
 
 
 def _change_text(change: Change) -> str:
-    """What is said of a thing."""
+    """Describe a change."""
     if change.change == "moved" and change.field in ("place", "turn", "pose"):
         return MOVED
     if change.change in ("added", "removed"):
@@ -226,14 +229,14 @@ def _change_text(change: Change) -> str:
 
 
 def _share(old: DisplayValue, new: DisplayValue) -> str:
-    """How much more or less, of masses and the like."""
+    """Format the relative change of two numbers, empty if undefined."""
     if not isinstance(old, float) or not isinstance(new, float) or old == 0.0 or not math.isfinite(new / old):
         return ""
     return f" ({100.0 * (new / old - 1.0):+.3g} %)"
 
 
 def _value(field: str, value: DisplayValue) -> str:
-    """A value without a dimension of its own, by what it is called."""
+    """Format a value, with the unit that its field implies."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -275,7 +278,7 @@ code { background: #f1f1f4; padding: 0 .25em; border-radius: .25em } li { margin
 
 
 def as_html(differences: DiffResult) -> str:
-    """A page that stands alone: it asks nothing of a network."""
+    """Format as a self-contained HTML page."""
     title = f"{_escape_text(differences.old)} → {_escape_text(differences.new)}"
     return "\n".join([
         "<!doctype html>", f'<html lang="en"><head><meta charset="utf-8"><title>{title}</title>',

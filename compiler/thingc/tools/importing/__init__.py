@@ -1,1 +1,1 @@
-"""Robots of other formats, read and written as documents: a reader per format, one model of what was read, one writer."""
+"""Import robots of other formats: a reader per format, a common source model, and a writer of documents."""

@@ -1,4 +1,4 @@
-"""What everything of a robot is called in its document, and what of its shapes is listed together."""
+"""Names of all elements of an imported robot in its document, and the order of its shapes."""
 
 from __future__ import annotations
 
@@ -16,12 +16,15 @@ from thingc.tools.importing.tree import by_parent, downwards
 from thingc.tools.importing.update_import import PreviousImport
 
 LONGEST = 100
-"""Characters of a name: of more, the first ones."""
+"""Maximum length of a name; longer names are cut."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 def plain_name(name: str, kind: str) -> str:
-    """The name in letters, digits and `_`; `kind` is put before one that begins otherwise, and behind one that means something else."""
+    """Convert a name to letters, digits and `_`.
+
+    `kind` is prepended if the result does not start with a letter, and appended if it is reserved or YAML reads it as another value.
+    """
     word = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")[:LONGEST] or kind
     if not _NAME.fullmatch(word):
         word = f"{kind}_{word}"
@@ -29,8 +32,10 @@ def plain_name(name: str, kind: str) -> str:
 
 
 def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier: Mapping[str, str] | None = None) -> dict[str, str]:
-    """What each of the names is called in a document; no two alike but for case, and none as what is `taken`. What was called something
-    `earlier` is called so again; a name that can stay does, whatever the others are called."""
+    """Return a unique name for each of `names`, also unique if case is ignored, and not in `taken`.
+
+    Names of an `earlier` import are kept. A name that is valid stays unchanged, whatever the others are.
+    """
     used, wanted = {one.lower() for one in taken}, list(dict.fromkeys(names))
     words: dict[str, str] = {}
     for name in wanted:
@@ -52,9 +57,11 @@ def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier
 
 
 class DocumentNaming:
-    """`links` are components, `frames` links that are mounts, and so on, each by the name in the source; `order` is the tree from the root
-    on, `shown` are the mounts that are exported. `meshes` is where files are that shapes name, and what an `earlier` import has named keeps
-    its name."""
+    """The names of all elements in the document, by their names in the source.
+
+    `links` are components, `frames` are links that become mounts; `order` is the tree from the root on; `shown` are the exported mounts.
+    `meshes` maps the meshes of shapes to files. Elements of an `earlier` import keep their names.
+    """
 
     def __init__(self, robot: SourceRobot, meshes: Mapping[str, str], earlier: PreviousImport | None) -> None:
         self.robot, self.meshes = robot, meshes
@@ -73,13 +80,13 @@ class DocumentNaming:
         moving = [joint.name for one in self.order for joint in one.joints]
         self.joints = distinct(moving, "joint", earlier=None if earlier is None else earlier.joints)
         self.loops = distinct([loop.name for loop in robot.loops], "loop", taken=self.joints.values())
-        # Mounts of joints lie beside those that are shown, and may not be called like one of them.
+        # Mounts of joints are beside the exported ones, so their names must differ.
         self.shown = [*self.frames.values(), *self.sites.values()]
         self.mounts = distinct(moving, "joint", taken=self.shown, earlier=self.joints)
         self.ends = distinct(self.loops.values(), "loop", taken=[*self.shown, *self.mounts.values()])
         taken = [*self.shown, *self.mounts.values(), *self.ends.values()]
         self.magnets: dict[str, str] = {}
-        for link in self.links:  # they are not shown, so that those of two links may be called alike
+        for link in self.links:  # not exported, so two links may use the same name
             on = [one.name for one in robot.adhesions if one.link == link]
             self.magnets |= distinct(on, "magnet", taken=taken, earlier=self._paths(on))
         taken += self.magnets.values()
@@ -106,7 +113,7 @@ class DocumentNaming:
         self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
 
     def _points(self, taken: Collection[str]) -> dict[str, str]:
-        """Components for the masses of links that have shapes, but no inertia."""
+        """Return names of components for the masses of links that have shapes but no inertia."""
         named: dict[str, str] = {}
         for link in self.robot.links:
             if link.weight is not None and not any(map(any, link.weight.properties.inertia)) and any(map(self.is_shown, link.shapes)):
@@ -115,7 +122,10 @@ class DocumentNaming:
         return named
 
     def _added(self, drives: list[str]) -> dict[tuple[str, str], str]:
-        """Elements of MuJoCo that are added as they are, by section and name. An actuator has no word of `drives`, which is taken."""
+        """Return the names of elements added to the MuJoCo model, by section and name.
+
+        Names of actuators avoid `drives`, which are taken.
+        """
         added: dict[tuple[str, str], str] = {}
         for element in self.robot.added:
             name, taken = element.name, drives if element.section == "actuator" else []
@@ -124,15 +134,17 @@ class DocumentNaming:
         return added
 
     def _paths(self, names: Sequence[str]) -> dict[str, str]:
-        """What is called, of these names, by the path of a mount, as models of ours do: `hand/tip` on the link `hand` as that mount, where
-        nothing else is."""
+        """Return the mounts of sites that are named by path, as in models that thingc writes:
+
+        `hand/tip` is the mount `tip` of the link `hand`, unless this name is taken or reserved.
+        """
         prefixes = tuple(f"{word}/" for word in self.links.values())
         mounts = {name: name.rpartition("/")[2] for name in names if name.startswith(prefixes)}
         wanted = Counter([*names, *mounts.values()])
         return {name: mount for name, mount in mounts.items() if wanted[mount] == 1 and mount.lower() not in RESERVED}
 
     def _placed(self, places: Mapping[str, tuple[str, Pose]], kind: str, taken: Iterable[str]) -> dict[str, str]:
-        """The mounts of things at a place in a link, by their names: one of a site or a link that is there already, else their own."""
+        """Return the mount for each place in a link: an existing one of a site or link with the same pose, else a new one."""
         there = {
             name: next((word for word, at in self._shown_on(link) if same_place(at, pose)), None) for name, (link, pose) in places.items()
         }
@@ -140,7 +152,7 @@ class DocumentNaming:
         return {name: word or words[name] for name, word in there.items()}
 
     def _shown_on(self, link: str) -> Iterator[tuple[str, Pose]]:
-        """The mounts of a link that are shown, with their poses in it."""
+        """Yield the exported mounts of a link, with their poses in it."""
         yield from ((self.sites[site.name], site.pose) for site in self.link_of[link].sites)
         yield from ((self.frames[one.child], one.pose) for one in self.below.get(link, ()) if one.child in self.frames)
 
@@ -149,10 +161,12 @@ class DocumentNaming:
         return not (one.joints or link.weight or link.shapes or one.child in self.below)
 
     def in_files(self) -> dict[str, dict[str, str]]:
-        """What the source calls things that have another name here, by kind, as `names:` of a document has it. Of two that would have one
-        name in files the first has it, links before sites."""
-        moving = {one.name: self.loops[one.name] for one in self.robot.loops if one.kind != "fixed"}  # a weld is no joint that has a name
-        kinds: dict[str, list[tuple[str, str, str]]] = {  # what it is called here, in the source, and in files without a word
+        """Return the section `names` of the document: names of the source that differ from the default name in files, by kind.
+
+        If two elements would have the same name in files, the first one gets it, links before sites.
+        """
+        moving = {one.name: self.loops[one.name] for one in self.robot.loops if one.kind != "fixed"}  # welds are not joints
+        kinds: dict[str, list[tuple[str, str, str]]] = {  # name in the document, name in the source, default name in files
             "components": [(word, name, word) for name, word in self.links.items()],
             "mounts": [(word, name, word) for name, word in (*self.frames.items(), *self.sites.items())],
             "joints": [(word, name, word) for name, word in (*self.joints.items(), *moving.items(), (self.robot.free_joint, "root"))],
@@ -177,7 +191,7 @@ class DocumentNaming:
         return names
 
     def others(self) -> dict[str, dict[str, str]]:
-        """What other things of the source are called, as files have it: those kinds of which there are any."""
+        """Return the names in files of all other elements of the source, by kind."""
         drives = {drive.name: word for word, _, drive in self.driven}
         magnets = {one.name: f"{self.links[one.link]}/{self.magnets[one.name]}" for one in self.robot.adhesions}
         parts = {of: f"{word}:{part}" for one, word in zip(self.robot.sensors, self.sensors, strict=True) for of, part in one.parts}
@@ -195,7 +209,7 @@ class DocumentNaming:
         return {kind: dict(names) for kind, names in kinds.items() if names}
 
     def _usual(self, link: str) -> Iterator[tuple[SourceShape, str]]:
-        """The shapes of a link that are shown, with the names that models give to unnamed ones."""
+        """Yield the visible shapes of a link, with the names that models give to unnamed shapes."""
         shown = [shape for shape in self.link_of[link].shapes if self.is_shown(shape)]
         for use in ("visual", "collision"):
             for number, shape in enumerate(shape for shape in shown if shape.use == use):
@@ -203,27 +217,29 @@ class DocumentNaming:
                 yield shape, self.links[link] if usual.endswith(":visual") else usual
 
     def title(self, shape: SourceShape) -> str | None:
-        """The name of a shape in the source, if its document must state it for models to have it. Models have each name once."""
+        """Return the name of a shape in the source if the document must state it, else None. In models, each name is unique."""
         name = shape.name
         return name if name is not None and name not in self.repeated and name != self.usual[id(shape)] and is_file_name(name) else None
 
     def _tied(self) -> dict[str, str]:
-        """The equalities that have a name in the source, with those that models have without `names`."""
+        """Return the names of equalities in the source, with their default names in models."""
         tied = {one.follows.name: f"{self.joints[one.name]}:mimic" for hanging in self.order for one in hanging.joints if one.follows}
         tied |= {one.equality: f"{self.loops[one.name]}:loop" for one in self.robot.loops} | self._of("equality")
         return {name: word for name, word in tied.items() if name}
 
     def _of(self, section: str) -> dict[str, str]:
-        """The names of the elements that are added to a section."""
+        """Return the names of the elements added to a section."""
         return {name: word for (of, name), word in self.added.items() if of == section}
 
     def items(self, link: SourceLink) -> Iterator[tuple[SourceShape, SourceShape | None]]:
-        """The shapes of a link as they are listed, each with what touches of it: itself, or what is like it and is drawn as it. What is
-        drawn is in the order of the source, and so is what touches, as files of ours have one after the other."""
+        """Yield the shapes to list for a link, each with its collision shape: itself, a collision shape of equal form, or None.
+
+        Visual shapes are in the order of the source, and so are collision shapes.
+        """
         shown = [shape for shape in link.shapes if self.is_shown(shape)]
         alone = [shape for shape in shown if shape.use == "collision"]
         drawn_as: dict[int, SourceShape] = {}
-        for same in (True, False):  # a shape of the source that does both, before others that are alike
+        for same in (True, False):  # prefer a shape that is both in the source over one of equal form
             for number, shape in enumerate(shown):
                 like = [
                     one for one in alone if _form(one) == _form(shape) and (one.where == shape.where or not same)
@@ -243,10 +259,10 @@ class DocumentNaming:
                 yield shape, alone.pop(0)
 
     def is_shown(self, shape: SourceShape) -> bool:
-        """Whether it is no mesh that is left out."""
+        """Return whether the shape is not a mesh that is left out."""
         return shape.mesh is None or shape.mesh in self.meshes
 
 
 def _form(shape: SourceShape) -> tuple[object, ...]:
-    """What of a shape has to be the same, for it to be drawn and touched alike."""
+    """Return the properties that must be equal for one shape to be both visual and collision shape."""
     return shape.kind, shape.size, shape.pose, shape.mesh

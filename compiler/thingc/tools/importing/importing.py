@@ -1,4 +1,4 @@
-"""A file of a robot -> the files of a workspace, and what is wrong with it."""
+"""Import a robot from a file: create the files of a workspace, and report errors and losses."""
 
 from __future__ import annotations
 
@@ -34,8 +34,7 @@ _METRES = "mind the unit: lengths are in metres"
 
 
 def refuse_endless(robot: SourceRobot, report: Report) -> None:
-    """Report what reaches too far or weighs too much, at its line, and weights that nobody can work out: finite numbers can have a product
-    that is none."""
+    """Report sizes, distances and masses above the limits, and masses that are not finite: a product of finite numbers can overflow."""
     for link in robot.links:
         far = {shape.where: shape for shape in link.shapes if shape.kind != "mesh" and not max(map(abs, shape.size)) <= FARTHEST}
         for where, shape in far.items():
@@ -66,8 +65,10 @@ ENDINGS = (".urdf", ".xml", ".sdf", ".xacro")
 
 
 class Imported(FrozenStruct):
-    """A robot that was read, and the `files` of its workspace by their path in it; `document` is one of them. `earlier` is what an import
-    wrote before."""
+    """An imported robot and the `files` of its workspace by path; `document` is one of the paths.
+
+    `earlier` is the previous import, if any.
+    """
 
     name: str
     document: str
@@ -84,10 +85,12 @@ def import_robot(
     arguments: Mapping[str, str] | None = None, meshes: bool = True, earlier: Callable[[str], PreviousImport | None] = lambda _: None,
     update: bool = False, mesh_roots: Sequence[str] = (),
 ) -> Imported | None:
-    """Read the file at `path`, and write down what it says; `roots` are links of it, each of which gets a mode, and `repair` says what to
-    do about links that cannot move. `packages` are folders of packages by name, `arguments` those of a xacro file; without `meshes` these
-    are left out. `mesh_roots` are further folders of meshes. `earlier` finds what an import of a robot of that name wrote before: its names
-    stay, and for an `update` what was asked for holds again. None where it cannot be, which has been reported."""
+    """Import the file at `path`. Returns None after errors, which are reported.
+
+    Each of the links `roots` gets a mode. `repair` selects the method for links with invalid inertias. `packages` maps names of packages to
+    folders, `arguments` are those of a xacro file, `mesh_roots` are further folders of meshes. Without `meshes`, all meshes are left out.
+    `earlier` returns the previous import of a robot by name: its names are kept and, for an `update`, its options apply again.
+    """
     data = _content(path, report)
     path = os.path.abspath(path)
     places = Packages(path, packages or {}, os.environ, mesh_roots)
@@ -131,7 +134,7 @@ def import_robot(
 
 
 def _content(path: str, report: Report) -> bytes | None:
-    """The bytes of a file of a kind that is read."""
+    """Return the content of a file; None if the suffix is not supported or it cannot be read."""
     if not path.lower().endswith(ENDINGS):
         known = ", ".join(f"`{one}`" for one in ENDINGS)
         what = "a folder, and a robot is a file" if os.path.isdir(path) else "of no kind that is read"
@@ -147,7 +150,7 @@ def _content(path: str, report: Report) -> bytes | None:
 def _load_source(
     path: str, data: bytes, arguments: Mapping[str, str], packages: Packages, report: Report, *, meshes: bool,
 ) -> SourceRobot | None:
-    """What a file says, by what is in it: `.xml` is MJCF, or URDF."""
+    """Read the robot by the suffix of the file; `.xml` is MJCF or URDF."""
     if path.lower().endswith(".xacro"):
         made = expanded(path, arguments, packages.given, report)
         return None if made is None else read_urdf(path, made[0], report, files=made[1])
@@ -159,8 +162,9 @@ def _load_source(
 
 
 def _record(imported: Imported, written: WrittenDocument, asked: Mapping[str, object], path: str, data: bytes) -> bytes:
-    """`import.json`: what was read, what everything is called now, and what is not in the document, with its line in the source; and the
-    document as it is written, with which the next import compares it."""
+    """Return the content of `import.json`: the source, options, names, repairs and losses, and the document as written, which the next
+    import compares.
+    """
     losses = [
         {"what": one.what, "why": one.why, "file": os.path.basename(one.where.file), "line": one.where.line} for one in imported.losses
     ]

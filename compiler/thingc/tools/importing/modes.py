@@ -1,4 +1,4 @@
-"""How the robot of a document is used, as lines: what acts along joints and tendons, poses, modes, what is simulated, sensors."""
+"""Write the sections of a document about use: poses, modes, simulation, sensors, tendons and drives."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from thingc.tools.importing.source_model import SOURCE_MODE, SourceDrive, Source
 
 
 def _start(words: DocumentNaming) -> tuple[dict[str, str], str | None]:
-    """Where the joints start that do not start at 0; and the first pose of the source in which all joints are within their limits that are
-    not where the source starts, if there are any."""
+    """Return the start values of joints that do not start at 0, and the first pose that replaces them, None if there is none.
+
+    The pose must be within the limits of all joints whose start value in the source is not.
+    """
     moving = [joint for one in words.order for joint in one.joints if joint.follows is None]
     outside = {
         joint: (joint.ends.lower, joint.ends.upper) for joint in moving
@@ -32,7 +34,7 @@ def _start(words: DocumentNaming) -> tuple[dict[str, str], str | None]:
 
 
 def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
-    """Poses, the mode `source`, one for each of `roots`, and what is said of their simulation."""
+    """Yield the lines of `poses`, `modes` and `simulation`: the mode `source`, and one for each of `roots`."""
     start, stated = _start(words)
     word = stated or distinct(["start"], "pose", taken=words.poses.values())["start"]
     if start or words.poses:
@@ -49,16 +51,16 @@ def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
     moved = {words.poses[state.name]: pose_words(state.at) or "xyz: 0 0 0" for state in words.robot.poses if state.at is not None}
     place += f", at_in: {{{', '.join(f'{name}: {{{said}}}' for name, said in moved.items())}}}" if moved else ""
     yield f"  {SOURCE_MODE}: {{root: {words.links[words.robot.root]}, base: {words.robot.base}{place}{begin}{more}}}"
-    # A robot that is held elsewhere would stand in the floor of its scene; how high it stands is worked out where something touches.
+    # A held robot that was moved could be below the floor of its scene. With collision shapes, the height is computed.
     floor = any(shape.use == "collision" for link in words.robot.links for shape in link.shapes)
     taken = [SOURCE_MODE]
     for name in roots:
         mode = distinct([name], "link", taken)[name]
         taken.append(mode)
-        # A component is laid with its frame onto the world's; a mount would be mated to it, z against z.
+        # A component is placed by its frame; a mount is mated to the world, z against z.
         stands = NO_POSE if name in words.links else MATE
         turned = pose_words(stands)
-        if shared:  # of the mode that it extends, place and turn are there unless it says its own
+        if shared:  # override the pose of the extended mode
             if "quat:" in at:
                 turned = f"quat: {quaternion_words(stands)}"
             elif "rpy:" in at and not turned:
@@ -77,7 +79,7 @@ def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
 
 
 def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
-    """The values of a pose. Zeros are left out if the robot has no loops: a joint without a value may move to close a loop."""
+    """Return the values of a pose. Zeros are left out if the robot has no loops: a joint without a value may move to close a loop."""
     kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
     said: dict[str, str] = {}
     for name, value in state.q.items():
@@ -90,7 +92,7 @@ def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
 
 
 def _shared(words: DocumentNaming) -> dict[str, str]:
-    """What modes have in common that the language does not take for granted."""
+    """Return the keys that all modes share, as far as they differ from defaults."""
     robot, contacts = words.robot, []
     if robot.excluded:
         pairs = ", ".join(f"[{words.links[one]}, {words.links[other]}]" for one, other in robot.excluded)
@@ -104,7 +106,7 @@ def _shared(words: DocumentNaming) -> dict[str, str]:
 
 
 def sensor_lines(words: DocumentNaming) -> Iterator[str]:
-    """The section `sensors`, where there are any."""
+    """Yield the lines of `sensors`, if any."""
     if words.robot.sensors:
         yield from ("", "sensors:")
     turning = {joint.name for hanging in words.order for joint in hanging.joints if joint.kind in TURNS}
@@ -132,7 +134,7 @@ def sensor_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _readings(one: SourceSensor, numbers: Mapping[str, float], turns: bool) -> str:
-    """Noise or cutoff, by reading where there are several."""
+    """Format noise or cutoffs: one value, or a mapping by reading if the sensor has several."""
     units: dict[str, Dimension | str] = {reading.name: reading.unit for reading in SENSORS[one.kind].readings if reading.unit is not None}
     said = {}
     for name, value in numbers.items():
@@ -145,13 +147,16 @@ def _readings(one: SourceSensor, numbers: Mapping[str, float], turns: bool) -> s
 
 TURN = {"lower": ANGLE, "velocity": ANGULAR_VELOCITY, "effort": TORQUE}
 SLIDE = {"lower": LENGTH, "velocity": VELOCITY, "effort": FORCE}
-"""What readings of coordinates are in."""
+"""Dimensions of readings of coordinates."""
 UNITS = {ACCELERATION: "m/s^2", ANGULAR_VELOCITY: "rad/s", VELOCITY: "m/s", FORCE: "N", TORQUE: "N*m"}
-"""In which noise and cutoffs are written."""
+"""Units of noise and cutoffs."""
 
 
 def dynamics_words(of: SourceMotion, turns: bool) -> dict[str, str]:
-    """`dynamics`: what is not 0; `turns` where q, or the length, is an angle. The spring of a path rests where that says."""
+    """Return the nonzero keys of `dynamics`; `turns` if q, or the length of the tendon, is an angle.
+
+    With stiffness, a path always has `rest`.
+    """
     units = ("N*m*s/rad", "N*m", "kg*m^2", "N*m/rad") if turns else ("N*s/m", "N", "kg", "N/m")
     values = {"damping": of.damping, "friction": of.friction, "armature": of.armature, "stiffness": of.stiffness}
     said = {key: quantity(value, unit) for (key, value), unit in zip(values.items(), units, strict=True) if value}
@@ -160,7 +165,7 @@ def dynamics_words(of: SourceMotion, turns: bool) -> dict[str, str]:
 
 
 def drive_words(drive: SourceDrive, turns: bool) -> dict[str, str]:
-    """`drive`: its kind, gains and bounds."""
+    """Return the keys of `drive`: kind, gains and limits."""
     values = {
         "kp": (drive.kp, "N*m/rad" if turns else "N/m"), "kv": (drive.kv, "N*m*s/rad" if turns else "N*s/m"),
         "effort": (drive.effort, "N*m" if turns else "N"), "velocity": (drive.velocity, "rad/s" if turns else "m/s"),
@@ -169,7 +174,7 @@ def drive_words(drive: SourceDrive, turns: bool) -> dict[str, str]:
 
 
 def tendon_lines(words: DocumentNaming) -> Iterator[str]:
-    """The section `tendons`, where there are any."""
+    """Yield the lines of `tendons`, if any."""
     if words.robot.tendons:
         yield "tendons:"
     kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
@@ -196,7 +201,7 @@ def tendon_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _factor(tendon: SourceTendon, turns: bool, value: float) -> str:
-    """Of a joint: length per q. It says its unit also where it is 0."""
+    """Format the factor of a joint: length per q, always with its unit."""
     unit = "" if tendon.turns or not turns else "m/rad"
     return f"{scaled(value, 0)} {unit}".rstrip()
 

@@ -1,1 +1,1 @@
-"""MJCF: MuJoCo's own reading of a file, through `MjSpec`, as a robot; MuJoCo is imported when there is one to read, and opens no file."""
+"""Import MJCF files with MuJoCo's `MjSpec`. MuJoCo is imported only when needed, and opens no files."""

@@ -1,4 +1,4 @@
-"""A model as MuJoCo has compiled it: what its things are called, where the source says them, and which sites say nothing of their own."""
+"""A compiled MuJoCo model with the names and source locations of its elements, without redundant sites."""
 
 from __future__ import annotations
 
@@ -18,22 +18,24 @@ from thingc.tools.importing.xml_source import Losses, SourceElement
 WORLD = 0
 KINDS = ("body", "joint", "geom", "site", "camera", "actuator", "sensor", "equality", "tendon")
 ROUNDED = 1e-14
-"""How far numbers that are the same may be apart, of the largest of them."""
+"""Relative tolerance of equal numbers, as a fraction of the largest."""
 MANY = {"body": "bodies", "equality": "equalities"}
 SOLREF, SOLIMP = "0.02 1", "0.9 0.95 0.001 0.5 2"
-"""How soft constraints are of which nothing is said."""
+"""MuJoCo's default softness of constraints."""
 SITE = 6
 SPHERE, CYLINDER, STEP = 4, 5, 3
-"""Of a tendon: what it goes around, with a site beside it or without, and a site that it goes through."""
+"""Types of wraps: around a geom with or without a side site, or through a site."""
 AT_SITE, AT_CRANK = 4, 2
 OF_LOOP = re.compile(r":(parent|child|held)(_1)?")
-"""How the sites end that loops and holds are closed by, which are written for each of these."""
+"""Suffixes of the sites that thingc writes for loops and holds."""
 
 
 class CompiledSource:
-    """`spec` is what was written, `model` what it comes to. Things are meant by their number in the model; bodies, joints, geoms,
-    sites, tendons, actuators and sensors have a name each, made up where the source has none. `geoms_of` and `sites_of` are by body; sites
-    that are its frame are `frames_of` it, and those that are another site have that one's name, `second_names` are theirs by it."""
+    """A model: `spec` as written, `model` as compiled. Elements are identified by their number in the model.
+
+    All elements have a name, generated if the source has none. `geoms_of` and `sites_of` are by body. `frames_of` are the sites that equal
+    the frame of their body. `second_names` maps the name of a site to the names of its duplicates.
+    """
 
     def __init__(self, flat: FlattenedSource, spec: Any, model: Any) -> None:
         self.flat, self.spec, self.model = flat, spec, model
@@ -56,8 +58,11 @@ class CompiledSource:
         self.speeds = dict(self._speeds())
 
     def _speeds(self) -> Iterator[tuple[str, float]]:
-        """The velocity limits [rad/s or m/s] of joints, by their names: MJCF has none, and models of ours have numbers `NAME:velocity`. All
-        other numbers are losses."""
+        """Yield the velocity limits [rad/s or m/s] of joints by name.
+
+        MJCF has no such limits; models that thingc writes store them in numeric elements `NAME:velocity`. Other numeric elements are
+        losses.
+        """
         for one in self.spec.numerics:
             joint, speed = one.name.removesuffix(":velocity"), floats(one.data)
             if joint != one.name and joint in self.joints.values() and len(speed) == 1 and speed[0] > 0.0:
@@ -66,7 +71,7 @@ class CompiledSource:
                 self.losses.note(f"the number `{one.name}`", "a document has no data of others", self.flat.place(one.info))
 
     def _leave_out_doubles(self) -> None:
-        """Sites that are another one have its name from now on, and are none of a body's, as those that say nothing."""
+        """Leave out redundant sites: duplicates get the name of the original."""
         poses = {site: pose_of(self.model.site_pos[site], self.model.site_quat[site]) for site in self.sites}
         second, frames, closed = _doubles(self.model, self.sites, self.bodies, poses)
         for site, other in second.items():
@@ -77,7 +82,7 @@ class CompiledSource:
         self.sites_of = [[site for site in sites if site not in left_out] for sites in self.sites_of]
 
     def _names(self, kind: str, made_up: Any) -> dict[int, str]:
-        """The name of each thing of a kind."""
+        """Return the names of all elements of a kind, by number."""
         taken = {one.name for one in self.written[kind].values()}
         names = self.names[kind] = dict[int, str]()
         counts: Counter[str] = Counter()
@@ -91,26 +96,26 @@ class CompiledSource:
         return names
 
     def where(self, kind: str, number: int, attribute: str | None = None) -> Span:
-        """Where a thing is written."""
+        """Return the source location of an element."""
         return self.flat.place(self.written[kind][number].info, attribute)
 
     def lose(self, kind: str, number: int, what: str, why: str) -> None:
-        """Note a loss where a thing is written."""
+        """Record a loss at the location of an element."""
         self.losses.note(what, why, self.where(kind, number))
 
     def element(self, kind: str, number: int) -> SourceElement:
-        """What it is in the source; the root of what stands nowhere."""
+        """Return the source element; for elements without location, the root."""
         return self.flat.element(self.written[kind][number].info)
 
     def bounds(self, name: str, number: int) -> tuple[float, float] | None:
-        """The range `name` of a thing, such as `actuator_ctrl`; None if it has no limits."""
+        """Return the range `name` of an element, such as `actuator_ctrl`; None if it has no limits."""
         if not getattr(self.model, f"{name}limited")[number]:
             return None
         low, high = floats(getattr(self.model, f"{name}range")[number])
         return low, high
 
     def frame(self, written: Any) -> Pose:
-        """The pose of something in its body as it is written, in the frames around it."""
+        """Return the pose of an element in its body as written, including the frames around it."""
         pose, frame = self._own(written), written.frame
         while frame is not None:
             pose, frame = self._own(frame) @ pose, frame.frame
@@ -125,7 +130,7 @@ class CompiledSource:
 
 
 def _by_body(bodies: Iterable[Any], count: int) -> list[list[int]]:
-    """The numbers of what is on each of so many bodies, in their order."""
+    """Group the numbers of elements by body, in order."""
     by_body: list[list[int]] = [[] for _ in range(count)]
     for number, body in enumerate(bodies):
         by_body[int(body)].append(number)
@@ -133,23 +138,23 @@ def _by_body(bodies: Iterable[Any], count: int) -> list[list[int]]:
 
 
 def floats(values: Any) -> tuple[float, ...]:
-    """Numbers of an array."""
+    """Convert an array to floats, without -0."""
     return tuple(float(one) + 0.0 for one in values)
 
 
 def pose_of(pos: Any, quat: Any) -> Pose:
-    """Of a position [m] and a quaternion of any length but 0."""
+    """Return the pose of a position [m] and a nonzero quaternion (w, x, y, z)."""
     (x, y, z), (w, i, j, k) = floats(pos), floats(quat)
     return NO_POSE if (w, x, y, z, i, j, k) == (1.0, *(0.0,) * 6) else Pose(rotation=rotation_of((w, i, j, k)), translation=(x, y, z))
 
 
 def numbers(values: Any) -> str:
-    """Of an attribute: the shortest digits that are these numbers."""
+    """Format numbers as an attribute, with the shortest digits that give the same doubles."""
     return " ".join(repr(int(one)) if one == int(one) and abs(one) < 1e15 else repr(one) for one in floats(values))
 
 
 def differing(wanted: Sequence[tuple[str, str]], otherwise: dict[str, str]) -> Raw:
-    """Those attributes that would be written otherwise: by more than what MuJoCo rounds where it works a number out of others."""
+    """Return the attributes that differ from their defaults `otherwise` by more than MuJoCo's rounding."""
     return tuple((name, value) for name, value in wanted if not _alike(value, otherwise.get(name, "")))
 
 
@@ -164,16 +169,16 @@ def _alike(one: str, other: str) -> bool:
     return len(these) == len(those) and all(abs(a - b) <= near for a, b in zip(these, those, strict=True))
 
 
-# --- sites that say nothing of their own ---------------------------------------------------------------------------------------------
-# Models that thingc has written have a site at every joint, root and end of a loop, beside the mount that the document shows there. If they
-# were imported as mounts, each round trip would add more of them.
+# --- redundant sites -----------------------------------------------------------------------------------------------------------------
 
 
 def _doubles(
     model: Any, names: Mapping[int, str], bodies: Mapping[int, str], poses: Mapping[int, Pose],
 ) -> tuple[dict[int, int], set[int], set[int]]:
-    """Sites of a model by number: those that are another one under a second name, with the one that they are; those that are the frame of
-    their body; and those that are there for what is closed. `names` are its sites', `bodies` its bodies', `poses` the sites' in these."""
+    """Find the redundant sites of a model, by number: duplicates with their originals, frames of bodies, and ends of loops.
+
+    `names` are the names of sites, `bodies` those of bodies, `poses` the poses of sites in their bodies.
+    """
     second: dict[int, int] = {}
     kept: dict[int, list[int]] = {}
     used, joined = {*_used(model)}, {*_joined(model)}
@@ -194,12 +199,12 @@ def _doubles(
 
 
 def _is_second(name: str, other: str, body: str) -> bool:
-    """Whether a site of that name is where the one called `other` is because something of the robot sits there."""
+    """Return whether a site with this name may be a duplicate of `other` that thingc wrote."""
     return "/" in name and ("/" not in other or name.startswith(f"{body}/")) or name.endswith(":volume")
 
 
 def _used(model: Any) -> Iterator[int]:
-    """Sites that sensors, tendons and actuators are at."""
+    """Yield the sites of sensors, tendons and actuators."""
     for kind, thing in (("objtype", "objid"), ("reftype", "refid")):
         at = zip(getattr(model, f"sensor_{kind}"), getattr(model, f"sensor_{thing}"), strict=True)
         yield from (int(number) for of, number in at if int(of) == SITE)
@@ -214,7 +219,7 @@ def _used(model: Any) -> Iterator[int]:
 
 
 def _joined(model: Any) -> Iterator[int]:
-    """Sites that equalities join."""
+    """Yield the sites of equalities."""
     for kind, *ends in zip(model.eq_objtype, model.eq_obj1id, model.eq_obj2id, strict=True):
         if int(kind) == SITE:
             yield from map(int, ends)

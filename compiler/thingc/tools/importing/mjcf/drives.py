@@ -1,4 +1,4 @@
-"""Actuators of the source: drives of joints and tendons, and adhesions of bodies."""
+"""Read actuators: drives of joints and tendons, and adhesions of bodies."""
 
 from __future__ import annotations
 
@@ -18,25 +18,30 @@ FIXED_GAIN, NO_BIAS, AFFINE = 0, 0, 1
 NOT_DYNAMIC, EXACT = 0, 3
 HINGE, SLIDE = 3, 2
 UNSAID = ("actlimited", "actearly", "armature", "delay")
-"""What of actuators a document does not say, and is 0 of most."""
+"""Attributes of actuators that documents cannot express; 0 by default."""
 
 
 class _Length(FrozenStruct, kw_only=False):
-    """What is driven, a coordinate or a tendon: its ends [rad or m], and what acts on it at most [N m or N]; None where there are none."""
+    """A driven coordinate or tendon: its limits [rad or m] and the limits of its total force [N m or N]; None if unlimited."""
 
     ends: tuple[float, float] | None
     most: tuple[float, float] | None
 
     def effort(self, force: tuple[float, float] | None) -> float | None:
-        """The largest effort of a drive, from its own range of forces, else from that of all that acts here."""
+        """Return the maximum effort of a drive [N m or N], from its own range of forces, else from that of the coordinate or tendon; None
+        if unlimited.
+        """
         bounds = self.most if force is None else force
         return None if bounds is None else max(map(abs, bounds))
 
 
 class Actuators:
-    """`of_joint` by the number of the joint, `of_tendon` by that of the tendon, `driven` what they drive by that of the actuator;
-    `adhesions`; others are `added`, or losses; `kept` are the numbers of all but losses. `joints` and `tendons` are those that are kept,
-    `on` is the link of each body that is kept, with the body's pose in it."""
+    """The imported actuators.
+
+    `of_joint` and `of_tendon` are drives by the number of the joint or tendon; `driven` are their targets by the number of the actuator.
+    Others are `adhesions`, `added`, or losses; `kept` are the numbers of all but losses. `joints` and `tendons` are the imported ones; `on`
+    maps each imported body to its link and its pose in it.
+    """
 
     def __init__(
         self, original: CompiledSource, joints: set[int], tendons: Tendons, on: Mapping[int, tuple[int, Pose]], added: Added,
@@ -77,7 +82,7 @@ class Actuators:
         self.adhesions = tuple(adhesions)
 
     def _driving(self, number: int, what: SourceTarget, target: int, drives: dict[int, SourceDrive], length: _Length) -> str:
-        """Why an actuator is no drive of a document; empty where it is one, which is among the `drives` by number from now on."""
+        """Add an actuator to `drives` by the number of its target. If documents cannot express it, return why, else an empty text."""
         if target in drives:
             return f"`{what.name}` is driven by `{drives[target].name}`, and a {what.kind} of a document has one drive"
         drive = self._drive(number, length)
@@ -94,7 +99,7 @@ class Actuators:
                 self.original.lose("actuator", number, f"`{name}` of {what}", "a document does not say it")
 
     def _drive(self, number: int, length: _Length) -> SourceDrive | None:
-        """A drive as it is at what it drives; None of a kind that the language has not."""
+        """Return the drive of an actuator; None if documents have no such kind."""
         model = self.model
         gain, *gains = floats(model.actuator_gainprm[number])
         constant, position, velocity, *others = floats(model.actuator_biasprm[number])
@@ -135,7 +140,7 @@ class Actuators:
         self, number: int, gain: float, gear: float, control: tuple[float, float] | None, force: tuple[float, float] | None,
         length: _Length,
     ) -> SourceDrive:
-        """One whose gain, which a motor has not, is in its gear; what it is controlled by stays as it is."""
+        """Return a motor; its gain is multiplied into its gear, since motors of documents have no gain. The control range is unchanged."""
         original, ends = self.original, force
         if gain != 1.0:
             ends = None if force is None else (force[0] / gain, force[1] / gain)
@@ -164,5 +169,5 @@ class Actuators:
 
 
 def _range_keys(kind: str, bounds: tuple[float, float] | None) -> dict[str, str]:
-    """The attributes that state the range of `ctrl` or `force`, or that it has none."""
+    """Return the attributes of the range of `ctrl` or `force`."""
     return {f"{kind}limited": "false"} if bounds is None else {f"{kind}range": numbers(bounds)}

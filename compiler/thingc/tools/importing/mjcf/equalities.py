@@ -1,4 +1,4 @@
-"""What moves bodies, as MuJoCo has it, and equalities of the source: joints that follow others, and loops."""
+"""Read joints and equalities: mimics and loops."""
 
 from __future__ import annotations
 
@@ -17,12 +17,15 @@ from thingc.tools.importing.source_model import FAR, Kind, Raw, SourceJoint, Sou
 
 CONNECT, WELD, JOINT = 0, 1, 2
 STIFF = {"solref": SOLREF, "solimp": "0.9999 0.9999 0.001 0.5 2"}
-"""How MJCF is written of a joint that follows (`emit.mjcf.model.STIFF`)."""
+"""Attributes that thingc writes for a mimic (`STIFF` in `targets/mjcf`)."""
 
 
 class Equalities:
-    """`follows` by the number of the joint that follows, and `loops`; what is neither is `added`, or a loss. `on` is the link of each body
-    that is kept, with the body's pose in it."""
+    """The imported equalities:
+
+    `follows` are mimics by the number of the following joint, `loops` are loops. Others are `added`, or losses. `on` maps each imported
+    body to its link and its pose in it.
+    """
 
     def __init__(self, original: CompiledSource, drives: Actuators, on: Mapping[int, tuple[int, Pose]], added: Added) -> None:
         self.original, self.model, self.drives, self.on = original, original.model, drives, on
@@ -48,14 +51,14 @@ class Equalities:
         return differing(wanted, otherwise)
 
     def _follow(self, number: int) -> str:
-        """Why it is none that a document has; empty where it is."""
+        """Add an equality of joints to `follows`; if documents cannot express it, return why, else an empty text."""
         model, original = self.model, self.original
         one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
         a, b, *higher = floats(model.eq_data[number][:5])
         if other < 0 or not b and not any(higher):
             return "a joint of a document that follows another follows it"
         if one in self.drives.of_joint and other not in self.drives.of_joint and abs(b) == 1.0 and not any(higher):
-            one, other, a = other, one, -a * b  # the same the other way round
+            one, other, a = other, one, -a * b  # the inverse relation
         if one in self.drives.of_joint:
             return f"joint `{original.joints[one]}` is driven, and one that follows is not"
         if one in self.follows or other in self.follows:
@@ -77,14 +80,14 @@ class Equalities:
             return None
         kind = int(self.model.eq_type[number])
         return SourceLoop(
-            name=self.original.equalities[number].removesuffix(":loop"),  # which models of ours add
+            name=self.original.equalities[number].removesuffix(":loop"),  # the suffix that thingc writes
             kind="ball" if kind == CONNECT else "fixed", ends=(ends[0], ends[1]),
             where=self.original.where("equality", number), raw=self._raw(number, {}),
             equality=self.original.written["equality"][number].name,
         )
 
     def _ends(self, number: int) -> Iterator[tuple[str, Pose]]:
-        """The links that are joined, those that are kept, and where."""
+        """Yield the imported links that an equality joins, each with the pose of the connection in it."""
         model, data = self.model, floats(self.model.eq_data[number])
         kind = int(model.eq_type[number])
         for index, thing in enumerate((int(model.eq_obj1id[number]), int(model.eq_obj2id[number]))):
@@ -100,7 +103,7 @@ class Equalities:
 
 
 def _shifted(coefficients: Sequence[float], by: float) -> list[float]:
-    """The coefficients in q of a polynomial in q - `by`."""
+    """Return the coefficients in q of a polynomial in q - `by`."""
     return [
         sum_of(one * math.comb(power, k) * (-by) ** (power - k) for power, one in enumerate(coefficients) if power >= k)
         for k in range(len(coefficients))
@@ -111,7 +114,7 @@ BALL, SLIDE, HINGE = 1, 2, 3
 
 
 def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings: Equalities) -> SourceJoint:
-    """A hinge, slide or ball of the model."""
+    """Return a hinge, slide or ball joint of the model."""
     model, name, where = original.model, original.joints[joint], original.where("joint", joint)
     kind_of, dof = int(model.jnt_type[joint]), int(model.jnt_dofadr[joint])
     limited, (lower, upper) = bool(model.jnt_limited[joint]), floats(model.jnt_range[joint])
@@ -153,7 +156,7 @@ def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings:
 
 
 def free_joint(original: CompiledSource, joint: int) -> Raw:
-    """What a free joint does by itself, in MuJoCo's words: the language has none."""
+    """Return the attributes of a free joint (stiffness, damping and others), which documents cannot express."""
     model, dof = original.model, int(original.model.jnt_dofadr[joint])
     wanted = [("stiffness", numbers([model.jnt_stiffness[joint]]))]
     wanted += [(name, numbers([getattr(model, f"dof_{name}")[dof]])) for name in ("damping", "frictionloss", "armature")]
@@ -161,7 +164,7 @@ def free_joint(original: CompiledSource, joint: int) -> Raw:
 
 
 def _raw(model: Any, joint: int, dof: int, effort: float | None) -> Raw:
-    """What the language has no words for, beside an `effort` limit [N m or N]."""
+    """Return the attributes that documents cannot express, in addition to an `effort` limit [N m or N]."""
     wanted = [
         ("solreflimit", numbers(model.jnt_solref[joint])), ("solimplimit", numbers(model.jnt_solimp[joint])),
         ("solreffriction", numbers(model.dof_solref[dof])), ("solimpfriction", numbers(model.dof_solimp[dof])),

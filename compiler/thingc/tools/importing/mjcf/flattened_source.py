@@ -1,7 +1,7 @@
-"""An MJCF file with all that it includes, as one text without files, a tag in each line: MuJoCo reads that, and its lines lead back.
+"""Convert an MJCF file with all included files to one text, with one tag per line, so that MuJoCo's line numbers lead to the source.
 
-MuJoCo would open whatever a file names. Included files and meshes are read here, within bounds, and handed over in memory; what a document
-cannot have, and what would take memory without end, is left out and listed.
+MuJoCo would open every file that the source names. Instead, included files and meshes are read here, with limits, and passed in memory.
+Elements that a document cannot have, and those that would need unlimited memory, are left out and listed.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from thingc.tools.importing.xml_source import Losses, SourceElement, read_xml
 from thingc.tools.importing.xml_values import NOT_FINITE
 
 MOST_COPIES, MOST_ELEMENTS = 10_000, 100_000
-"""Of an element, by `<replicate>`; and of a model, copies among them."""
+"""Maximum number of copies of an element by `<replicate>`, and of elements of a model, including copies."""
 MOST_STEPS = 100_000
-"""Of the simulation by which MuJoCo finds out how long a muscle gets."""
+"""Maximum number of steps of the simulation by which MuJoCo finds the length range of a muscle."""
 MOST_MESH_BYTES = 500_000_000
-"""Of all meshes together, each as often as it is named: MuJoCo works out a hull of every one."""
+"""Maximum total size of meshes, counting every use: MuJoCo computes a hull for each."""
 LEFT_OUT = {
     "texture": "it is not read: shapes have the colours of their materials", "hfield": "a document has no height fields",
     "skin": "a document has no skins", "flex": "a document has rigid links only", "flexcomp": "a document has rigid links only",
@@ -35,15 +35,18 @@ LEFT_OUT = {
     "statistic": "MuJoCo works them out of the robot", "light": "lights belong to a scene", "visual": "how it is drawn belongs to a scene",
 }
 ABSENT = ".absent"
-"""The names of files that replace a mesh end with this, before their kind."""
+"""Suffix, before the file type, of the names of files that replace missing meshes."""
 SMALL_SOLID = b"v 0 0 0\nv .001 0 0\nv 0 .001 0\nv 0 0 .001\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 
 
 class FlattenedSource(FrozenStruct):
-    """A file without files: its `text`, the element that stands in each line, the `files` that MuJoCo is handed, by the names that the
-    text has for them, and the texts of the `models` that it attaches; for each of these names the mesh's path from the source's folder; the
-    roots of `included` files; and what was left out."""
+    """The flattened source.
+
+    `lines` are the source elements by line of `text`. `files` are the contents that MuJoCo gets, by their names in the text; `meshes` maps
+    these names to paths relative to the folder of the source; `models` are the texts of attached models. `included` are the roots of
+    included files.
+    """
 
     root: SourceElement
     text: str
@@ -55,25 +58,23 @@ class FlattenedSource(FrozenStruct):
     losses: tuple[SourceLoss, ...]
 
     def element(self, said: str) -> SourceElement:
-        """What MuJoCo says to be in a line of the text (`line 7`); the root where it says none."""
+        """Return the element in a line that MuJoCo names (`line 7`), the root if it names none."""
         number = [int(one) for one in re.findall(r"line\s*=?\s*(\d{1,9})\b", said)]
         return self.lines[number[-1] - 1] if number and 1 <= number[-1] <= len(self.lines) else self.root
 
     def named(self, element: SourceElement) -> SourceElement:
-        """The root of the file that an element stands in, where that says what its model is called: a scene's robot is called as in its own
-        file. Else the first root."""
+        """Return the root that defines the name of the model of an element: that of its own file if it has a name, else the first root."""
         roots = (one for one in self.included if one.where.file == element.where.file and one.attributes.get("model", "").strip())
         return next(roots, self.root)
 
     def place(self, said: str, attribute: str | None = None) -> Span:
-        """The place of that in the source."""
+        """Return the source location of the line in a message of MuJoCo."""
         element = self.element(said)
         return element.where if attribute is None else element.place(attribute)
 
 
 class Flattening:
-    """Of the file with this root and everything that it includes. Without `meshes`, a small solid takes the place of each mesh that cannot
-    be read."""
+    """Flattens a file. Without `meshes`, unreadable meshes are replaced by a small solid."""
 
     def __init__(self, root: SourceElement, packages: Packages, report: Report, meshes: bool) -> None:
         self.root, self.packages, self.report, self.with_meshes = root, packages, report, meshes
@@ -92,7 +93,7 @@ class Flattening:
         self.sizes: dict[str, int] = {}
 
     def flat(self) -> FlattenedSource | None:
-        """The file; None if an included file or a mesh is missing or wrong, which is reported."""
+        """Return the flattened file; None if an included file or a mesh is missing or invalid, which is reported."""
         before = len(self.report.diagnostics)
         text = self._file(self.root)
         if len(self.report.diagnostics) > before:
@@ -103,7 +104,7 @@ class Flattening:
         )
 
     def _file(self, root: SourceElement) -> str:
-        """The text of a file, after that of all models that it attaches; no two texts have a line of the same number."""
+        """Return the text of a file, after adding those of the models that it attaches. No two texts have a line of the same number."""
         self._include(root)
         sections = [*self._children(root)]
         for model in (one for section in sections if section.tag == "asset" for one in self._children(section) if one.tag == "model"):
@@ -123,7 +124,7 @@ class Flattening:
         return "\n" * start + "\n".join(self.texts[start:])
 
     def _children(self, element: SourceElement) -> Iterator[SourceElement]:
-        """What stands in an element, with what is included there in its place."""
+        """Yield the child elements, with included ones in place of `<include>`."""
         for child in element.children:
             if id(child) in self.elements:
                 for one in self.elements[id(child)]:
@@ -132,7 +133,7 @@ class Flattening:
                 yield child
 
     def _include(self, element: SourceElement) -> None:
-        """Read all files that are included in an element."""
+        """Read all files included in an element."""
         waiting = [element]
         while waiting:
             one = waiting.pop()
@@ -147,7 +148,10 @@ class Flattening:
             waiting += reversed(inner.children)
 
     def _read(self, element: SourceElement) -> SourceElement | None:
-        """The root of the file that is included: one beside the file that includes it, else beside the first."""
+        """Read an included file and return its root, None after errors.
+
+        The path is relative to the including file, else to the first file.
+        """
         name, where = element.attributes.get("file", ""), element.place("file")
         if element.children:
             self.report.add(Code.SOURCE_VALUE, "an `<include>` has elements in it", element.where, help="write them beside it")
@@ -168,7 +172,10 @@ class Flattening:
         return read_xml(path, data, self.report)
 
     def _write(self, element: SourceElement, copies: int) -> None:
-        """The lines of an element, of which there are so many; none where there are too many already, which has been reported."""
+        """Add the lines of an element that will be copied `copies` times.
+
+        Above the maximum number of elements, report it once and add nothing.
+        """
         if self.made > MOST_ELEMENTS:
             return
         self.made += copies * (1 + self.sizes.get(element.attributes.get("model", ""), 0) if element.tag == "attach" else 1)
@@ -177,7 +184,7 @@ class Flattening:
             self.report.add(Code.SOURCE_VALUE, message, element.where, help="no robot needs so many")
             return
         if element.tag == "replicate":
-            written = re.match(r"\s*\+?(\d{1,12})", element.attributes.get("count", ""))  # what else stands there, MuJoCo does not read
+            written = re.match(r"\s*\+?(\d{1,12})", element.attributes.get("count", ""))  # MuJoCo ignores the rest
             copies *= 1 if written is None else int(written[1])
             if copies > MOST_COPIES:
                 message = f"this makes {copies:,} of what is in it, and {MOST_COPIES:,} are read at most"
@@ -185,10 +192,10 @@ class Flattening:
                 return
         if element.tag in LEFT_OUT or element.tag == "geom" and ("hfield" in (element.attributes.get("type"), *element.attributes)):
             self.losses.note(f"`<{element.tag}>`", LEFT_OUT.get(element.tag, LEFT_OUT["hfield"]), element.where)
-            if element.tag != "extension":  # without its instances MuJoCo does not read what refers to them
+            if element.tag != "extension":  # without it, MuJoCo rejects elements that use its plugin instances
                 return
         if element.tag == "layer":
-            return  # of a texture, which is a loss of its own
+            return  # only in textures, which are left out
         if element.tag == "lengthrange" and _steps(element) > MOST_STEPS:
             message = f"this takes more than {MOST_STEPS:,} steps of simulation for every muscle"
             self.report.add(Code.SOURCE_VALUE, message, element.where, help="write a smaller `inttotal`, or a larger `timestep`")
@@ -211,7 +218,7 @@ class Flattening:
         self._line(f"</{element.tag}>", element)
 
     def _look_at_numbers(self, element: SourceElement) -> None:
-        """Report those that are not finite: MuJoCo takes them, and most of what it works out of them is none either."""
+        """Report numbers that are not finite: MuJoCo accepts them and computes more of them."""
         for name, value in element.attributes.items():
             wrong = next((word for word in value.split() if word.lower().lstrip("+-") in NOT_FINITE), None)
             if wrong is not None and name != "name" and value not in self.names:
@@ -224,8 +231,10 @@ class Flattening:
         self.lines.append(element)
 
     def _mesh(self, element: SourceElement) -> dict[str, str]:
-        """Its name, which is that of its file where it has none, and what its file is called in the text: by its content and by what
-        MuJoCo makes of it, which MuJoCo would take from its cache otherwise."""
+        """Return the attributes of a mesh: its name (default: from its file) and its file name in the text.
+
+        The file name is a hash of the content and the attributes, since MuJoCo would otherwise return a cached mesh.
+        """
         file = element.attributes["file"]
         file = os.path.basename(file.replace("\\", "/")) if self.strip else file
         uri = os.path.normpath(os.path.join(self.folder, file))
@@ -248,7 +257,7 @@ class Flattening:
 
 
 def _steps(element: SourceElement) -> float:
-    """How many steps a `<lengthrange>` asks for; none where MuJoCo will say that it is wrong."""
+    """Return the number of simulation steps of a `<lengthrange>`, 0 for values that MuJoCo will reject."""
     try:
         total, step = (float(element.attributes.get(name, usual)) for name, usual in (("inttotal", "10"), ("timestep", "0.01")))
     except ValueError:

@@ -1,4 +1,4 @@
-"""MJCF: the bodies that MuJoCo makes of a file, what hangs on what, and what they weigh and show."""
+"""Read MJCF: the bodies of the compiled model, their tree, masses and shapes."""
 
 from __future__ import annotations
 
@@ -31,15 +31,17 @@ _ALIKE = 1e-9
 
 
 def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes: bool = True) -> SourceRobot | None:
-    """The robot of a file whose root is `<mujoco>`; None if MuJoCo cannot read it, which is reported. Without `meshes`, those
-    that cannot be read weigh nothing."""
+    """Read the robot of a file whose root is `<mujoco>`; None if MuJoCo cannot read it, which is reported.
+
+    Without `meshes`, unreadable meshes are massless.
+    """
     flat = Flattening(root, packages, report, meshes).flat()
     original = None if flat is None else _compiled(flat, report)
     return None if original is None else _Reader(original, report).robot()
 
 
 def _compiled(flat: FlattenedSource, report: Report) -> CompiledSource | None:
-    """What MuJoCo makes of a file; what it says of a wrong one is reported at the line that it names."""
+    """Compile the model. MuJoCo's error is reported at the line that it names."""
     import mujoco
 
     try:
@@ -52,7 +54,7 @@ def _compiled(flat: FlattenedSource, report: Report) -> CompiledSource | None:
         for joint in spec.joints:
             joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of inertias that are nearly singular, which are judged by link
+            warnings.simplefilter("ignore")  # about nearly singular inertias, which are checked per link
             model = spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as fault:
         text = str(fault)
@@ -82,7 +84,7 @@ class _Reader:
         self.link_names = {*original.bodies.values()}
 
     def robot(self) -> SourceRobot | None:
-        """The robot: the bodies that hang on the world, or the largest one that floats."""
+        """Return the robot: the bodies attached to the world, or the floating body with the most joints."""
         if len(self.parents) > MOST_LINKS:
             message = f"the robot has {len(self.parents):,} bodies, and {MOST_LINKS:,} are read at most"
             self.report.add(Code.SOURCE_TREE, message, self.original.flat.root.where)
@@ -130,7 +132,7 @@ class _Reader:
         )
 
     def _lose_layout(self, root: int, hangings: Sequence[Attachment], posed: bool, sensed: set[str], added: Added) -> None:
-        """Note what of the arrays of `MjData` is elsewhere in models of the document, and unless there are poses what starts elsewhere."""
+        """Record losses about indices in the arrays of `MjData` and, without keyframes, about joints that start at another value."""
         for joint in (joint for one in hangings for joint in one.joints if not posed and joint.follows is None):
             if joint.begin is not None and abs(joint.begin - joint.start) > _ALIKE:
                 what = f"where joint `{joint.name}` starts, {joint.start:g}"
@@ -143,13 +145,13 @@ class _Reader:
             self._lose_indices(array, [sizes.get(int(one), 1) for one in self.model.jnt_type], order)
 
     def _joint_order(self, root: int, hangings: Sequence[Attachment]) -> list[int]:
-        """The numbers of the joints in the order of a model of the document."""
+        """Return the numbers of the joints in the order of a model of the document."""
         numbers_of = {name: number for number, name in self.original.joints.items()}
         tree = downwards(self.original.bodies[root], hangings)
         return [*self.joints[root][: root in self.free], *(numbers_of[joint.name] for one in tree for joint in one.joints)]
 
     def _lose_indices(self, array: str, sizes: Sequence[int], kept: Sequence[int]) -> None:
-        """Note which entries of an array have other indices in a model of the document, where the `kept` elements are, of these sizes."""
+        """Record the entries of an array that have other indices in a model of the document, which has the `kept` elements."""
         starts, runs, here = [0, *accumulate(map(int, sizes))], list[list[int]](), 0
         for there, size in ((starts[number], int(sizes[number])) for number in kept):
             if runs and runs[-1][0] + runs[-1][2] == there:
@@ -165,7 +167,7 @@ class _Reader:
     def _hangings(
         self, body: int, on: dict[int, tuple[int, Pose]], between: list[SourceLink], drives: Actuators, couplings: Equalities,
     ) -> Iterator[Attachment]:
-        """How a body hangs on its parent: by joints one after the other, with a link `between` each two that weighs nothing."""
+        """Yield the attachments of a body to its parent: one per joint, with massless links, added to `between`, between them."""
         original, (parent, pose) = self.original, on[self.parents[body]]
         name, above, place, where = original.bodies[body], original.bodies[parent], pose @ self._pose(body), original.where("body", body)
         *inner, last = self.joints[body] or [-1]
@@ -187,8 +189,10 @@ class _Reader:
         return pose_of(self.model.body_pos[body], self.model.body_quat[body])
 
     def _kept(self) -> set[int]:
-        """The bodies of the robot: of what hangs on the world together, and of each body that floats, whatever has most joints. All else is
-        a loss, and so is what lies on the world where that is no part of it."""
+        """Return the bodies of the robot: of the bodies attached to the world together, and each floating body, the group with most joints.
+
+        All other bodies are losses, and so are geoms and sites of the world if the world is not part of the robot.
+        """
         tops = [body for body, parent in enumerate(self.parents) if parent == WORLD and body != WORLD]
         groups: dict[int, set[int]] = {WORLD: {WORLD}} | {body: set() for body in tops if body in self.free or body in self.mocap}
         group = {WORLD: WORLD}
@@ -214,15 +218,17 @@ class _Reader:
         return kept
 
     def _on_world(self, *, planes: bool) -> list[tuple[str, int]]:
-        """What is fixed to the world itself, by kind and number: its planes, or all the rest."""
+        """Return the kind and number of geoms and sites of the world: only its planes, or all others."""
         model = self.model
         geoms = [("geom", k) for k in range(model.ngeom) if model.geom_bodyid[k] == WORLD and (model.geom_type[k] == PLANE) == planes]
         sites = [] if planes else [("site", k) for k in range(model.nsite) if model.site_bodyid[k] == WORLD]
         return geoms + sites
 
     def _carriers(self, kept: set[int], root: int) -> dict[int, tuple[int, Pose]]:
-        """For each body of the robot the link that it is, or lies on, with its pose in it. What weighs nothing, shows nothing, cannot move
-        and carries nothing that is otherwise is a mount of what it is fixed to."""
+        """Return for each body its link and its pose in it.
+
+        A fixed body without mass and shapes, all of whose children are such bodies, is a mount of its parent.
+        """
         bare = {
             body for body in kept if body != root and not self.joints[body] and self.model.body_mass[body] <= 0.0
             and not self.model.body_geomnum[body]
@@ -240,7 +246,7 @@ class _Reader:
         return on
 
     def _heads(self, on: dict[int, tuple[int, Pose]], root: int) -> dict[int, int]:
-        """For each body the first of those that it is fixed to."""
+        """Return for each body the first of the bodies that it is rigidly connected to."""
         heads = {root: root}
         for body in sorted(on):
             if body != root:
@@ -275,7 +281,7 @@ class _Reader:
         rows = ((moments[0], 0.0, 0.0), (0.0, moments[1], 0.0), (0.0, 0.0, moments[2]))
         inertia = symmetric(multiply(multiply(turn, rows), transpose(turn)))
         full = floats(written.fullinertia)
-        if all(map(math.isfinite, full)):  # as it is written, unless it was changed: MuJoCo's own has been turned there and back
+        if all(map(math.isfinite, full)):  # MuJoCo's values are rotated to principal axes and back: prefer the written ones
             a, b, c, d, e, f = full
             said = ((a, d, e), (d, b, f), (e, f, c))
             largest = max(map(abs, full))
@@ -286,7 +292,7 @@ class _Reader:
 
 
 def _name(root: SourceElement) -> str:
-    """What the model is called; one that we have written of an imported robot is called after its mode, too."""
+    """Return the name of the model, without the mode that thingc appends to names."""
     name = root.attributes.get("model", "").strip()
     ours = mode_of(root.source[: root.start]) == SOURCE_MODE
     return (name.removesuffix(f"_{SOURCE_MODE}") if ours else name) or "robot"

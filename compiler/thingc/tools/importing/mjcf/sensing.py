@@ -1,4 +1,4 @@
-"""Sensors and cameras of the source."""
+"""Read sensors and cameras."""
 
 from __future__ import annotations
 
@@ -29,12 +29,11 @@ OF_ALL: dict[str, tuple[SensorType, ReadingName]] = {
 OF_ROOT: dict[str, ReadingName] = {"subtreecom": "position", "subtreelinvel": "velocity", "subtreeangmom": "momentum"}
 IMU: frozenset[SensorType] = frozenset({"accelerometer", "gyro"})
 LOOKING = turned_y(math.pi)
-"""A camera of MuJoCo looks along its -z, up its y; a document's along the mount's z, up the mount's y."""
+"""A camera of MuJoCo looks along its -z axis, a camera of a document along z of its mount; y is up in both."""
 
 
 class _Place(FrozenStruct):
-    """What a sensor is and where: a document's kind, and the names of a site, of the one that it is seen from, of a joint, of
-    a tendon."""
+    """The kind of a sensor in a document, and the names of its site, reference site, joint or tendon."""
 
     kind: SensorType
     site: str | None = None
@@ -44,7 +43,7 @@ class _Place(FrozenStruct):
 
 
 class _Sensing:
-    """`kept` are the bodies that are kept, `driven` what is driven by the number of the actuator, `root` the root body."""
+    """Reads sensors. `kept` are the imported bodies, `driven` the targets of drives by the number of the actuator, `root` the root body."""
 
     def __init__(self, original: CompiledSource, kept: set[int], added: Added, driven: Mapping[int, SourceTarget], root: int) -> None:
         import mujoco
@@ -55,7 +54,7 @@ class _Sensing:
         self.kinds: dict[int, str] = {int(value): name.removeprefix("mjSENS_").lower() for name, value in types}
 
     def all(self) -> tuple[SourceSensor, ...]:
-        """Those of kinds that the language has, several that are of one together; all others, and second ones, are added, or losses."""
+        """Return the sensors that documents support; those at the same place are combined. Others, and duplicates, are added or losses."""
         read: list[tuple[int, _Place, ReadingName]] = []
         placed_before: set[tuple[_Place, ReadingName] | None] = {None}
         for number in range(self.model.nsensor):
@@ -109,7 +108,7 @@ class _Sensing:
         return None
 
     def _sensor(self, place: _Place, readings: list[tuple[int, ReadingName]]) -> SourceSensor:
-        """One of a document, of these sensors of the source."""
+        """Return the sensor of a document that combines these readings."""
         model, original = self.model, self.original
         numbers: dict[str, dict[str, float]] = {"noise": {}, "cutoff": {}}
         for number, reading in readings:
@@ -140,8 +139,10 @@ def sensors(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], kept: set[int], added: Added, driven: Mapping[int, SourceTarget],
     root: int,
 ) -> tuple[SourceSensor, ...]:
-    """Those of kinds that the language has, and cameras; all others are added, or losses. `driven` is what is driven by the number of the
-    actuator, `root` the root body."""
+    """Return the sensors that documents support, and cameras; others are added, or losses.
+
+    `driven` are the targets of drives by the number of the actuator, `root` is the root body.
+    """
     return (*_Sensing(original, kept, added, driven, root).all(), *_cameras(original, on))
 
 

@@ -1,4 +1,4 @@
-"""What is said of the whole: options, which links touch, and keyframes."""
+"""Read options, contact exclusions and keyframes."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ OPTIONS = (
 )
 _ALIKE = 1e-9
 _OPEN = 1e-4
-"""How far [m] a loop may be open in a keyframe without a loss."""
+"""Maximum gap [m] of a loop in a keyframe without a loss."""
 
 
 def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
-    """What the language has: `timestep` [s], `integrator`, `cone` and `impratio`, each where it is not MuJoCo's own."""
+    """Return the options that documents support (`timestep` [s], `integrator`, `cone`, `impratio`) if not MuJoCo's defaults."""
     option = original.model.opt
     said: list[tuple[str, float | str]] = [
         ("timestep", float(option.timestep)), ("integrator", INTEGRATORS[int(option.integrator)]), ("cone", CONES[int(option.cone)]),
@@ -40,7 +40,7 @@ def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
 
 
 def options(original: CompiledSource) -> tuple[tuple[tuple[str, ...], str], ...]:
-    """What it has not, by path: `("option", "flag", "contact")`."""
+    """Return the other options that differ from MuJoCo's defaults, by path: `("option", "flag", "contact")`."""
     import mujoco
 
     ours, usual = original.model.opt, mujoco.MjSpec().option
@@ -67,8 +67,11 @@ def _format_setting(name: str, value: Any) -> str:
 def touching(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int], still: int | None, added: Added,
 ) -> tuple[tuple[str, str], ...]:
-    """The links that never touch, beside those that a joint connects. Of these a document lets none touch, MuJoCo those with what stands
-    `still` (the number of its first body), or all: a loss where their shapes would."""
+    """Return the pairs of links that never touch, without those connected by a joint.
+
+    In a document, links connected by a joint never touch; in MuJoCo, this depends on an option, and does not hold for children of the
+    static body `still`. Differences are losses if the shapes would touch.
+    """
     import mujoco
 
     model = original.model
@@ -88,7 +91,7 @@ def touching(
     masks = {body: _masks(original, body) for body in heads}
 
     def meet(head: int, other: int) -> bool:
-        """Whether bodies of two links, of which nothing is said, have shapes that would touch."""
+        """Return whether two links have shapes that would touch, ignoring excluded pairs of bodies."""
         pairs = ((one, two) for one in members[head] for two in members[other] if _pair(one, two) not in written)
         return any(_meet(masks[one], masks[two]) for one, two in pairs)
 
@@ -109,7 +112,7 @@ def touching(
 
 
 def _excluded(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> Iterator[tuple[int, int]]:
-    """The pairs of bodies `on` links that the file says never touch; a loss where one is on none."""
+    """Yield the excluded pairs of bodies. Those with a body that is not imported are losses."""
     numbers_of = {name: number for number, name in original.bodies.items()}
     for one in original.spec.excludes:
         first, second = (numbers_of[name] for name in (one.bodyname1, one.bodyname2))
@@ -124,7 +127,7 @@ def _excluded(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> I
 
 
 def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touch: Set[int]) -> None:
-    """What MuJoCo works out body by body, where several are one link; `touch` are the links that move and touch, by their first body."""
+    """Record effects that MuJoCo computes per body, for links of several bodies. `touch` are the moving links with collision shapes."""
     model = original.model
     fluid = bool(model.opt.density or model.opt.viscosity)
     for body in sorted(body for bodies in members.values() for body in bodies) if fluid else ():
@@ -146,7 +149,7 @@ def _pair(one: int, other: int) -> tuple[int, int]:
 
 
 def _masks(original: CompiledSource, body: int) -> tuple[int, int]:
-    """All bits of `contype`, and of `conaffinity`, of the geoms of a body; planes of the world are none."""
+    """Return all bits of `contype`, and of `conaffinity`, of the geoms of a body, without planes of the world."""
     model, kinds, affinities = original.model, 0, 0
     for geom in original.geoms_of[body]:
         if body or model.geom_type[geom]:
@@ -161,7 +164,7 @@ def _meet(ours: tuple[int, int], theirs: tuple[int, int]) -> bool:
 def poses(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], root: int, base: SourceBase, joints: Mapping[str, SourceJoint],
 ) -> tuple[SourcePose, ...]:
-    """Keyframes, within the limits of the joints. Speeds and activations are losses."""
+    """Return keyframes as poses, clamped to the limits of the joints. Velocities and activations are losses."""
     model, poses = original.model, []
     places = [one.where for one in original.flat.lines if one.tag == "key"][::2]
     following = {joint.name: joint.follows for joint in joints.values() if joint.follows is not None}
@@ -200,7 +203,7 @@ def poses(
 
 
 def _open_loops(original: CompiledSource, key: int) -> Iterator[tuple[str, float]]:
-    """The equalities between bodies that a keyframe violates by more than `_OPEN`, by name, with the distance [m]."""
+    """Yield the equalities between bodies that a keyframe violates by more than `_OPEN`, by name, with the distance [m]."""
     import mujoco
 
     model, data = original.model, mujoco.MjData(original.model)
@@ -208,7 +211,7 @@ def _open_loops(original: CompiledSource, key: int) -> Iterator[tuple[str, float
     mujoco.mj_fwdPosition(model, data)
     between = {int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)}
     for number in (number for number in range(model.neq) if int(model.eq_type[number]) in between):
-        rows = [k for k in range(data.ne) if data.efc_id[k] == number]  # equalities come first, the distance before the rotation
+        rows = [k for k in range(data.ne) if data.efc_id[k] == number]  # equalities come first, and the distance precedes the rotation
         gap = hypot(*floats(data.efc_pos[rows[:3]]))
         if gap > _OPEN:
             yield original.equalities[number], gap

@@ -1,4 +1,4 @@
-"""Geoms: what is drawn, what touches, and how."""
+"""Read geoms as visual and collision shapes."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from thingc.tools.importing.source_model import Raw, ShapeKind, Sizes, SourceSha
 
 KINDS: dict[int, ShapeKind] = {0: "plane", 2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 HIDDEN = 3
-"""The first group of geoms that MuJoCo does not show unless asked."""
+"""The first group of geoms that MuJoCo hides by default."""
 FRICTION = (1.0, 0.005, 0.0001)
 USUAL = {
     "solref": SOLREF, "solimp": SOLIMP, "margin": "0", "gap": "0", "solmix": "1", "contype": "1", "conaffinity": "1",
     "friction": numbers(FRICTION), "condim": "3", "priority": "0",
 }
-"""What geoms have that say nothing."""
+"""MuJoCo's defaults of geoms."""
 SPHERE, CYLINDER = 4, 5
-"""Steps of tendons, which go around such geoms: one that is hidden is there for nothing else."""
+"""Types of wraps around a geom. A hidden geom that a tendon wraps around has no other purpose."""
 GREY = (0.5, 0.5, 0.5, 1.0)
 
 
 class Geoms:
-    """The shapes of bodies; `files` are the meshes among them that are written anew, by name, `shown` the numbers of their geoms."""
+    """The shapes of bodies. `files` are the meshes that are written from the model, by name; `shown` are the numbers of imported geoms."""
 
     def __init__(self, original: CompiledSource) -> None:
         self.original, self.model = original, original.model
@@ -37,7 +37,7 @@ class Geoms:
         self.wrapped = {int(geom) for kind, geom in wraps if int(kind) in (SPHERE, CYLINDER)}
 
     def of(self, body: int) -> tuple[SourceShape, ...]:
-        """Of a body, in the order of the source, planes of the world left out."""
+        """Return the shapes of a body in source order, without planes of the world."""
         shapes: list[SourceShape] = []
         for geom in self.original.geoms_of[body]:
             if body or self.model.geom_type[geom]:
@@ -45,7 +45,7 @@ class Geoms:
         return tuple(shapes)
 
     def _shapes(self, geom: int) -> list[SourceShape]:
-        """A geom that is drawn and touches is two."""
+        """Return the visual shape and the collision shape of a geom, as far as it is visible and touches."""
         model, where = self.model, self.original.where("geom", geom)
         kind = KINDS.get(int(model.geom_type[geom]))
         if kind is None:
@@ -64,7 +64,7 @@ class Geoms:
         return [one for one, there in ((visual, drawn), (touching, touches)) if there]
 
     def _color(self, geom: int) -> tuple[float, float, float, float] | None:
-        """Of the material, where it has one; None of one that has none of its own."""
+        """Return the colour of a geom, of its material if it has none; None for MuJoCo's default."""
         material = int(self.model.geom_matid[geom])
         r, g, b, a = floats(self.model.geom_rgba[geom])
         if (r, g, b, a) == GREY and material >= 0:
@@ -72,7 +72,10 @@ class Geoms:
         return None if (r, g, b, a) == GREY else (r, g, b, a)
 
     def _mesh(self, geom: int, centred: Pose) -> tuple[Vector, Pose, str]:
-        """MuJoCo lays a mesh into its principal axes; in the source it is where its file has it, `scale R^T (v - p)` with its own pose."""
+        """Return the scale, pose and URI of a mesh.
+
+        MuJoCo moves a mesh to its principal axes; in the source it is where its file has it, `scale R^T (v - p)` with the reference pose.
+        """
         written = self.original.written["geom"][geom]
         mesh = self.original.spec.mesh(written.meshname)
         uri = self.original.flat.meshes.get(mesh.file, "")
@@ -86,7 +89,7 @@ class Geoms:
         return (x, y, z), self.original.frame(written) @ at, uri
 
     def _anew(self, mesh: int, name: str, geom: int) -> str:
-        """The name of a file with the mesh as MuJoCo has it, which no file of the source has."""
+        """Write the mesh of MuJoCo to a new file; return its URI. Used if no file of the source can be used."""
         file = f"mujoco://{name}.obj"
         if file not in self.files:
             model = self.model
@@ -100,14 +103,14 @@ class Geoms:
         return file
 
     def _friction(self, geom: int) -> tuple[float, ...]:
-        """What of its friction says something: torsion and rolling where contacts have them, and nothing where they have none."""
+        """Return the friction of a geom as far as contacts use it; empty for MuJoCo's defaults."""
         slide, torsion, roll = floats(self.model.geom_friction[geom])
         dimensions = int(self.model.geom_condim[geom])
         said = (slide, torsion, roll) if dimensions == 6 else (slide, torsion) if dimensions == 4 else (slide,)
         return () if said == (FRICTION[0],) or dimensions == 1 else said
 
     def _raw(self, geom: int, friction: tuple[float, ...]) -> Raw:
-        """What is left of how it touches. With a friction a geom is written with a priority, so that it counts on any floor."""
+        """Return the other contact attributes. thingc gives geoms with friction a priority, so that it applies on any floor."""
         model = self.model
         wanted = [(name, numbers(values if getattr(values, "shape", ()) else [values])) for name in USUAL
                   for values in [getattr(model, f"geom_{name}")[geom]]]
@@ -121,7 +124,7 @@ class Geoms:
 
 
 def sizes_of(kind: ShapeKind, sizes: Any) -> Sizes:
-    """The size of a primitive as `SourceShape` has it, of MuJoCo's three numbers."""
+    """Convert MuJoCo's three size numbers to the size of a `SourceShape`."""
     a, b, c = floats(sizes)
     match kind:
         case "sphere":

@@ -1,4 +1,4 @@
-"""Tendons of the source: over joints, and on paths."""
+"""Read tendons over joints and on paths."""
 
 from __future__ import annotations
 
@@ -19,12 +19,15 @@ USUAL = {
     "stiffness": "0", "damping": "0", "frictionloss": "0", "armature": "0", "margin": "0", "group": "0", "width": numbers([WIDTH]),
     "rgba": "0.5 0.5 0.5 1", "solreflimit": SOLREF, "solimplimit": SOLIMP, "solreffriction": SOLREF, "solimpfriction": SOLIMP,
 }
-"""What tendons have that say nothing."""
+"""MuJoCo's defaults of tendons."""
 
 
 class Tendons:
-    """By number, as far as a document can say them; others are losses. `joints` and `sites` are the numbers of those that are kept, `on` is
-    the link of each body that is kept, with the body's pose in it, `heads` the first of the bodies that it is fixed to."""
+    """The tendons that documents support, by number (`of`); others are losses.
+
+    `joints` and `sites` are the numbers of imported ones, `on` maps each imported body to its link and its pose in it, `heads` to the first
+    body that it is rigidly connected to.
+    """
 
     def __init__(
         self, original: CompiledSource, joints: set[int], sites: set[int], on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int],
@@ -41,11 +44,11 @@ class Tendons:
                 self.of[number] = self._tendon(number, wraps)
 
     def driven(self, drives: Mapping[int, SourceDrive]) -> tuple[SourceTendon, ...]:
-        """All of them, with these drives by number."""
+        """Return all tendons, with these drives by number."""
         return tuple(replace(one, drive=drives.get(number)) for number, one in self.of.items())
 
     def _unsaid(self, wrap: int) -> str:
-        """Why a document has no such step; empty where it has."""
+        """Return why a document cannot express a step of a path; empty if it can."""
         model = self.model
         kind, thing, side = (int(one[wrap]) for one in (model.wrap_type, model.wrap_objid, model.wrap_prm))
         gone = "it goes over what is left out"
@@ -70,7 +73,7 @@ class Tendons:
         return "it goes through a shape on the inside, and that of a document goes around it" if inside else ""
 
     def _fixed(self, body: int) -> Pose:
-        """Where a body is in the first of those that it is fixed to."""
+        """Return the pose of a body in the first body that it is rigidly connected to."""
         pose = pose_of(self.model.body_pos[body], self.model.body_quat[body])
         return pose if self.heads[body] == body else self._fixed(int(self.model.body_parentid[body])) @ pose
 
@@ -85,7 +88,7 @@ class Tendons:
                 turns = turns and int(model.jnt_type[joint]) == HINGE
         limited, (lower, upper) = bool(model.tendon_limited[number]), floats(model.tendon_range[number])
         if not moves:
-            lower = max(lower, 0.0)  # a path is never shorter
+            lower = max(lower, 0.0)  # the length of a path is never negative
         ends = SourceLimits(lower=lower, upper=upper) if limited and lower < upper else SourceLimits()
         damping, friction, armature, stiffness = (
             max(float(getattr(model, f"tendon_{word}")[number]), 0.0) for word in ("damping", "frictionloss", "armature", "stiffness")
@@ -120,7 +123,7 @@ class Tendons:
         ))
 
     def _raw(self, number: int, made: SourceTendon) -> Raw:
-        """What the document says otherwise, or not at all."""
+        """Return the attributes that differ in the document or that it cannot express."""
         model = self.model
         plain = ("stiffness", "damping", "frictionloss", "armature", "margin", "group", *(() if made.moves else ("width",)))
         wanted = [(word, numbers([getattr(model, f"tendon_{word}")[number]])) for word in plain]
