@@ -1,4 +1,4 @@
-"""Attributes that only MuJoCo has, by the names that its model has for what they are of, and as lines of a document."""
+"""Attributes and elements for the MuJoCo model only (`raw:`), and names in files (`names:`), as lines of a document."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from thingc.tools.importing.source_model import Raw, SourceAdded, SourceJoint, S
 
 
 def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
-    """What is laid over MuJoCo's model, by path. What all shapes that touch have in common is said of their class."""
+    """Return the attributes to set in the MuJoCo model, by path. Those that all collision shapes share are set in their class."""
     robot, by_path = words.robot, dict[tuple[str, ...], str]()
 
     def lay(kind: str, name: str, raw: Raw) -> None:
@@ -55,32 +55,34 @@ def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
 
 
 def _controls(words: DocumentNaming, state: SourcePose) -> Raw:
-    """`ctrl` of a keyframe in the order of the source, if it is not that of ours: drives of positions at q, adhesions as the mode has them,
-    all others at 0."""
+    """Return `ctrl` of a keyframe in source order, empty if it is the default.
+
+    The default is q for position drives, the force of the mode for adhesions, and 0 for others.
+    """
     usual: dict[str, float | None] = {one.name: one.force for one in words.robot.adhesions}
     driven = [*(joint for one in words.order for joint in one.joints), *words.robot.tendons]
     for one in driven:
         if one.drive is not None and one.drive.kind == "position":
             q = state.q.get(one.name, 0.0)
-            usual[one.drive.name] = q if isinstance(one, SourceJoint) and isinstance(q, float) else None  # a tendon's is its length
+            usual[one.drive.name] = q if isinstance(one, SourceJoint) and isinstance(q, float) else None  # for a tendon, it is its length
     wanted = [(name, state.controls.get(name, 0.0)) for name in order_of(words, "actuator")]
     alike = all(value == usual.get(name, 0.0) for name, value in wanted)
     return () if alike else (("ctrl", " ".join(quantity(value, "") for _, value in wanted)),)
 
 
 def order_of(words: DocumentNaming, kind: str) -> dict[str, str]:
-    """What the actuators or sensors of the source that are in the document are called there, in the order of the source."""
+    """Return the names in the document of the actuators or sensors of the source, in source order."""
     names = words.others().get(f"{kind}s", {})
     return {name: names[name] for name in words.robot.order.get(kind, ()) if name in names}
 
 
 def _says(shape: SourceShape, attribute: str) -> bool:
-    """Whether the model that is written of a shape says an attribute already, because of its friction."""
+    """Return whether the model sets an attribute of a shape already, because of its friction."""
     return {"friction": 0, "priority": 0, "condim": 1}.get(attribute, 3) < len(shape.friction)
 
 
 def name_lines(words: DocumentNaming) -> Iterator[str]:
-    """`names:`, what files call things as the source does; nothing where nothing has another name."""
+    """Yield the lines of `names:`, nothing if no name differs."""
     kinds = words.in_files()
     if kinds:
         yield from ("", "names:")
@@ -90,13 +92,13 @@ def name_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def quoted(name: str) -> str:
-    """A text as YAML has it: in quotes unless it is a plain word."""
+    """Format a text for YAML: quoted unless it is a plain word."""
     plain = re.fullmatch(r"[A-Za-z_][\w.-]*", name, re.ASCII) and isinstance(core_value(name), str)
     return name if plain else json.dumps(name, ensure_ascii=False)
 
 
 def raw_lines(words: DocumentNaming) -> Iterator[str]:
-    """`raw: {mjcf: ...}`; nothing where there is nothing."""
+    """Yield the lines of `raw: {mjcf: ...}`, nothing if empty."""
     attributes, added = raw_of(words), words.robot.added
     orders = {kind: order for kind in words.robot.order if len(order := order_of(words, kind)) > 1}
     if not attributes and not added and not orders:
@@ -125,7 +127,7 @@ def raw_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _element(words: DocumentNaming, one: SourceAdded) -> dict[str, str]:
-    """Its attributes, by the names of the document."""
+    """Return the attributes of an element, with names of the document."""
     name = words.added[one.section, one.name]
     return ({"name": name} if name else {}) | {key: _name_text(words, value) for key, value in one.attributes}
 
@@ -142,6 +144,6 @@ def _flow(value: Any) -> str:
 
 
 def _text(word: str) -> str:
-    """As YAML has it: in quotes where it would be something else, or has a sign that YAML reads; numbers are texts enough."""
+    """Format a text for YAML, quoted if YAML would read it differently. Numbers are not quoted."""
     plain = re.fullmatch(r"[A-Za-z0-9_.+-]+( [A-Za-z0-9_.+-]+)*", word) and not isinstance(core_value(word), (bool, type(None)))
     return word if plain and not word.startswith("-") or re.fullmatch(r"-[0-9.e+ -]+", word) else f'"{word}"'

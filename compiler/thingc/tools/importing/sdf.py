@@ -57,7 +57,7 @@ class Includes:
                 self._expand(child)
 
     def _model(self, include: SourceElement) -> SourceElement | None:
-        """Raises `NotFound`."""
+        """Return the included model as a `<model>` element; None after an error, which is reported. Raises `NotFound`."""
         before = len(self.report.diagnostics)
         said = {tag: one for tag in READ if (one := self.values.one(include, tag)) is not None}
         if "placement_frame" in said and "pose" not in said:
@@ -268,7 +268,7 @@ class _Sdf:
         return [f"{key}_{number}" for number in range(len(kinds))] if len(kinds) > 1 else [key]
 
     def _hangings(self, key: str, frame: NamedFrame) -> Iterator[source_model.Attachment]:
-        """How the child of a joint is attached to its parent, with massless links between several axes. Errors are reported."""
+        """Yield the attachments of the child of a joint to its parent, with massless links between several axes. Errors are reported."""
         element, kind = frame.element, self.values.word(frame.element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
         if kind is not None and kind not in KINDS:
@@ -284,7 +284,7 @@ class _Sdf:
         around = NO_POSE if parent == WORLD else self.frames.poses[parent]
         pose, names = _clean(around.inverse() @ self.frames.poses[child]), self._coordinates(key)
         joints = [self._joint(name, key, one, tag) for name, one, tag in zip(names, KINDS[kind], AXES, strict=False)] or [None]
-        for number in reversed(range(len(names))):  # the last first: `spanned` then turns all of them around, or none
+        for number in reversed(range(len(names))):  # from the child up: `spanned` then reverses all of them, or none
             above = f"{key} link" if number else parent
             if number:
                 self.between.append(source_model.SourceLink(name=above, where=element.where))

@@ -1,7 +1,7 @@
-"""A robot as another format has it: what every reader gives, and all that the writer knows. SI; each thing with its place in the source.
+"""The source model: an imported robot as all readers return it and the writer needs it, in SI units, with source locations.
 
-A link is a rigid body; how it hangs on another is a `Attachment`, with the joints between them one after the other, none of a body that is
-fixed (URDF has at most one, MJCF several). Defaults of the format are resolved, angles are radians, names are the source's own.
+A link is a rigid body. An `Attachment` attaches it to its parent by a sequence of joints: none if it is fixed; at most one in URDF, several
+in MJCF. Defaults of the format are resolved, and names are those of the source.
 """
 
 from __future__ import annotations
@@ -24,32 +24,35 @@ SourceBase = Literal["fixed", "free", "held"]
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "ellipsoid", "plane", "mesh"]
 Sizes = Vector | tuple[float, float] | tuple[float]
 Raw = tuple[tuple[str, str], ...]
-"""Attributes that a simulator of the source has and the language has not, with their values as they are written for it."""
+"""Attributes of the simulator of the source that documents cannot express, with their values as text."""
 SOURCE_MODE = "source"
-"""The mode in which an imported robot stands as the source has it."""
+"""Name of the mode in which an imported robot is as in the source."""
 FAR = 1000.0
-"""Where a slide ends [m] that has no ends: the language wants some."""
+"""Limit [m] for a slide without limits, since documents require one."""
 
 
 class SourceThing(FrozenStruct):
-    """What has a name in the source, and a place there."""
+    """An element with a name and a location in the source."""
 
     name: str
     where: Span
 
 
 class Weight(FrozenStruct):
-    """What a link weighs, in its frame, and where that is said."""
+    """The mass properties of a link, in its frame, with their location."""
 
     properties: MassProperties
     where: Span
 
 
 class SourceShape(FrozenStruct):
-    """What is drawn, or touches: `size` as its kind has it [m] (box: the three sides; sphere: radius; cylinder, capsule: radius, length
-    along z; ellipsoid: half axes; plane: the two sides; of a mesh the scale), `pose` in the link, with the angles `rpy` [rad] that the
-    source states it with. `mesh` is as the source names the file; `color` red, green, blue, alpha from 0 to 1; `friction` sliding,
-    torsional and rolling, as many as are said; `raw` of what touches. `name` is its name in the source, if any."""
+    """A visual or collision shape.
+
+    `size` depends on the kind [m]: the three sides of a box, radius of a sphere, radius and length along z of a cylinder or capsule, half
+    axes of an ellipsoid, the two sides of a plane, the scale of a mesh. `pose` is in the link; `rpy` [rad] are its angles as stated in the
+    source. `mesh` is the URI in the source; `color` is red, green, blue and alpha from 0 to 1; `friction` is sliding, torsional and
+    rolling, as far as stated; only collision shapes have `raw`. `name` is its name in the source, if any.
+    """
 
     kind: ShapeKind
     use: Literal["visual", "collision"]
@@ -65,14 +68,14 @@ class SourceShape(FrozenStruct):
 
 
 class SourceSite(SourceThing):
-    """A frame on a link that has a name, and maybe `others`."""
+    """A named frame on a link; `others` are further names of it."""
 
     pose: Pose
     others: tuple[str, ...] = ()
 
 
 class SourceLink(OneLineRepr, SourceThing):
-    """A rigid body: it weighs nothing where `weight` is None. `frames` are names that the source has for its frame, besides its own."""
+    """A rigid body, massless if `weight` is None. `frames` are names of its frame in the source besides its own."""
 
     weight: Weight | None = None
     shapes: tuple[SourceShape, ...] = ()
@@ -82,13 +85,15 @@ class SourceLink(OneLineRepr, SourceThing):
 
     @property
     def is_bare(self) -> bool:
-        """Whether it weighs nothing, shows nothing and has no frame of a name."""
+        """Whether it has no mass, shapes and named frames."""
         return not (self.weight or self.shapes or self.sites)
 
 
 class SourceLimits(FrozenStruct):
-    """Where a joint stops [rad or m], and what it is driven with at most [N m or N, rad/s or m/s]; None where nothing is said. Of a ball
-    `upper` is its cone. Those of a slide that has none are `made_up`."""
+    """The limits of a joint or tendon: position [rad or m], effort [N m or N] and velocity [rad/s or m/s]; None if not stated.
+
+    For a ball, `upper` is its cone. `made_up` are the limits of a slide that has none.
+    """
 
     lower: float | None = None
     upper: float | None = None
@@ -97,15 +102,15 @@ class SourceLimits(FrozenStruct):
     made_up: bool = False
 
     def nearest(self, value: float) -> float:
-        """The value that is nearest to one of a hinge or a slide."""
+        """Return the position clamped to the limits."""
         return min(max(value, -math.inf if self.lower is None else self.lower), math.inf if self.upper is None else self.upper)
 
 
 class SourceMimic(FrozenStruct):
-    """`name` is that of an equality.
+    """A joint that follows another: q is `multiplier * q(joint) + offset`, or the `polynomial` of q(joint).
 
-    q is `multiplier * q(joint) + offset`, or the `polynomial` of q(joint) with these coefficients, from that of q^0 on, all in rad and
-    m."""
+    The coefficients begin with that of q^0; units are rad and m. `name` is the name of the equality in MJCF.
+    """
 
     joint: str
     multiplier: float
@@ -116,7 +121,7 @@ class SourceMimic(FrozenStruct):
     name: str = ""
 
     def at(self, q: float) -> float:
-        """Where it is when the other joint is at `q`."""
+        """Return q if the other joint is at `q`."""
         at = 0.0
         for one in reversed(self.polynomial or (self.offset, self.multiplier)):
             at = at * q + one
@@ -124,8 +129,9 @@ class SourceMimic(FrozenStruct):
 
 
 class SourceDrive(SourceThing):
-    """What drives a joint or a tendon, by the `name` that it has in the source: gains [N m/rad or N/m, N m s/rad or N s/m] and the largest
-    effort [N m or N] as they are there."""
+    """The drive of a joint or tendon: gains [N m/rad or N/m, N m s/rad or N s/m] and the maximum effort [N m or N] and velocity [rad/s or
+    m/s].
+    """
 
     kind: Literal["motor", "position", "velocity"]
     kp: float | None = None
@@ -136,8 +142,11 @@ class SourceDrive(SourceThing):
 
 
 class SourceMotion(OneLineRepr, SourceThing):
-    """What acts along q of a joint, or along the length of a tendon: its ends and drive, `damping` [N m s/rad or N s/m], `friction` [N m or
-    N], `armature` [kg m^2 or kg], and `stiffness` [N m/rad or N/m] of a spring that does nothing at `rest` [rad or m]."""
+    """The properties of q of a joint, or of the length of a tendon.
+
+    Limits, drive, `damping` [N m s/rad or N s/m], `friction` [N m or N], `armature` [kg m^2 or kg], and the `stiffness` [N m/rad or N/m] of
+    a spring, relaxed at `rest` [rad or m].
+    """
 
     ends: SourceLimits = SourceLimits()
     damping: float = 0.0
@@ -150,8 +159,11 @@ class SourceMotion(OneLineRepr, SourceThing):
 
 
 class SourceJoint(SourceMotion):
-    """A motion of a link: about, or along, the unit vector `axis` through `anchor` [m], both in the frame of the link as it hangs, where q
-    is `start` [rad or m], or `begin` if that is beyond its ends (None: the middle of these). A screw goes by `lead` [m] in one turn."""
+    """A motion of a link about or along the unit vector `axis` through `anchor` [m], both in the frame of the link at q = 0.
+
+    The robot starts at q = `start` [rad or m], or at `begin` if that is outside of the limits (None: in their middle). `lead` is the travel
+    of a screw per turn [m].
+    """
 
     kind: Kind
     axis: Vector
@@ -163,8 +175,10 @@ class SourceJoint(SourceMotion):
 
 
 class SourceAround(FrozenStruct):
-    """What a tendon goes around: a sphere, or a cylinder without ends, of that `radius` [m], about the `pose` in a `link`, z its axis. By
-    the site `side` it goes, else the shorter way; `name` is that of the shape."""
+    """A shape that a tendon wraps around: a sphere, or an infinite cylinder along z, of `radius` [m] at `pose` in `link`.
+
+    The tendon passes on the side of the site `side`, else the shorter way. `name` is the name of the shape.
+    """
 
     name: str
     link: str
@@ -175,8 +189,8 @@ class SourceAround(FrozenStruct):
 
 
 class SourceStep(FrozenStruct):
-    """Of a path exactly one of these: a `site` that it goes through, a shape that it goes `around`, or a pulley, the `divisor` of what
-    follows."""
+    """A step of the path of a tendon, exactly one of: a `site`, a shape that it goes `around`, or a pulley with the `divisor` of the rest.
+    """
 
     site: str | None = None
     around: SourceAround | None = None
@@ -184,8 +198,11 @@ class SourceStep(FrozenStruct):
 
 
 class SourceTendon(SourceMotion):
-    """A length: of one over joints the sum of these factors times their q, an angle if it `turns`; of one with `steps` that of the path,
-    `width` [m] how thick it is."""
+    """A tendon. Its length is the sum of q times these factors for joints (`moves`; an angle if it `turns`), or that of a path with
+    `steps`.
+
+    `width` [m] is its diameter.
+    """
 
     moves: tuple[tuple[str, float], ...] = ()
     turns: bool = False
@@ -194,9 +211,11 @@ class SourceTendon(SourceMotion):
 
 
 class Attachment(SourceThing):
-    """How the link `child` hangs on the link `parent`: at `pose` in it at q = 0, moved by the joints one after the other. `name` is what
-    the source calls it; `rpy` [rad] are the angles that it states the pose with, if it does; `floating` where nothing holds the two
-    together, which the world alone may be a parent of."""
+    """The attachment of the link `child` to the link `parent`: at `pose` in it at q = 0, moved by the joints in sequence.
+
+    `name` is the name in the source; `rpy` [rad] are the angles of the pose as stated there, if they are. A `floating` child is not
+    attached; only the world may be its parent.
+    """
 
     parent: str
     child: str
@@ -206,7 +225,7 @@ class Attachment(SourceThing):
     floating: bool = False
 
     def turned(self) -> Attachment:
-        """The same, of at most one joint, with the parent hung on the child: q means what it did."""
+        """Return the reversed attachment, with the same q. It may have at most one joint."""
         joints = tuple(
             replace(
                 joint, anchor=self.pose.apply(joint.anchor),
@@ -217,7 +236,10 @@ class Attachment(SourceThing):
 
 
 class SourceLoop(SourceThing):
-    """What keeps a point, a frame, or an axis (z) of two links together, each given in its link; `equality` is its name in MJCF, if any."""
+    """A constraint between a point, a frame, or an axis (z) of two links, each given in its link.
+
+    `equality` is its name in MJCF, if any.
+    """
 
     kind: Literal["ball", "fixed", "continuous", "prismatic", "screw"]
     ends: tuple[tuple[str, Pose], tuple[str, Pose]]
@@ -226,7 +248,7 @@ class SourceLoop(SourceThing):
 
 
 class SourceAdhesion(SourceThing):
-    """What can pull a link onto what it touches, with a force [N] at most."""
+    """An adhesion: it pulls a link onto what it touches, with at most `force` [N]."""
 
     link: str
     force: float
@@ -234,14 +256,14 @@ class SourceAdhesion(SourceThing):
 
 
 class SourceTarget(FrozenStruct):
-    """A thing of the robot, by its name in the source."""
+    """A reference to an element by its name in the source."""
 
     kind: Literal["joint", "site", "tendon", "body", "geom", "actuator"]
     name: str
 
 
 class SourceAdded(SourceThing):
-    """An element of MuJoCo's that the language has no words for: the section that it stands in, its tag, `name` and attributes."""
+    """An element to add to the MuJoCo model, which documents cannot express: its section, tag, `name` and attributes."""
 
     section: Literal["contact", "equality", "actuator", "sensor"]
     tag: str
@@ -249,9 +271,11 @@ class SourceAdded(SourceThing):
 
 
 class SourceSensor(SourceThing):
-    """What is measured at a `site`, `seen_from` another, or of a `joint` or a `tendon` of that name, or seen from `pose` in a `link` with
-    an angle of view [rad]; `volume` is a shape and its size, as a `SourceShape` has it; `noise` and `cutoff` are by reading [SI]; `parts`
-    says for each sensor of the source which reading of it it is."""
+    """A sensor at a `site` (seen from another, `seen_from`), of a `joint` or `tendon`, or a camera at `pose` in `link`.
+
+    `fovy` is the vertical field of view [rad]; `volume` is a shape and its size, as in `SourceShape`; `noise` and `cutoff` are by reading
+    [SI]; `parts` are pairs of a sensor of the source and the reading that it is.
+    """
 
     kind: SensorType
     site: str | None = None
@@ -268,8 +292,10 @@ class SourceSensor(SourceThing):
 
 
 class SourcePose(SourceThing):
-    """A state that has a name: q of joints [rad or m, of a ball the unit quaternion w, x, y, z], and what controls its drives and adhesions
-    are at, by their names in the source; `at` is where the base is, if not where the robot stands."""
+    """A named state: q of joints [rad or m; unit quaternion w, x, y, z for a ball], and controls of drives and adhesions.
+
+    Both are by name in the source. `at` is the pose of the base if it is not that of the robot.
+    """
 
     q: Mapping[str, float | Quaternion]
     controls: Mapping[str, float]
@@ -277,7 +303,7 @@ class SourcePose(SourceThing):
 
 
 class SourceLoss(FrozenStruct):
-    """What a document does not say of the source: `what` it is, and `why` it is not there."""
+    """A loss: `what` of the source the document does not contain, and `why`."""
 
     what: str
     why: str
@@ -285,12 +311,13 @@ class SourceLoss(FrozenStruct):
 
 
 class SourceRobot(OneLineRepr, SourceThing):
-    """All that a reader has found. A robot stands with its link `root` at `pose` in the world; `links` and `hangings` are in the order of
-    the source. Links that are `excluded` never touch; `gravity` [m/s^2] where it is not 9.81 downwards; `simulation` as the language has
-    it, `options` as MuJoCo has what the language has not, by their paths, `added` whole elements; `order` lists the names of the actuators
-    and the sensors of the source, `free_joint` is the name of that of its base, if any; `files` are meshes that the source has
-    not in files of their own, by the names that shapes have for them, `mesh_folder` is where meshes are that are not where it names them,
-    seen from its file."""
+    """An imported robot, with its link `root` at `pose` in the world. `links` and `hangings` are in source order.
+
+    `excluded` are pairs of links that never touch. `gravity` [m/s^2] is None for 9.81 downwards. `simulation` are the options that
+    documents support; `options` are others of MuJoCo, by path; `added` are whole elements. `order` lists the names of actuators and sensors
+    in source order; `free_joint` is the name of the joint of a free base. `files` are meshes without a file of their own, by the URIs in
+    shapes; `mesh_folder` is a further folder of meshes, relative to the file.
+    """
 
     root: str
     links: tuple[SourceLink, ...]

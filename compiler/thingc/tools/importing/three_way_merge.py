@@ -1,8 +1,8 @@
-"""Two texts of one document that both come from a third, made one: key by key, each as it is written.
+"""Merge two versions of a document that derive from a common one, key by key, preserving text, layout and comments of `ours`.
 
-`base` is what an import wrote, `new` what it would write now, `ours` what a person has made of `base`. What only the source has changed is
-taken over, what the person has changed stays, and where both have, differently, that is a conflict, and the person's stays. Mappings
-are gone into, and lists of as many mappings in all three; everything else is one value. Layout and comments of `ours` stay.
+`base` is what an import wrote, `new` what it would write now, `ours` is `base` as edited by the user. Changes only in the source are
+applied, changes of the user stay. If both changed a value differently, this is a conflict, and the value of the user stays. Mappings are
+merged recursively, and so are lists of equally many mappings; everything else is one value.
 """
 
 from __future__ import annotations
@@ -18,28 +18,28 @@ from thingc.documents.load.text import Source
 
 MISSING: Any = object()
 NOTHING = "nothing"
-"""What stands, for people, where a document says nothing."""
+"""Text in reports for a missing value."""
 
 
 class Text(FrozenStruct):
-    """A document as it is written."""
+    """The text and the tree of a document."""
 
     source: Source
     tree: MappingNode
 
     def at(self, path: Path) -> Plain:
-        """What it says there; `MISSING` where that is nothing."""
+        """Return the value at a path, `MISSING` if there is none."""
         node = node_at(self.tree, path)
         return MISSING if node is None else node.plain()
 
     def written(self, path: Path) -> str:
-        """The same on one line, for people."""
+        """Return the text of the value at a path on one line, shortened."""
         node = node_at(self.tree, path)
         return NOTHING if node is None else shortened(inline(self, node))
 
 
 class Conflict(FrozenStruct):
-    """Both have changed what stands at `path`: what the person wrote, and what the source says now, on one line each."""
+    """A value that both have changed: that of the user, and that of the source, on one line each."""
 
     path: Path
     ours: str
@@ -47,8 +47,10 @@ class Conflict(FrozenStruct):
 
 
 class Merged(FrozenStruct):
-    """`text` is all of it; `taken` are the paths at which the source has changed something, each with what stood there and what does
-    now, `kept` those at which the person has."""
+    """The merged text.
+
+    `taken` are the paths that the source has changed, each with the old and the new value; `kept` are the paths that the user has changed.
+    """
 
     text: str
     taken: tuple[tuple[Path, str, str], ...]
@@ -57,22 +59,22 @@ class Merged(FrozenStruct):
 
 
 class MergeConflict(Exception):
-    """A document that is written so that the changes cannot be put into it; the message says where."""
+    """The merged text would be wrong, because of how the document is written; the message contains the path."""
 
 
 def read_text(path: str, text: str, report: Report) -> Text | None:
-    """None where it is no mapping, or not well-formed, which has been reported."""
+    """Parse a document. Returns None, after reporting it, if it is not a well-formed mapping."""
     tree = read_tree(path, text.encode(), report)
     return Text(source=Source(path, text), tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
 
 
 def shortened(text: str) -> str:
-    """At most eighty characters of a value."""
+    """Shorten a value to eighty characters."""
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 class Merge:
-    """Of two texts of one document that come from `base`."""
+    """Merges two texts that derive from `base`."""
 
     def __init__(self, base: Text, new: Text, ours: Text) -> None:
         self.base, self.new, self.ours = base, new, ours
@@ -82,11 +84,11 @@ class Merge:
         self.conflicts: list[Conflict] = []
 
     def merged(self) -> Merged:
-        """The one text. Raises `MergeConflict`."""
+        """Return the merged document. Raises `MergeConflict`."""
         expected = self._whole((), self.base.tree.plain(), self.new.tree.plain(), self.ours.tree.plain())
         text = self.ours.source.text
         parts, at, line_end = list[str](), 0, "\r\n" if "\r\n" in text else "\n"
-        for start, end, replacement in sorted(self.edits, key=lambda edit: edit[:2]):  # what is added, before what goes there
+        for start, end, replacement in sorted(self.edits, key=lambda edit: edit[:2]):  # at equal positions, insertions come first
             parts += [text[at:start], replacement.replace("\n", line_end)]
             at = end
         whole = "".join([*parts, text[at:]])
@@ -98,7 +100,7 @@ class Merge:
         return Merged(text=whole, taken=tuple(self.taken), kept=tuple(self.kept), conflicts=tuple(self.conflicts))
 
     def _whole(self, path: Path, base: Any, new: Any, ours: Any) -> Any:
-        """What stands at a path afterwards, told and done as far as it is not `ours`. Each may be `MISSING`."""
+        """Return the merged value at a path, and record the edit or conflict. All values may be `MISSING`."""
         if _alike(new, base) or _alike(new, ours):
             if not _alike(ours, base) and not _alike(new, ours):
                 self.kept += _changed(path, base, ours)
@@ -113,7 +115,7 @@ class Merge:
         return ours
 
     def _inside(self, path: Path, base: Any, new: Any, ours: Any, keys: Sequence[Any]) -> Any:
-        """The same of what all three have mappings (or lists) at."""
+        """Merge the entries of mappings or lists."""
         of = {key: tuple(_get(one, key) for one in (base, new, ours)) for key in keys}
         after = {key: self._whole((*path, key), *three) for key, three in of.items()}
         changed = [key for key in keys if not _alike(after[key], of[key][2]) and _keys(*of[key]) is None]
@@ -130,7 +132,7 @@ class Merge:
         return {key: value for key, value in after.items() if value is not MISSING}
 
     def _rewrite(self, path: Path, node: Node, keys: Sequence[Any], changed: Sequence[Any]) -> None:
-        """A mapping in braces, anew: values that stay as they are written."""
+        """Rewrite a flow mapping, with the text of unchanged values."""
         whole, inner = self.ours.source.range(node.span), []
         for key in keys:
             of = self.new if key in changed else self.ours
@@ -138,7 +140,7 @@ class Merge:
             assert one is not None
             start, end = of.source.range(one.span)
             text = of.source.text[start:end] if of is self.ours else inline(of, one)
-            if of is self.ours:  # with what has been changed further inside
+            if of is self.ours:  # apply and remove the edits inside of it
                 edits = [edit for edit in self.edits if start <= edit[0] and edit[1] <= end]
                 for edit in sorted(edits, reverse=True):
                     self.edits.remove(edit)
@@ -147,7 +149,7 @@ class Merge:
         self.edits.append((*whole, "{" + ", ".join(inner) + "}"))
 
     def _change(self, path: Path, key: Any, after: Any) -> None:
-        """An edit that sets, adds or takes out one entry of a mapping, or sets an item."""
+        """Add an edit that sets, adds or removes an entry of a mapping, or sets an item of a list."""
         mine, theirs = node_at(self.ours.tree, (*path, key)), node_at(self.new.tree, (*path, key))
         parent = node_at(self.ours.tree, path)
         assert parent is not None
@@ -172,7 +174,7 @@ class Merge:
             self.edits.append((self._start(first), self._start(last + 1), text))
 
     def _add(self, path: Path, parent: Node, key: Any) -> None:
-        """A new entry, behind the one behind which it stands in `new`, or before the first that follows there."""
+        """Insert a new entry after its predecessor in `new`, or at the beginning."""
         wanted = node_at(self.new.tree, path)
         assert isinstance(parent, MappingNode) and isinstance(wanted, MappingNode)
         order = list(wanted.entries)
@@ -184,7 +186,7 @@ class Merge:
         self.edits.append((start, start, text if ended else f"\n{text}"))
 
     def _entry(self, path: Path, parent: Node, key: Any) -> list[str]:
-        """The lines of an entry of `new`, with the comments above it, as far to the right as entries of `parent` are."""
+        """Return the lines of an entry of `new` with the comments above it, indented like the entries of `parent`."""
         wanted = node_at(self.new.tree, path)
         assert isinstance(parent, MappingNode) and isinstance(wanted, MappingNode)
         column = next(iter(parent.keys.values())).column
@@ -201,7 +203,7 @@ class Merge:
 
 
 def inline(text: Text, node: Node) -> str:
-    """A value on one line, its scalars as they are written."""
+    """Format a value on one line, with scalars as written."""
     match node:
         case ScalarNode():
             return text.source.text[slice(*text.source.range(node.span))]
@@ -212,15 +214,17 @@ def inline(text: Text, node: Node) -> str:
 
 
 def _alike(one: Any, other: Any) -> bool:
-    """Whether two values are the same; True and 1 are not."""
+    """Return whether two values are equal; True and 1 are not."""
     if one is MISSING or other is MISSING:
         return one is other
     return bool(one == other) and (type(one) is type(other) or not {bool} & {type(one), type(other)})
 
 
 def _keys(base: Any, new: Any, ours: Any) -> list[Any] | None:
-    """What to go into where all three have mappings, or as many of them in a list: keys in the order of `ours`, new ones last. A list of
-    numbers is one value: half of an axis and half of another are no axis."""
+    """Return the keys to merge if all three are mappings, or lists of equally many mappings; else None.
+
+    Keys are in the order of `ours`, new ones last. A list of numbers is one value: half an old axis and half a new one is not an axis.
+    """
     if all(isinstance(one, dict) for one in (base, new, ours)):
         return [*dict.fromkeys([*ours, *new, *base])]
     lists = [one for one in (base, new, ours) if isinstance(one, list) and all(isinstance(item, dict) for item in one)]
@@ -232,7 +236,7 @@ def _get(values: Any, key: Any) -> Any:
 
 
 def _changed(path: Path, base: Any, ours: Any) -> Iterator[Path]:
-    """Where two values differ, as deep as both have something to go into."""
+    """Yield the paths at which two values differ, as deep as possible."""
     keys = _keys(base, base, ours)
     if keys is None:
         yield path
@@ -248,14 +252,14 @@ def _is_flow(text: Text, node: Node) -> bool:
 
 
 def _is_block(text: Text, parent: Node | None, key: Any) -> bool:
-    """Whether the value of a key stands on lines of its own."""
+    """Return whether the value of a key is on lines of its own."""
     assert isinstance(parent, MappingNode)
     node = parent.entries[key]
     return not isinstance(node, ScalarNode) and not _is_flow(text, node)
 
 
 def _last_line(text: Text, node: Node) -> int:
-    """The line, from 0, on which a value ends."""
+    """Return the last line, from 0, of a value."""
     if isinstance(node, ScalarNode) or _is_flow(text, node):
         start, end = text.source.range(node.span)
         return text.source.line_at(start + len(text.source.text[start:end].rstrip()))
@@ -264,14 +268,14 @@ def _last_line(text: Text, node: Node) -> int:
 
 
 def _lines(text: Text, parent: Node, key: Any) -> tuple[int, int]:
-    """The first and last line, from 0, of an entry."""
+    """Return the first and last line, from 0, of an entry."""
     assert isinstance(parent, MappingNode)
     where: Span = parent.keys[key]
     return where.line - 1, max(where.line - 1, _last_line(text, parent.entries[key]))
 
 
 def _leading(text: Text, path: Path, key: Any) -> list[str]:
-    """The lines between an entry and the one before it: comments and blank lines; none of the first."""
+    """Return the lines between an entry and the previous one (comments and blank lines), none for the first entry."""
     parent = node_at(text.tree, path)
     assert isinstance(parent, MappingNode)
     order = list(parent.entries)

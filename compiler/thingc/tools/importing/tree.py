@@ -15,7 +15,7 @@ from thingc.tools.importing.source_model import Attachment, SourceLink, SourceRo
 Named = TypeVar("Named", SourceLink, Attachment)
 MOST_LINKS = 10_000
 MOST_BELOW = 496
-"""Bodies one in another, the first among them, of which MuJoCo reads models: 500 levels of XML."""
+"""Maximum nesting of bodies, including the first, that MuJoCo reads: 500 levels of XML."""
 
 
 def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: Span, report: Report) -> str | None:
@@ -65,7 +65,7 @@ def warn_of_depth(robot: SourceRobot, report: Report) -> None:
     while waiting:
         name, depth = waiting.pop()
         for one in below.get(name, ()):
-            joins = one.child in bare and all(other.joints for other in below.get(one.child, ()))  # such a link is no body there
+            joins = one.child in bare and all(other.joints for other in below.get(one.child, ()))  # intermediate links have no body
             there = depth + bool(one.joints and not joins)
             if there > MOST_BELOW:
                 report.warn(
@@ -139,7 +139,7 @@ def by_parent(hangings: Iterable[Attachment]) -> dict[str, list[Attachment]]:
 
 
 def downwards(root: str, hangings: Iterable[Attachment]) -> Iterator[Attachment]:
-    """Return the tree from the root on, each branch to its end, in the order of the source."""
+    """Yield the attachments of the tree from the root on, depth first, in the order of the source."""
     below = by_parent(hangings)
     waiting = [*reversed(below.get(root, ()))]
     while waiting:

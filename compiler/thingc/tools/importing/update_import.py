@@ -21,9 +21,11 @@ RECORD = "import.json"
 
 
 class PreviousImport(FrozenStruct):
-    """An import that lies in `folder`, an absolute path, of the `robot` of that name in a file called `source`: the `document` (its file)
-    and its `text` as they were written, the SHA-256 of the meshes, what things of the source were called, and the roots and the repair
-    that were asked for."""
+    """A previous import in `folder` (absolute path), of `robot` in the file `source`.
+
+    `document` (file name) and its `text` are as written then; `meshes` are SHA-256 by file; `links` and `joints` are names in the document
+    by name in the source; `roots` and `repair` are the options of the import.
+    """
 
     folder: str
     source: str
@@ -100,7 +102,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
         return None
     try:
         one = Merge(*texts).merged()
-        if ours == earlier.text:  # with the comments of now
+        if ours == earlier.text:  # use the new comments
             one = replace(one, text=new)
     except MergeConflict as fault:
         report.add(Code.SOURCE_CONFLICT, f"the changes cannot be merged: {fault}", None, help="write it in plain form, and import again")

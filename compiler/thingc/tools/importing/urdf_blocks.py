@@ -1,5 +1,7 @@
-"""What URDF files say to the programs that read them: `<gazebo>`, `<transmission>`, `<ros2_control>` and `<mujoco>`. What a document can
-say is taken, and every other element is a loss with its reason; what only tells a program how to read the file loses nothing."""
+"""Read the blocks of URDF files for other programs: `<gazebo>`, `<transmission>`, `<ros2_control>` and `<mujoco>`.
+
+Elements that a document cannot express are losses with a reason. Elements that only control how a program reads the file are ignored.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ from thingc.tools.importing.xml_values import Values
 
 TAGS = ("gazebo", "transmission", "ros2_control", "mujoco")
 KEPT = {"preserveFixedJoint", "disableFixedJointLumping", "provideFeedback", "canonicalBody"}
-"""Elements of Gazebo without which nothing would be lost: links that are fixed to others are there in any case."""
+"""Elements of Gazebo that are ignored without a loss, because links that are fixed to others are always kept."""
 WHY = {
     **dict.fromkeys(("kp", "kd", "maxVel", "minDepth", "maxContacts"), "how stiff a contact is, its simulator says"),
     **dict.fromkeys(("gravity", "turnGravityOff"), "all links have the mode's gravity"), "fdir1": "friction has no direction",
@@ -25,27 +27,27 @@ WHY = {
 }
 COMMANDS = ("position", "velocity", "effort")
 ONLY_READING = {"angle", "fusestatic", "discardvisual", "strippath", "meshdir", "assetdir", "convexhull", "balanceinertia", "autolimits"}
-"""Attributes of MuJoCo's `<compiler>` that say how it reads the file."""
+"""Attributes of MuJoCo's `<compiler>` that only control how it reads the file."""
 
 
 SENSORS: dict[str, Literal["imu", "camera"]] = {"imu": "imu", "imu_sensor": "imu", "camera": "camera"}
 LOOKING = Pose(rotation=((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
-"""A mount that a camera looks along, z, in a frame of Gazebo's, along whose x it looks; y is up here, and z there."""
+"""The mount of a camera in a frame of Gazebo. Gazebo looks along x with z up, a document along z with y up."""
 MOST_VIEW = math.radians(179.0)
-"""Of a camera, from bottom to top."""
+"""Maximum vertical field of view of a camera [rad]."""
 FIELD_OF_VIEW, WIDTH, HEIGHT = 1.047, 320.0, 240.0
-"""Of a camera, as SDF has them where a file says nothing: from left to right [rad], and its picture."""
+"""SDF's defaults of a camera: horizontal field of view [rad], width and height of the image [px]."""
 
 
 class Blocks:
-    """All blocks of a robot. What is not read of them is a loss, and what is not a number is reported.
+    """The blocks of a robot. Unsupported elements are losses, and invalid numbers are reported.
 
     Attributes:
-        friction: The sliding friction of links, by their names.
-        free: Whether Gazebo is told that the robot is not static: nothing fixes its base to the world.
-        sensors: By name, each with its pose in its link.
-        driven: The joints that something drives; None if nothing says which.
-        meshes: The folder in which MuJoCo looks for meshes, if it is stated.
+        friction: The sliding friction by name of the link.
+        free: Whether Gazebo's `<static>` is false, so that the base is not fixed to the world.
+        sensors: The sensors by name, with poses in their links.
+        driven: The joints with a drive; None if the file has no blocks that define drives.
+        meshes: The folder in which MuJoCo looks for meshes, None if not stated.
     """
 
     def __init__(self, root: SourceElement, values: Values, losses: Losses) -> None:
@@ -113,7 +115,7 @@ class Blocks:
             self.losses.note(f"rate, noise and plugins of {what}", "a sensor here says what it is and where", element.where)
 
     def _fovy(self, element: SourceElement) -> float:
-        """From bottom to top, of the angle from left to right and the shape of the picture."""
+        """Return the vertical field of view [rad], from the horizontal one and the size of the image."""
         cameras = [*element.all("camera")]
         images = [image for camera in cameras for image in camera.all("image")]
         sizes = [FIELD_OF_VIEW, WIDTH, HEIGHT]
@@ -123,11 +125,11 @@ class Blocks:
         return 2.0 * math.atan(math.tan(min(sizes[0], 3.1) / 2.0) * sizes[2] / sizes[1])
 
     def _number(self, element: SourceElement) -> float | None:
-        """As the text of an element, or its `value`."""
+        """Read a number from the text of an element, or from its attribute `value`."""
         return self.values.number_of(element, element.attributes.get("value", element.text), f"`<{element.tag}>`")
 
     def _from_zero(self, element: SourceElement) -> float | None:
-        """Such a number that is not below 0."""
+        """Read a number that is at least 0."""
         number = self._number(element)
         if number is not None and number < 0.0:
             self.values.fault(element, None, f"`<{element.tag}>`: expected a number at least 0, found {number:g}")
@@ -135,7 +137,7 @@ class Blocks:
         return number
 
     def _is_joint(self, name: str, block: SourceElement) -> bool:
-        """Whether what drives a joint drives one of the robot."""
+        """Return whether the driven joint exists; if not, report it."""
         joints = [one.attributes.get("name", "") for one in self.root.all("joint")]
         if name not in joints:
             self.losses.note(f"what drives joint `{name}`", "there is no such joint", block.where)
@@ -144,7 +146,7 @@ class Blocks:
         return name in joints
 
     def _transmitted(self) -> Iterator[tuple[str, SourceElement]]:
-        """The joints that transmissions move, and where they say so."""
+        """Yield the joints of transmissions, with their elements."""
         for block in self.root.all("transmission"):
             faces = [one.text for part in block.children for one in part.all("hardwareInterface")]
             for joint in block.all("joint"):
@@ -157,7 +159,7 @@ class Blocks:
             self._rest((one for one in block.children if one.tag not in ("joint", "actuator", "type")), "of `<transmission>`")
 
     def _controlled(self) -> Iterator[tuple[str, SourceElement]]:
-        """The joints that `<ros2_control>` can command, and where it says so."""
+        """Yield the joints that `<ros2_control>` commands, with their elements."""
         for block in self.root.all("ros2_control"):
             for joint in block.all("joint"):
                 name, commands = joint.attributes.get("name", ""), [*joint.all("command_interface")]
@@ -170,7 +172,7 @@ class Blocks:
             self._rest((one for one in block.children if one.tag != "joint"), "of `<ros2_control>`")
 
     def _interfaces(self, name: str, kinds: set[str], joint: SourceElement) -> None:
-        """A joint is a motor: gains of the loop around it are in no URDF."""
+        """Record that a joint commanded by position or velocity becomes a motor, since URDF has no gains of controllers."""
         if kinds & {"position", "velocity"} and "effort" not in kinds:
             kind = "position" if "position" in kinds else "velocity"
             what = f"that joint `{name}` is commanded by its {kind}"

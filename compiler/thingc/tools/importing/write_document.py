@@ -1,10 +1,9 @@
-"""The document of a robot that was read: short, in the order of the tree, in canonical layout.
+"""Write the document of an imported robot: short, in tree order, in canonical layout.
 
-A link is a component of its name: a `link` with its shapes, or a `frame` where it has none. One that weighs nothing, shows nothing and
-carries nothing is a mount of the component that it is fixed to, exported by its name, so that a document around this one can put something
-there. A joint stands between two mounts of its name, or the origin of a component, which coincide at q = 0 as in the source, and has the
-`axis` of the source; that of a planar one is z of the parent's mount, and its child's, as that of a ball, is turned so that frame lies on
-frame (`MATE`).
+A link becomes a component of its name: a `link` with shapes, or a `frame` without. A fixed link without mass, shapes and children becomes a
+mount of its parent, exported by its name, so that other documents can attach something there. A joint connects two mounts with its name, or
+origins of components, which coincide at q = 0 as in the source, and has the `axis` of the source. The axis of a planar joint is z of the
+parent's mount. The child's mount of a planar joint or ball is turned (`MATE`) so that the frames coincide.
 """
 
 from __future__ import annotations
@@ -25,17 +24,17 @@ from thingc.tools.importing.update_import import PreviousImport
 
 _ALIGNED = 1e-12
 ROUNDED = 1e-15
-"""Products of inertia below it, of the largest moment, are rounding of whoever worked them out."""
+"""Products of inertia below this fraction of the largest moment are rounding errors."""
 FACING = ("planar", "ball")
-"""Kinds of joints whose mounts face each other: they have no one axis."""
+"""Kinds of joints whose mounts face each other, since they have no single axis."""
 FRICTION = ("slide", "torsion", "roll")
 SAY_THEIR_UNIT = (".dae", ".glb")
 UNITS: dict[tuple[float, ...], str] = {(1.0, 1.0, 1.0): "m", (0.01, 0.01, 0.01): "cm", (0.001, 0.001, 0.001): "mm"}
-"""Scales of a mesh, whose numbers a source takes for metres, that are a unit."""
+"""Scales of a mesh that correspond to a unit."""
 
 
 class WrittenDocument(FrozenStruct):
-    """A document: its name, its text, and what the things of the source are called in it, by their kinds."""
+    """A written document: its name, its text, and the names of elements in it by kind and by name in the source."""
 
     name: str
     text: str
@@ -43,9 +42,11 @@ class WrittenDocument(FrozenStruct):
 
 
 class DocumentWriter(DocumentNaming):
-    """Of the document of a robot, with a mode `source` and one for each link of `roots`, which are links of it; `origin` says where it is
-    from, in its first line, `repaired` how the weight of some links was changed, and `meshes` where the files are that shapes name: those
-    that are not there are left out. What an `earlier` import has named keeps its name."""
+    """Writes the document of a robot, with a mode `source` and one for each of `roots`, which are links.
+
+    `origin` is the source that the first line names, `repaired` maps repaired links to the method, `meshes` maps meshes to files: others
+    are left out. Elements of an `earlier` import keep their names.
+    """
 
     def __init__(
         self, robot: SourceRobot, roots: Sequence[str], origin: str, repaired: Mapping[str, str], meshes: Mapping[str, str],
@@ -55,7 +56,7 @@ class DocumentWriter(DocumentNaming):
         self.roots, self.origin, self.repaired = roots, origin, repaired
 
     def written(self) -> WrittenDocument:
-        """The text in canonical layout."""
+        """Return the document in canonical layout."""
         text = "\n".join((
             f"# From {self.origin}. What is not in it is listed in import.json.", "thingc: assembly/1", f"name: {self.name}", "",
             *self._components(), "", *self._joints(), *tendon_lines(self), *self._shown(), *mode_lines(self, self.roots),
@@ -85,14 +86,14 @@ class DocumentWriter(DocumentNaming):
             if mounts:
                 yield "    mounts:"
                 yield from (f"      {word}: {{{pose}}}{comment}" for word, pose, comment in mounts)
-            if name in self.points:  # a mass alone would be spread over the shapes
+            if name in self.points:  # on the link, the mass would be distributed over the shapes
                 yield f"  {self.points[name]}:  # the mass of the link, which has no inertia in the source"
                 yield "    frame: true"
                 yield from self._weight(link)
                 yield f"    at: {{in: {self.links[name]}.origin}}"
 
     def _weight(self, link: SourceLink, *, shapes: bool = False) -> Iterator[str]:
-        """What a link weighs; the centre of one with shapes is that of the shapes unless it is written."""
+        """Yield the mass properties of a link. If it has shapes, `com` is always written, since the default is the centre of the shapes."""
         if link.weight is None:
             return
         of = link.weight.properties
@@ -112,7 +113,7 @@ class DocumentWriter(DocumentNaming):
             yield from _mapping("inertia", {"value": f"{{{_entries(said)}}}", "source": "repaired"} if mended else said)
 
     def _shapes(self, link: SourceLink) -> Iterator[str]:
-        """The items of a list; one that is drawn and touches alike stands there once."""
+        """Yield the items of `shapes`. A visual shape with an equal collision shape is one item."""
         for shape, touch in self.items(link):
             said = [self._geometry(shape), *([f"at: {{{pose}}}"] if (pose := pose_words(shape.pose, shape.rpy)) else [])]
             said += [] if shape.use == "visual" and touch is not None else [f"for: {shape.use}"]
@@ -136,8 +137,9 @@ class DocumentWriter(DocumentNaming):
         return f"mesh: {path}, unit: {unit}"
 
     def _mounts(self, name: str) -> Iterator[tuple[str, str, str]]:
-        """Of a link, each with its place and a comment: the mount of the joint that it hangs on, those of joints behind it, links that are
-        mounts, and those of sites, loops, magnets, and of what tendons go around and cameras where no other mount is."""
+        """Yield the mounts of a link with pose and comment: of joints, links that are mounts, sites, loops and magnets, and of shapes of
+        tendons and cameras unless another mount has the same place.
+        """
         above = self.above.get(name)
         for joint in above.joints if above is not None else ():
             if child := _child_mount(joint):
@@ -225,7 +227,7 @@ class DocumentWriter(DocumentNaming):
             yield from _mapping("drive", drive_words(joint.drive, turns))
 
     def _shown(self) -> Iterator[str]:
-        """Mounts that the document exports."""
+        """Yield the mounts that the document exports."""
         if self.frames or self.sites:
             yield "mounts:"
             yield from (f"  {word}: {self.links[self.above[name].parent]}.{word}" for name, word in self.frames.items())
@@ -235,7 +237,7 @@ class DocumentWriter(DocumentNaming):
 
 
 def _unit(mine: str, other: str, power: int) -> str:
-    """Of a coefficient of a polynomial: units of the joint by that power of those of the other."""
+    """Return the unit of a coefficient of a polynomial: that of the joint, divided by a power of that of the other joint."""
     if mine == other:
         return {0: mine, 1: ""}.get(power, f"{mine}^-{power - 1}")
     return {0: mine, 1: f"{mine}/{other}"}.get(power, f"{mine}/{other}^{power}")
@@ -251,24 +253,24 @@ def _entries(values: Mapping[str, str]) -> str:
 
 
 def _parent_mount(one: Attachment, joint: SourceJoint) -> str:
-    """Where a joint is on the link that carries it."""
+    """Return the pose of the mount of a joint on its parent."""
     onto = _onto(joint)
     return pose_words(one.pose @ shifted(*joint.anchor) @ onto, one.rpy if onto == NO_POSE else None)
 
 
 def _child_mount(joint: SourceJoint) -> str:
-    """Where it is on the link that it moves."""
+    """Return the pose of the mount of a joint on its child."""
     return pose_words(shifted(*joint.anchor) @ _onto(joint) @ (MATE if joint.kind in FACING else NO_POSE))
 
 
 def _onto(joint: SourceJoint) -> Pose:
-    """What takes z to the axis of a planar joint; other joints have an axis of their own."""
+    """Return the rotation from z to the axis of a planar joint; the identity for other joints, which have an `axis`."""
     axis = _clean(joint.axis)
     return NO_POSE if joint.kind != "planar" or axis == (0.0, 0.0, 1.0) else along(axis, (0.0, 0.0, 0.0))
 
 
 def _clean(axis: Vector) -> Vector:
-    """A unit vector; along one of the axes without digits that are not 0 or 1."""
+    """Remove rounding errors from a unit vector that is almost along one of the axes."""
     x, y, z = (0.0 if abs(one) < _ALIGNED else one for one in axis)
     if sum(map(bool, (x, y, z))) == 1:
         x, y, z = (math.copysign(1.0, one) if one else 0.0 for one in (x, y, z))

@@ -1,8 +1,10 @@
-"""A process that expands one xacro file, and ends. xacro evaluates Python of the file, so a child does that, confined like part code. It
-can change only a temporary folder, read only the robot's folder and known packages, and run no program. Nothing that it starts outlives it.
+"""A process that expands one xacro file.
 
-Every element of a file carries its place as an attribute before xacro sees it; macros copy it with the element, so that what comes out says
-where each element was written.
+xacro evaluates Python expressions of the file, so a sandboxed child does this. It can write only to a temporary folder, read only the
+robot's folder and known packages, and run no program; all processes that it starts end with it.
+
+Before xacro reads a file, every element gets an attribute with its location. Macros copy it, so the output has the location of each
+element.
 """
 
 from __future__ import annotations
@@ -24,12 +26,15 @@ from thingc.tools.importing.xml_source import MARK, utf8_of
 
 BYTES = 2_000_000_000
 FILE_BYTES = 1_000_000
-"""Of memory, and of each temporary file, xacro's messages included."""
+"""Limits of memory and of each temporary file, including xacro's messages."""
 
 
 def main() -> int:
-    """From a line of JSON (`path`, `packages`, `arguments`, `seconds` of the processor, and a `timeout` by the clock) to one: `text`,
-    `files` and `packages` that were found; or a `fault` with its `file` and `line`; or how the child `failed`."""
+    """Read a request as a line of JSON from standard input, and print the answer as a line of JSON.
+
+    The request has `path`, `packages`, `arguments`, `seconds` of CPU time, and `timeout` [s]. The answer has `text`, `files` and
+    `packages`; or a `fault` with its `file` and `line`; or `failed`, with the reason why the child ended.
+    """
     asked = json.loads(sys.stdin.readline())
     packages = Packages(asked["path"], asked["packages"], os.environ)
     readable = [*filter(os.path.isdir, (*packages.readable(), *sys.path, sys.prefix, sys.base_prefix, "/lib", "/lib64", "/usr/lib"))]
@@ -44,13 +49,15 @@ def main() -> int:
 
 
 def is_plausible(answer: Mapping[str, Any], readable: Sequence[str]) -> bool:
-    """Whether an answer, which code of the file may have forged, names only files that it may read: they are read again, unconfined."""
+    """Return whether an answer names only files that the source may read: code of the file may have forged it, and they are read again
+    outside of the sandbox.
+    """
     files = [*answer.get("files", ()), *filter(None, [answer.get("file")])]
     return all(os.path.isfile(one) and any(within(one, folder) for folder in readable) for one in files)
 
 
 def _expand(asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Expand the file, in the child."""
+    """Expand the file in the child."""
     resource.setrlimit(resource.RLIMIT_CPU, (asked["seconds"], asked["seconds"]))
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES, FILE_BYTES))
@@ -65,7 +72,7 @@ class _Expanding:
         self.found: dict[str, str] = {}
 
     def expanded(self, arguments: dict[str, str]) -> dict[str, object]:
-        """The answer."""
+        """Return the answer."""
         import xacro
         from xacro import substitution_args
 
@@ -82,7 +89,7 @@ class _Expanding:
             return {"fault": "it needs too much memory", "file": self.path, "line": 1}
         except RecursionError:
             return {"fault": "it calls itself endlessly", "file": self.path, "line": 1}
-        except Exception as fault:  # whatever expressions of others raise
+        except Exception as fault:  # expressions may raise anything
             said, root = str(fault), fault
             while isinstance(getattr(root, "exc", None), Exception):
                 root = root.exc  # type: ignore[attr-defined]
@@ -96,8 +103,7 @@ class _Expanding:
             return {"fault": said, "file": file, "line": line}
 
     def _place(self, top: str, said: str) -> tuple[str, int]:
-        """The file and line in which an expression, or a name, stands first that the message quotes; the first line of `top`, the file that
-        is being expanded, where there is none."""
+        """Return the file and line that first contains an expression or name quoted in the message, else the first line of `top`."""
         quoted = sorted({one or other for one, other in re.findall(r"'([^']+)'|`([^`]+)`", said)}, key=len, reverse=True)
         files = list(dict.fromkeys([top, *self.files]))
         texts = {}
@@ -112,7 +118,7 @@ class _Expanding:
         return top, 1
 
     def _find(self, name: str) -> str:
-        """`$(find NAME)`."""
+        """Evaluate `$(find NAME)`."""
         try:
             self.found[name] = self.packages.package(name)
         except NotFound as fault:
@@ -120,7 +126,7 @@ class _Expanding:
         return self.found[name]
 
     def _parse(self, text: object, filename: str) -> Any:
-        """As `xacro.parse` does it, with the places."""
+        """Parse like `xacro.parse`, and add locations."""
         from xml.dom import minidom
 
         import xacro

@@ -1,4 +1,4 @@
-"""Numbers, vectors and words in attributes of XML, and the shapes that they make. A wrong value is reported at its place."""
+"""Read numbers, vectors, names and shapes from XML attributes. Invalid values are reported at their location."""
 
 from __future__ import annotations
 
@@ -21,53 +21,54 @@ NOT_FINITE = {"nan", "inf", "infinity"}
 
 
 class Values:
-    """Reads attributes of elements; faults go to `report`, and what is wrong is read as if it were not there."""
+    """Reads attributes of elements. Errors are reported, and invalid values are treated as missing."""
 
     def __init__(self, report: Report) -> None:
         self.report = report
 
     def written(self, element: SourceElement, key: str) -> str | None:
-        """The text of a value of an element; None where it is not written."""
+        """Return the text of a value; None if missing."""
         return element.attributes.get(key)
 
     def place(self, element: SourceElement, key: str) -> Span:
-        """Where that text stands."""
+        """Return the location of a value."""
         return element.place(key)
 
     def example(self, key: str, text: str) -> str:
-        """How it is written."""
+        """Format a value as an example."""
         return f'{key}="{text}"'
 
     def fault(self, element: SourceElement, attribute: str | None, message: str, help: str | None = None) -> None:
-        """Say what is wrong with an element, or with an attribute of it."""
+        """Report an error in an element or one of its attributes."""
         where = element.where if attribute is None else self.place(element, attribute)
         self.report.add(Code.SOURCE_VALUE, message, where, help=help)
 
     def word(self, element: SourceElement, attribute: str) -> str | None:
-        """A name that must be there."""
+        """Read a required name; None after an error."""
         text = (self.written(element, attribute) or "").strip()
         if not text:
             self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", f"write {self.example(attribute, '...')}")
         return text or None
 
     def own_name(self, element: SourceElement, link: str, suffix: str) -> str | None:
-        """The `name` of a shape of a link, unless it is one that files of thingc have for unnamed shapes: the link's with a `suffix`, a
-        pattern, and numbers."""
+        """Return the `name` of a shape of a link; None if it is the default name that thingc writes: the name of the link, `suffix` (a
+        pattern), and numbers.
+        """
         name, links = element.attributes.get("name", "").strip(), "|".join(map(re.escape, (link, plain_name(link, "link"))))
         return None if re.fullmatch(rf"(({links}){suffix})?(_\d+)*", name) else name
 
     def number(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
-        """A finite number; `default` where it is not written, and where that is None a fault."""
+        """Read a finite number. If it is missing, return `default`, or report that if it is None."""
         values = self.numbers(element, attribute, 1, None if default is None else (default,))
         return None if values is None else values[0]
 
     def vector(self, element: SourceElement, attribute: str, default: Vector = (0.0, 0.0, 0.0)) -> Vector:
-        """Three numbers; `default` where they are not written, or wrong."""
+        """Read three numbers; `default` if they are missing or invalid."""
         x, y, z = self.numbers(element, attribute, 3, default) or default
         return (x, y, z)
 
     def number_of(self, element: SourceElement, text: str, what: str) -> float | None:
-        """The finite number that is the text of an element; `what` it is."""
+        """Parse a text of an element as a finite number; `what` names it in the error. None after an error."""
         number = float(text) if _NUMBER.fullmatch(text) else math.nan
         if not math.isfinite(number):
             self.fault(element, None, f"{what}: expected a number, found {f'`{text}`' if text else 'nothing'}")
@@ -77,7 +78,7 @@ class Values:
     def numbers(
         self, element: SourceElement, attribute: str, count: int, default: tuple[float, ...] | None = None,
     ) -> tuple[float, ...] | None:
-        """So many finite numbers; None where they are wrong, or missing without a default."""
+        """Read `count` finite numbers; None, reported, if they are invalid, or missing without a default."""
         text = self.written(element, attribute)
         if text is None:
             if default is None:
@@ -133,7 +134,7 @@ class Values:
         return Pose(translation=xyz, rotation=self.rotation(origin, "quat_xyzw", quaternion)), None
 
     def rotation(self, element: SourceElement, attribute: str, quaternion: Sequence[float]) -> Matrix:
-        """The rotation of a quaternion x, y, z, w of any length. Zero is reported."""
+        """Convert a quaternion x, y, z, w of any length to a rotation. Zero is reported."""
         length = hypot(*quaternion)
         if length == 0.0:
             self.fault(element, attribute, "the quaternion of this pose is 0 0 0 0, which is not a rotation", "write 0 0 0 1")
@@ -142,15 +143,17 @@ class Values:
         return rotation_of((w, i, j, k))
 
     def one(self, element: SourceElement, tag: str) -> SourceElement | None:
-        """The element in another that is called so; None where there is none. A second one is a fault."""
+        """Return the child element with this tag; None if there is none. A second one is reported."""
         first, *others = [*element.all(tag), None]
         if first is not None and len(others) > 1 and others[0] is not None:
             self.fault(others[0], None, f"a second `<{tag}>` in this `<{element.tag}>`", "remove one of the two")
         return first
 
     def shape(self, element: SourceElement, form: SourceElement, file: str, pose: Pose, losses: Losses) -> SourceShape | None:
-        """A `<visual>` or `<collision>` whose geometry is the element `form`, in its link, with a mesh named by `file`; None where that is
-        wrong, and where it has no volume, which is lost."""
+        """Read a `<visual>` or `<collision>` with the geometry `form`; `file` is the attribute with its mesh.
+
+        None if it is invalid, or has no volume, which is a loss.
+        """
         sized, mesh = self._sized(form), self.word(form, file) if form.tag == "mesh" else None
         if sized is None or form.tag == "mesh" and mesh is None:
             return None
@@ -162,8 +165,7 @@ class Values:
         return SourceShape(kind=kind, use=use, size=size, pose=pose, where=form.where, mesh=mesh)
 
     def _sized(self, form: SourceElement) -> tuple[ShapeKind, Sizes] | None:
-        """What an element of `<geometry>` is, and how large [m], as formats after URDF have them; None where that is wrong, and for what
-        they have not."""
+        """Read the kind and size [m] of a geometry; None if it is invalid or unsupported."""
         match form.tag:
             case "box" | "ellipsoid":
                 key = "size" if form.tag == "box" else "radii"
@@ -183,8 +185,10 @@ class Values:
         return None
 
     def inertia(self, element: SourceElement, mass: float, pose: Pose, *, usual: float = 0.0) -> MassProperties:
-        """Of six values `ixx` ... `izz` [kg m^2] about the centre, in the axes of `pose`, what a body of that mass is in the frame of the
-        link; `usual` is a moment that is not written."""
+        """Read `ixx` ...
+
+        `izz` [kg m^2] about the centre in the axes of `pose`, and convert them to the frame of the link. `usual` is the default of moments.
+        """
         six = {
             key: self.number(element, key, usual if key[1] == key[2] else 0.0) or 0.0 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
         }
@@ -194,18 +198,18 @@ class Values:
 
 
 class ChildValues(Values):
-    """Of elements that state values as the text of elements in them, as SDF does, and names as attributes."""
+    """Reads values that are the text of child elements, as in SDF; names are attributes."""
 
     def written(self, element: SourceElement, key: str) -> str | None:
-        """The text of the element of that name, else the attribute."""
+        """Return the text of the child element, else of the attribute."""
         child = next(element.all(key), None)
         return element.attributes.get(key) if child is None else child.text
 
     def place(self, element: SourceElement, key: str) -> Span:
-        """The start tag of that element, else the attribute."""
+        """Return the start tag of the child element, else the location of the attribute."""
         child = next(element.all(key), None)
         return element.place(key) if child is None else child.where
 
     def example(self, key: str, text: str) -> str:
-        """As an element, but for names."""
+        """Format the example as an element; names and types as an attribute."""
         return super().example(key, text) if key in ("name", "type") else f"<{key}>{text}</{key}>"

@@ -1,1 +1,1 @@
-"""A document while somebody works on it: built again after every save, and shown in a browser."""
+"""Live view of a document: rebuild it after every save and show it in a browser."""

@@ -1,8 +1,7 @@
-"""A document built again whenever something that it depends on was saved, by workers that have the kernel loaded.
+"""Rebuild a document whenever a file that it depends on is saved, with workers that have loaded the kernel.
 
-Everything is what a single build does (`building`); a round only begins with what the last one has left: the answers of pure functions
-(`memo`), and the geometry service as long as no file that parts depend on has changed. A round whose files change under it is not
-written: the next one begins at once.
+A round does the same as a single build, but reuses the cached results of pure functions (`memo`), and the geometry service unless files of
+parts have changed. If files change during a round, its result is dropped, and the next round begins at once.
 """
 
 from __future__ import annotations
@@ -32,25 +31,27 @@ from thingc.geometry.store.local import BlobMissing, Store
 from thingc.targets.artifact import MANIFEST, Content
 
 PAUSE = 0.01
-"""Between two looks at the files [s]."""
+"""Polling interval [s]."""
 QUIET = 0.03
-"""How long [s] nothing may have been saved before a round begins: editors write in pieces, and many files at once."""
+"""Time [s] without saves before a round begins, since editors write in several steps and several files at once."""
 IMPATIENT = 1.0
-"""How long [s] a round goes on whatever is saved: after that a save ends workers that still model what stood there before."""
+"""Time [s] for which saves do not interrupt a round. Later, a save ends workers that still build the old version."""
 ABSENT = 0.3
-"""How long [s] to wait for a file that is gone or empty all of a sudden: who writes it anew will be done then."""
+"""Time [s] to wait for a file that is suddenly missing or empty, which is probably being replaced."""
 CLOCK = 0.02
-"""By how much [s] the time of a save may lie before it: file systems count in ticks."""
+"""Tolerance [s] of file times, which have a limited resolution."""
 
 
 class Rebuild(FrozenStruct):
-    """What came of one save. `saved` are the absolute paths of the files that had changed (none in the first round), `seconds` how long it
-    took from when they were quiet; `good`: it has no errors; `folder` is the build folder that was written (None with errors: it is as
-    it was; and where nothing is written at all), `built` the rest of what came of it, where it came so far. `changed` are the artifacts,
-    by path in the folder, that are others than in the last good round, or are gone; `mended`: the last round had errors, and this one
-    has none; `kept`: it has errors, and what stands is of an earlier round. `modelled` are the definition texts of the parts that were
-    modelled for it, also while it was given up and begun anew, with what they are called in the document's units; `kernel` is how long [s]
-    of `seconds` parts were modelled, from when their classes were there."""
+    """The result of one round.
+
+    `saved` are the absolute paths of the changed files (none in the first round). `seconds` is the duration from when they were quiet.
+    `good`: there are no errors. `folder` is the build folder written, None after errors or if nothing is to be written. `built` is the
+    build result, if the build got that far. `changed` are the artifacts, by path in the folder, that differ from the last good round or are
+    gone. `mended`: the last round had errors, this one has none. `kept`: this round has errors, and the folder is that of an earlier round.
+    `modelled` are the definition texts of the parts that were built, including interrupted attempts, with their labels. `kernel` is the
+    part of `seconds` during which parts were built.
+    """
 
     number: int
     saved: tuple[str, ...]
@@ -67,11 +68,11 @@ class Rebuild(FrozenStruct):
 
 
 class RebuildLoop:
-    """One document and its rounds. A context manager: leaving it ends the workers.
+    """A document and its rounds. A context manager that ends the workers on exit.
 
-    `wish` is asked in every round (what the workspace says may have changed): it gives what to build, or what is wrong with that. `refused`
-    puts an exception into words. `on_wait` hears that another build of the folder is waited for. Unless it `writes`, everything is done
-    but that. `turn` is held in every round: of several documents that are followed by threads of one process one is compiled at a time.
+    `wish` returns the build request, or errors, in every round, since settings of the workspace may change. `refused` converts an exception
+    to a diagnostic. `on_wait` is called if another build of the folder is in progress. Unless it `writes`, no folder is written. `turn` is
+    held during every round, so that threads for several documents take turns.
     """
 
     def __init__(
@@ -111,7 +112,7 @@ class RebuildLoop:
         self._workers.end()
 
     def rounds(self, stop: threading.Event) -> Iterator[Rebuild]:
-        """The first round, then one after every save, until `stop` is set."""
+        """Yield the first round, then one after every save, until `stop` is set."""
         saved: tuple[str, ...] = ()
         first = True
         for files in looks(self._watched.changed, stop, PAUSE):
@@ -122,12 +123,12 @@ class RebuildLoop:
                 saved = self._settled(saved)
             with self._turn:
                 made, more = self._round(saved)
-            if more:  # saved again meanwhile: what was read may be of both
+            if more:  # saved during the round, which may have read both versions
                 saved = tuple(dict.fromkeys((*saved, *more)))
                 continue
             self._modelled = {}
             yield made
-            if first:  # what the next round will need is made ready while nobody waits
+            if first:  # prepare what the next round needs
                 if made.built is not None and made.built.compilation.decisions:
                     self._workers.warm()
                 for module in self.options.ahead:
@@ -136,14 +137,16 @@ class RebuildLoop:
             gc.collect()
 
     def _small(self, saved: tuple[str, ...]) -> bool:
-        """Whether it is one document that was saved, or one file that parts depend on: what has been found out of it by the time that
-        nothing more has come for a while is most often what is wanted."""
+        """Return whether a single document or file of parts was saved, and is not empty.
+
+        Then the round begins without waiting for quiet.
+        """
         one = saved[0] if len(saved) == 1 else ""
         of_parts = self._geometry is not None and one in self._geometry.inputs
         return (one in self._documents or of_parts) and (_time_and_size(one) or (0.0, 0))[1] > 0
 
     def _settled(self, saved: tuple[str, ...]) -> tuple[str, ...]:
-        """What was saved, when nothing has been for a while."""
+        """Wait until nothing has been saved for a while; return all saved files."""
         began = time.monotonic()
         while True:
             absent = any((_time_and_size(path) or (0.0, 0))[1] == 0 for path in saved) and time.monotonic() - began < ABSENT
@@ -153,10 +156,10 @@ class RebuildLoop:
             saved = tuple(dict.fromkeys((*saved, *self._watched.changed())))
 
     def _round(self, saved: tuple[str, ...]) -> tuple[Rebuild, tuple[str, ...]]:
-        """What comes of the document now, and what was saved while it was looked at: then nothing has been written."""
+        """Run one round; return its result, and the files saved meanwhile. If there are any, nothing was written."""
         started, clock, begun = time.perf_counter(), time.time(), time.monotonic()
         self._abandoned, self._saved = (), saved
-        with contextlib.suppress(OSError):  # it may be another folder of that name by now, as after a branch without it
+        with contextlib.suppress(OSError):  # the folder may have been replaced, for example by checking out a branch
             os.chdir(self._here)
         built: BuildResult | None = None
         folder: str | None = None
@@ -179,7 +182,7 @@ class RebuildLoop:
                 if not more and built is not None and built.files is not None and isinstance(wish, BuildRequest):
                     folder = build_document.write(self.environment, built, wish, self._on_wait) if self._writes else None
                     good = True
-        except Exception as fault:  # whatever it is, the next save may mend it
+        except Exception as fault:  # the next save may fix it
             said = [self._refused(fault)]
             more = self._look(clock, built) or self._abandoned
         self._modelled |= _modelled(built)
@@ -204,19 +207,22 @@ class RebuildLoop:
         with self._abandoning():
             try:
                 return build_document.build(self.environment, wish)
-            except BlobMissing:  # the store is damaged: it is mended with other eyes
+            except BlobMissing:  # the store is damaged: retry without caches
                 self._geometry, self._memo = None, Memo()
                 self.environment = Environment(self.document, self.options, self._lent, self._memo)
                 return build_document.build(self.environment, wish)
             finally:
-                self._workers.forget()  # where the build did not get as far as what it began with
+                self._workers.forget()  # if the build ended early
                 if self._geometry is not None and self._geometry.wanted:
                     self._last_geometry = self._geometry
 
     @contextlib.contextmanager
     def _abandoning(self) -> Iterator[None]:
-        """Meanwhile a save of what is watched ends the workers, if the round has been going on for a while: a part that never ends would
-        else be waited for, and what was saved to mend it with it. Which files those were is in `_abandoned`."""
+        """End the workers if a watched file is saved after `IMPATIENT`: a part that never ends would otherwise block the save that fixes
+        it.
+
+        The saved files are stored in `_abandoned`.
+        """
         before = {path: stat_of(path) for path in self._watched.paths}
         done = threading.Event()
 
@@ -240,7 +246,7 @@ class RebuildLoop:
                 self._workers, self._geometry = self._fresh_workers(), None
 
     def _lent(self, workspace: Workspace, store: Store) -> GeometryService:
-        """A service that has seen nothing yet, or the last one where that has seen nothing else."""
+        """Return the geometry service of the last round, or a new one if it cannot be reused."""
         if self._geometry is None or self._geometry.workspace != workspace:
             self._geometry = geometry_of(workspace, self.options, store, workers=self._workers)
             if self._last_geometry is not None:
@@ -248,7 +254,7 @@ class RebuildLoop:
         return self._geometry
 
     def _look(self, clock: float, built: BuildResult | None) -> tuple[str, ...]:
-        """Watch what this round has looked at; what of that was saved since it began, at the time `clock` [s]."""
+        """Watch all files that this round has read; return those saved since it began at `clock` [s]."""
         assert self.environment is not None
         nothing = pipeline.Compilation(settings=pipeline.settings_of(self.options), report=Report())
         compilation = built.compilation if built is not None else nothing
@@ -265,7 +271,7 @@ class RebuildLoop:
 
 
 def _modelled(built: BuildResult | None) -> dict[str, str]:
-    """The parts that were modelled for a build: definition texts, and what they are called."""
+    """Return the definition texts of the parts that were built, with their labels."""
     if built is None:
         return {}
     assembly, texts = built.compilation.assembly, built.compilation.modelled
@@ -274,19 +280,19 @@ def _modelled(built: BuildResult | None) -> dict[str, str]:
 
 
 def _unquiet(saved: Sequence[str]) -> float:
-    """How long [s] it will take until nothing has been saved for a while. A time of a save that cannot be is none."""
+    """Return the time [s] until the saved files have been quiet for long enough; file times in the future count as quiet."""
     since = time.time() - max((stat[0] for path in saved if (stat := _time_and_size(path)) is not None), default=0.0)
     return QUIET - since if 0.0 <= since < QUIET else 0.0
 
 
 def _time_and_size(path: str) -> tuple[float, int] | None:
-    """When a file was changed [s], and how long it is (a folder: 1); None where there is none."""
+    """Return the modification time [s] and the size [bytes] of a file (1 for a folder); None if it does not exist."""
     stat = stat_of(path)
     return None if stat is None else (stat[0] / 1e9, 1 if os.path.isdir(path) else stat[1])
 
 
 def _digests(files: Mapping[str, Content]) -> Mapping[str, str]:
-    """The SHA-256 of every artifact, by path in the build folder, as the manifest lists them."""
+    """Return the SHA-256 of all artifacts in the manifest, by path in the build folder."""
     content = files[MANIFEST]
     assert isinstance(content, bytes)
     listed: dict[str, str] = json.loads(content)["files"]

@@ -1,8 +1,7 @@
-"""What a browser on this machine is shown of a document: its page, and news of every round.
+"""HTTP server for the live page of a document, for browsers on this machine only.
 
-Nobody else gets anything. The server listens on the loopback interface alone; every address begins with a word that nobody can guess and
-only who has started it knows; a name of another host in the request is refused (a page elsewhere may have let its own name lead here); no
-other page may read the answers. What is sent are a handful of texts in memory: no address names a file.
+The server listens on the loopback interface; every address begins with a secret token; requests for another host name are refused (DNS
+rebinding); other pages may not read the answers. It sends only a few texts from memory: no address is that of a file.
 """
 
 from __future__ import annotations
@@ -30,10 +29,10 @@ from thingc.targets.html.emit import Page, waiting
 
 LOOPBACK = "127.0.0.1"
 SILENCE = 15.0
-"""After how long [s] without news a browser is told that there are none: who has gone away is found out then."""
+"""Interval [s] of messages without news, which detect closed connections."""
 
 IDLE = 32
-"""How many connections may wait for a request; a browser has six at most."""
+"""Maximum number of idle connections; a browser uses at most six."""
 
 HEADERS = {
     "Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY",
@@ -42,24 +41,25 @@ HEADERS = {
 HTML, JSON = "text/html; charset=utf-8", "application/json"
 
 Finding = Mapping[str, object]
-"""A diagnostic as the page takes it."""
+"""A diagnostic in the JSON format of the page."""
 
 
 class _Shown(FrozenStruct, kw_only=False):
-    """A robot as it stands: the last good page, how many there were, and what is said of the document now."""
+    """The state of one robot: the last good page, the number of good pages, and the current diagnostics."""
 
     page: Page | None = None
     count: int = 0
     findings: tuple[Finding, ...] = ()
 
     def after(self, page: Page | None, findings: Sequence[Finding]) -> _Shown:
-        """After a round, that had no page where it is None."""
+        """Return the state after a round; `page` is None if it had errors."""
         return _Shown(page or self.page, self.count + (page is not None), tuple(findings))
 
 
 class _Quiet(ThreadingHTTPServer):
-    """Says nothing of browsers that go away in the middle of a request, and gives up connections over which nobody asks for anything: of
-    more than `IDLE` the one that has waited longest, so that there always is one for the next browser."""
+    """A server that ignores closed connections, and closes the longest idle connection if there are more than `IDLE`, so that a new browser
+    can always connect.
+    """
 
     daemon_threads = True
     request_queue_size = 128
@@ -70,7 +70,7 @@ class _Quiet(ThreadingHTTPServer):
         super().__init__(*arguments)
 
     def wait(self, connection: socket.socket) -> None:
-        """A connection waits for a request from now on."""
+        """Mark a connection as idle."""
         with self._turn:
             self._idle[connection] = None
             longest = next(iter(self._idle)) if len(self._idle) > IDLE else None
@@ -80,22 +80,22 @@ class _Quiet(ThreadingHTTPServer):
                 longest.shutdown(socket.SHUT_RDWR)
 
     def wait_no_more(self, connection: socket.socket) -> None:
-        """It has asked for something, or has ended."""
+        """Mark a connection as busy or closed."""
         with self._turn:
             self._idle.pop(connection, None)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Anything but a lost connection is a defect."""
+        """Report errors, except lost connections."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)
 
 
 class Server:
-    """A server on a free port of this machine, or on `port`. A context manager: it serves from entering to leaving. Raises OSError where
-    the port is taken. `editor` is what `Page.html` takes, `document` the path of what is shown.
+    """A server on a free port of this machine, or on `port`. A context manager that serves while it is active.
 
-    The word of its address is a random one; with a `key`, that nobody else knows, it is always the same for the same document and port: a
-    page that is open finds the next server there, and none of another document."""
+    Raises OSError if the port is in use. `editor` is passed to `Page.html`; `document` is the path of the document. The token of the
+    address is random; with a secret `key`, it is a function of the document and the port, so that open pages find the next server.
+    """
 
     def __init__(self, port: int = 0, editor: str | None = None, document: str = "", key: bytes | None = None) -> None:
         self._news = threading.Condition()
@@ -126,17 +126,18 @@ class Server:
 
     @property
     def port(self) -> int:
-        """The port that it listens on."""
+        """The port of the server."""
         return int(self._http.server_address[1])
 
     @property
     def address(self) -> str:
-        """Where a browser finds the page."""
+        """The address of the page."""
         return f"http://{LOOPBACK}:{self.port}/{self._token}/"
 
     def tell(self, page: Page | None, seconds: float, findings: Sequence[Finding], *, kernel: float = 0.0) -> None:
-        """What came of a round: its page (None: that of the last good one stays), how long it took, what there is to say, and how long of
-        it parts were modelled."""
+        """Publish the result of a round: the page (None: the last good one stays), the duration [s], diagnostics, and the time [s] for
+        building parts.
+        """
         with self._news:
             self._own = self._own.after(page, findings)
             self._seconds, self._kernel = seconds, kernel
@@ -144,23 +145,23 @@ class Server:
             self._news.notify_all()
 
     def tell_against(self, page: Page | None, findings: Sequence[Finding] = ()) -> None:
-        """The same of the robot that is seen through it. Nobody hears of that before there is anything of its own to tell."""
+        """Publish a round of the overlay. Browsers are notified only after the first round of the document itself."""
         with self._news:
             self._other = self._other.after(page, findings)
             self._number += 1 if self._number > 0 else 0
             self._news.notify_all()
 
     def hosted(self, host: str | None) -> bool:
-        """Whether a request is meant for this server, by the host that it names."""
+        """Return whether the host name of a request is that of this server."""
         return host in (f"{LOOPBACK}:{self.port}", f"localhost:{self.port}")
 
     def inside(self, path: str) -> str | None:
-        """What a request asks for behind the word that only this machine's user knows; None without it."""
+        """Return the path of a request after the token; None if the token is wrong."""
         word, slash, rest = path.partition("?")[0].removeprefix("/").partition("/")
         return rest if slash and hmac.compare_digest(word.encode(), self._token.encode()) else None
 
     def content(self, name: str) -> tuple[str, bytes] | None:
-        """Type and bytes of what is asked for by name; None where there is nothing of that name."""
+        """Return the content type and content by name; None if the name is unknown."""
         with self._news:
             page, other = self._own.page, self._other.page
             stand = f"{self._run} {self._own.count} {self._other.count}"
@@ -170,14 +171,16 @@ class Server:
         return (JSON, asked.news()) if asked is not None else None
 
     def news(self, after: int) -> tuple[int, str] | None:
-        """The last news and their number, as soon as there are any after that number; the same number where there are none for a while,
-        None at the end."""
+        """Wait for news after a number; return their number and text.
+
+        After `SILENCE` without news, the number is the same. None when the server closes.
+        """
         with self._news:
             self._news.wait_for(lambda: self._closed or self._number > after, SILENCE)
             return None if self._closed else (self._number, self._told())
 
     def _told(self) -> str:
-        """The last news: `run` is another word for every server, `build` and `against` count the robots that there were."""
+        """Return the current state as JSON: `run` identifies the server, `build` and `against` count the pages so far."""
         own, other = self._own, self._other
         findings = [*own.findings, *(one for one in other.findings if one not in own.findings)]
         told = {
@@ -188,7 +191,7 @@ class Server:
 
 
 def findings_of(diagnostics: Sequence[Diagnostic], workspace: Workspace | None) -> list[dict[str, object]]:
-    """Diagnostics as the page takes them: `file` is the path in the workspace."""
+    """Convert diagnostics to the JSON format of the page; `file` is the path in the workspace."""
     return [
         {
             "code": d.code.code, "severity": d.severity.value, "message": d.message, "help": d.help,
@@ -200,14 +203,14 @@ def findings_of(diagnostics: Sequence[Diagnostic], workspace: Workspace | None) 
 
 
 def _location_json(span: Span | None, workspace: Workspace | None) -> dict[str, object]:
-    """`file`, its path in the workspace, and `line` of a place; null for what is not in a file."""
+    """Return `file` (path in the workspace) and `line` of a span; null if it is not in a file."""
     if span is None or span.option is not None or workspace is None:
         return {"file": None, "line": None}
     return {"file": workspace.relative(span.file), "line": span.line}
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """One request: GET or HEAD of what a server has."""
+    """Handles one GET or HEAD request."""
 
     served: Server
     server: _Quiet
@@ -218,7 +221,7 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = 60.0
 
     def handle_one_request(self) -> None:
-        """Wait for a request, read it and answer it."""
+        """Wait for a request and answer it."""
         self.server.wait(self.connection)
         try:
             super().handle_one_request()
@@ -226,15 +229,15 @@ class _Handler(BaseHTTPRequestHandler):
             self.server.wait_no_more(self.connection)
 
     def do_GET(self) -> None:
-        """Send it."""
+        """Answer with the content."""
         self._answer(body=True)
 
     def do_HEAD(self) -> None:
-        """Say what would be sent."""
+        """Answer with the headers only."""
         self._answer(body=False)
 
     def log_message(self, *_: Any) -> None:
-        """Nobody hears of requests."""
+        """Log nothing."""
 
     def _answer(self, *, body: bool) -> None:
         self.server.wait_no_more(self.connection)
@@ -267,7 +270,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._begin(status, "text/plain; charset=utf-8", 0)
 
     def _events(self, *, body: bool) -> None:
-        """News as they come (Server-Sent Events, WHATWG HTML 9.2), until one end goes away."""
+        """Send news as server-sent events (WHATWG HTML 9.2) until one side closes the connection."""
         self._begin(HTTPStatus.OK, "text/event-stream", None)
         seen = 0
         try:

@@ -1,1 +1,1 @@
-"""`thingc lsp`: what an editor asks while somebody types, answered from unsaved text. Start reading at `server`."""
+"""`thingc lsp`: the language server, which works on unsaved text. Start reading at `server`."""

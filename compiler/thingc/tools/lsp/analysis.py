@@ -1,4 +1,4 @@
-"""One document as it stands in an editor, unsaved, with everything that the compiler knows of it."""
+"""The analysis of one document with unsaved text."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ class OpenText(FrozenStruct):
 
 
 class Analysis(FrozenStruct, eq=False):
-    """A document (absolute `path`) with the texts of all that is `open`, by absolute path.
+    """The results of checking a document (absolute `path`) with the `open` texts, by absolute path.
 
-    `workspace` is None where none was found; `documents` are the document's tree and those of all that it names, None where the text is
-    too broken for one; `schemas` is what their parts take, by reference; `model`, `records` (by definition text), `assembly` and `robots`
-    are what each pass has made of sound input. Of parts that workers have yet to answer for nothing is there. `findings` are what `check`
-    says of the text, in its order. `whole`: the text is a well-formed document, so that no name is missing because of a slip in another
-    line; `last` is the last analysis of this document that was, if this one is not. `in_reach` knows what else its workspace has to name.
+    `workspace` is None if none was found. `documents` are the tree of the document and of those that it names, None if the text cannot be
+    parsed at all. `schemas` are those of its parts, by reference. `model`, `records` (by definition text), `assembly` and `robots` are the
+    results of the passes, as far as the input is valid. Parts without a cached answer are missing everywhere. `findings` are the
+    diagnostics of `check`, in order. `whole`: the text is well-formed, so that no name is missing because of a syntax error; if it is not,
+    `last` is the last analysis that was. `in_reach` returns further names of the workspace.
 
-    A file that is no document (a part's Python) has its text alone.
+    A file that is not a document (Python of a part) has only its text.
     """
 
     path: str
@@ -65,35 +65,35 @@ class Analysis(FrozenStruct, eq=False):
     looked_at: frozenset[str] = frozenset()
     in_reach: AvailableNames | None = None
     _kept: dict[str, Any] = {}
-    """What was worked out of these texts: a copy with other texts needs an empty one."""
+    """Cached results for these texts. A copy with other texts needs an empty cache."""
 
     @property
     def known(self) -> Analysis:
-        """The analysis to take names from: this one, or the last one of a text that was whole. Its spans are of its own text."""
+        """The analysis to take names from: this one, or the last one with well-formed text. Its spans are in its own text."""
         return self if self.whole or self.last is None else self.last
 
     @property
     def text(self) -> str:
-        """The document's own text; empty where it is not open and could not be read."""
+        """The text of the document, empty if it is not open and cannot be read."""
         return self.text_of(self.path)
 
     @property
     def tree(self) -> MappingNode | None:
-        """The document's own tree."""
+        """The tree of the document, None if it cannot be parsed."""
         return None if self.documents is None else self.documents.root.tree
 
     @property
     def kind(self) -> str:
-        """`assembly`, `materials`, `variants` or `workspace`; empty where it is none or not known."""
+        """`assembly`, `materials`, `variants` or `workspace`; empty if unknown."""
         return "" if self.documents is None else self.documents.root.kind
 
     def document(self, path: str) -> Document | None:
-        """The document at an absolute path, this one or one that it names."""
+        """Return the document at an absolute path: this one or one that it names; None if there is none."""
         by_path = {} if self.documents is None else self.documents.by_path
         return next((one for one in by_path.values() if one.path == path), None)
 
     def text_of(self, path: str) -> str:
-        """The text of a file as this analysis has seen it; empty where it cannot be read."""
+        """Return the text of a file in this analysis, empty if it cannot be read."""
         if path in self.open:
             return self.open[path].text
         document = self.document(path)
@@ -106,16 +106,16 @@ class Analysis(FrozenStruct, eq=False):
             return ""
 
     def lines(self, file: str | None = None) -> TextLines:
-        """The lines of a file (of the document itself), for ranges."""
+        """Return the lines of a file (default: the document)."""
         path = self.path if file is None else file
         return self.once(f"lines {path}", lambda: TextLines(self.text_of(path)))
 
     def uri(self, path: str) -> str:
-        """A file as the editor calls it."""
+        """Return the URI of a file, as the editor writes it if the file is open."""
         return self.open[path].uri if path in self.open else Path(path).as_uri()
 
     def once(self, name: str, make: Callable[[], T]) -> T:
-        """What is made of this analysis when it is asked for first."""
+        """Return a cached result of this analysis; compute it at the first call."""
         if name not in self._kept:
             self._kept[name] = make()
         kept: T = self._kept[name]
@@ -123,14 +123,14 @@ class Analysis(FrozenStruct, eq=False):
 
     @property
     def facts(self) -> DocumentFacts:
-        """What the schemas of editors contain of it (`tools/schemas/`): its names, including those of wrong lines."""
+        """The facts for schemas of editors (`tools/schemas/`): names, including those in lines with errors."""
         if (tree := self.tree) is None:
             return DocumentFacts()
         return self.once("facts", lambda: facts_of(tree, self.model, self.records, self.schemas, {}))
 
 
 def is_document_path(path: str) -> bool:
-    """Whether a file is called as documents are."""
+    """Return whether a file has the suffix of a document."""
     return path.lower().endswith(DOCUMENT_SUFFIXES)
 
 
@@ -138,11 +138,10 @@ def analyse(
     path: str, opened: Mapping[str, OpenText], options: Options, lend: Lend | None = None, memo: Memo | None = None,
     last: Analysis | None = None,
 ) -> Analysis:
-    """What `check` finds out of the document at an absolute path, with these texts in the place of those on the disk.
+    """Check the document at an absolute path, with the `opened` texts instead of those on disk.
 
-    `options` say whether code may run and where the store is; `lend` who answers for parts (None: as for a check of its own; what it
-    says of parts that are waited for is left out, see `cached_parts`); `memo` has the
-    answers of the analysis before, `last` is that analysis. Whatever is wrong is among the findings.
+    `options` specify whether code may run, and the store. `lend` returns the source of parts (None: as for `check`; see `cached_parts` for
+    parts that are pending). `memo` caches results of the previous analysis, `last`. Errors are in the findings.
     """
     if not is_document_path(path):
         return Analysis(path=path, open=opened)
@@ -167,7 +166,7 @@ def analyse(
 
 
 def _of_workspace(environment: Environment, opened: Mapping[str, OpenText], last: Analysis | None) -> Analysis:
-    """The analysis of a `thingc.toml`."""
+    """Return the analysis of a `thingc.toml`."""
     path, workspace = environment.document, environment.workspace
     general = workspace if workspace is not None else last.workspace if last is not None else None
     documents = load(path, general, Report(), kinds=("workspace",), texts=environment.options.texts) if general is not None else None
@@ -178,7 +177,7 @@ def _of_workspace(environment: Environment, opened: Mapping[str, OpenText], last
 
 
 def _remembering(analysis: Analysis, last: Analysis | None) -> Analysis:
-    """The analysis, with the last one that was whole where it is not."""
+    """Return the analysis; if its text is not well-formed, with the last one that was."""
     whole = analysis.documents is not None and not any(
         one.code is Code.SYNTAX and one.span is not None and one.span.file == analysis.path for one in analysis.findings
     )

@@ -1,6 +1,7 @@
-"""Answers for parts without waiting: what the store and the lock have now. The rest is left to workers in the background.
+"""Answers about parts without waiting, from the store and the lock; background workers compute the rest.
 
-With them, what a document of a workspace can name besides its own names: available parts and other documents; and its schema."""
+Also the names that documents of a workspace can use besides their own, available parts and other documents, and their schemas.
+"""
 
 from __future__ import annotations
 
@@ -31,13 +32,16 @@ if TYPE_CHECKING:
 _T = TypeVar("_T")
 
 WAITED_FOR: FailureKind = "unlocked"
-"""The kind of failure of a part of which only workers could tell. (Nothing else fails so where code may run.)"""
+"""The kind of failure that marks a part as pending, until workers answer. (If code may run, no other failure has this kind.)"""
 
 
 @dataclass(slots=True)
 class PendingRequests:
-    """What is asked of workers: `references` to describe; `definitions` to model by text, with whether convex pieces are wanted; and how
-    records of such definitions are sliced."""
+    """Requests to workers:
+
+    `references` to describe; `definitions` to build by text, each with whether convex pieces are needed; and `slices`, the slicings of
+    records.
+    """
 
     references: dict[str, None] = field(default_factory=dict)
     definitions: dict[str, tuple[PartDefinition, bool]] = field(default_factory=dict)
@@ -47,25 +51,25 @@ class PendingRequests:
         return bool(self.references or self.definitions or self.slices)
 
     def within(self, other: PendingRequests) -> bool:
-        """Whether the other one wants all of this, too."""
+        """Return whether `other` contains all of these requests."""
         return (
             self.references.keys() <= other.references.keys() and self.definitions.keys() <= other.definitions.keys()
             and self.slices.keys() <= other.slices.keys()
         )
 
     def add(self, other: PendingRequests) -> None:
-        """Want what the other one wants, too."""
+        """Add the requests of `other`."""
         self.references.update(other.references)
         self.definitions.update(other.definitions)
         self.slices.update(other.slices)
 
 
 class CachedParts:
-    """What a geometry service without workers knows of parts. Others have failed with `WAITED_FOR`, and whoever compiles with these answers
-    leaves out what is said of that: so nothing is said of what depends on them either.
+    """A source of parts without workers. Parts without a cached answer fail with `WAITED_FOR`; the compiler leaves out diagnostics of such
+    parts, and of everything that depends on them.
 
-    `failed` and `undescribed` are answers of workers that no store keeps: parts that crash or hang. `unanswered` is what was asked for in
-    vain since it was last taken.
+    `failed` and `undescribed` are failures that the store does not cache: parts that crash or hang. `unanswered` are the requests without
+    an answer.
     """
 
     def __init__(self, service: GeometryService) -> None:
@@ -79,35 +83,35 @@ class CachedParts:
 
     @property
     def decisions(self) -> Mapping[str, BuildReason]:
-        """Why each record was found, by definition text."""
+        """The reason for each record, by definition text."""
         return self.service.decisions
 
     @property
     def inputs(self) -> frozenset[str]:
-        """Absolute paths of everything that decided about answers, there or not."""
+        """Absolute paths of all files that answers depend on, existing or not."""
         return self.service.inputs
 
     def anticipate(self) -> bool:
-        """Nothing is modelled here."""
+        """Do nothing: no parts are built here."""
         return False
 
     def close(self) -> None:
-        """Nothing was started."""
+        """Do nothing: nothing was started."""
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """What each `module:Class` takes, by reference."""
+        """Return the schema of each `module:Class`, by reference."""
         answers = _answers(self.service.describe(references), self.undescribed)
         self.unanswered.references.update((one, None) for one in references if _waited_for(answers.get(one)))
         return answers
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """The modules in reach of `module:Class` that hide others of their name."""
+        """Return the modules reachable from `module:Class` that hide others of the same name."""
         return self.service.hiding(reference)
 
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None,
     ) -> dict[str, PartRecord | PartFailure]:
-        """The record of each definition, by text."""
+        """Return the record of each definition, by text."""
         answers = _answers(self.service.realize(definitions, convex), self.failed)
         waited_for = [one for one in definitions if _waited_for(answers.get(one.text))]
         self.unanswered.definitions.update((one.text, (one, one.text in convex)) for one in waited_for)
@@ -117,7 +121,7 @@ class CachedParts:
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
-        """The `records` with what is laid into them when they are sliced as `wanted`, by text."""
+        """Return the `records` with the results of the slicings `wanted`, by text."""
         answers = _answers(self.service.slice(definitions, records, wanted), self.failed)
         for one in definitions:
             record = records.get(one.text)
@@ -138,8 +142,11 @@ def _waited_for(answer: object) -> bool:
 
 
 class AvailableNames:
-    """The surroundings of the documents of one workspace. `at_hand` answers for parts; None where nothing of the workspace may run: then
-    none are known but those that a document names. `wake` is called where workers are to be asked for more."""
+    """The names that documents of one workspace can use.
+
+    `at_hand` is the source of parts; None if no code may run: then only parts that a document names are known. `wake` is called when
+    workers have new requests.
+    """
 
     def __init__(self, workspace: Workspace, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
         self.workspace = workspace
@@ -147,8 +154,9 @@ class AvailableNames:
         self._schemas = Schemas(workspace, _Parts(at_hand, wake))
 
     def schema_of(self, analysis: Analysis, scalars: Mapping[Path, str]) -> dict[str, Any] | None:
-        """The schema of a document as it is being written; of one that was never well-formed what every document of its kind may say, by
-        its `scalars`. None for what is no document."""
+        """Return the schema of a document as typed; if it has never been well-formed, the general schema of its kind, found by its
+        `scalars`. None for files that are not documents.
+        """
         tree = analysis.tree
         if tree is None:
             return self._schemas.general(scalars.get(("thingc",), "").partition("/")[0] or "assembly")
@@ -158,7 +166,7 @@ class AvailableNames:
 
 
 class _Parts:
-    """Parts in reach, as far as they are known at once. What their classes take is asked of workers, too; nothing is modelled for it."""
+    """The reachable parts with cached answers. Workers are asked for missing schemas; no parts are built."""
 
     def __init__(self, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
         self._at_hand = at_hand
@@ -173,7 +181,7 @@ class _Parts:
         return [] if self._at_hand is None else self._at_hand.service.not_python()
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """See `AvailableParts`. Those that are waited for are left out."""
+        """See `AvailableParts`. Pending parts are left out."""
         answers = {} if self._at_hand is None else self._at_hand.describe(references)
         known = {name: one for name, one in answers.items() if not isinstance(one, PartFailure) or one.kind != WAITED_FOR}
         if len(known) < len(answers):
@@ -186,16 +194,16 @@ class _Parts:
 
 
 QUIET = 0.3
-"""How long [s] nothing else may have been wanted before definitions are modelled: who types `120 mm` means no part of 1 mm."""
+"""Time [s] without new requests before definitions are built: a user who types `120 mm` does not need a part of 1 mm."""
 IMPATIENT = 1.0
-"""How long [s] what is not wanted any more may go on; then its workers are ended."""
+"""Time [s] after which the workers of an obsolete request are ended."""
 
 Answered = Callable[["Workspace", Mapping[str, PartFailure], Mapping[str, PartFailure]], None]
-"""`answered(workspace, undescribed, failed)`: what was wanted is in the store, but for these, by reference and by definition text."""
+"""`answered(workspace, undescribed, failed)`: all answers are in the store, except these failures, by reference and by definition text."""
 
 
 class BackgroundWorkers:
-    """One thread that asks workers for what is wanted last. `answered` is called in it."""
+    """A thread that sends the latest requests to workers, and calls `answered`."""
 
     def __init__(self, workspace: Workspace, store: Store, options: Options, answered: Answered) -> None:
         self.workspace = workspace
@@ -209,7 +217,7 @@ class BackgroundWorkers:
         self._thread: threading.Thread | None = None
 
     def want(self, wanted: PendingRequests) -> None:
-        """Find this out, and nothing else. What was asked before is not asked again."""
+        """Replace the pending requests. Requests that were answered are not repeated."""
         with self._changed:
             if self._ended or wanted == self._wanted or wanted.within(self._asked):
                 return
@@ -221,7 +229,7 @@ class BackgroundWorkers:
             self._give_up_soon()
 
     def renew(self) -> None:
-        """A file that parts depend on was saved: whatever is asked from now on is another question."""
+        """Discard all answers, after a file of parts was saved."""
         with self._changed:
             self._asked, self._wanted = PendingRequests(), PendingRequests()
             self._give_up_soon()
@@ -240,7 +248,7 @@ class BackgroundWorkers:
             timer.start()
 
     def _give_up(self, work: PendingRequests) -> None:
-        """End the workers where they still do what is not wanted."""
+        """End the workers if they still work on an obsolete request."""
         with self._changed:
             if self._at_work is not work or self._wanted is work or self._ended:
                 return
@@ -260,10 +268,10 @@ class BackgroundWorkers:
                 workers = self._workers
             undescribed, failed = self._found_out(work, workers)
             with self._changed:
-                if self._at_work is not work:  # given up
+                if self._at_work is not work:  # ended by `_give_up`
                     continue
                 self._at_work = None
-                if self._wanted is not work:  # something else is wanted now, or the same of other files
+                if self._wanted is not work:  # replaced meanwhile, or a file of parts was saved
                     undescribed, failed = {}, {}
                 else:
                     self._wanted = PendingRequests()
@@ -271,7 +279,7 @@ class BackgroundWorkers:
             self._answered(self.workspace, undescribed, failed)
 
     def _found_out(self, work: PendingRequests, workers: EndingWorkers) -> tuple[dict[str, PartFailure], dict[str, PartFailure]]:
-        """What failed of what is wanted, which is in the store then."""
+        """Compute all requests; answers are in the store then. Returns the failures, by reference and by definition text."""
         service = geometry_of(self.workspace, self._options, self._store, workers=workers)
         definitions = [definition for definition, _ in work.definitions.values()]
         convex = {text for text, (_, pieces) in work.definitions.items() if pieces}

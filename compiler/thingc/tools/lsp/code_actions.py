@@ -1,4 +1,4 @@
-"""Findings as the protocol has them, and edits: fixes of findings, as `thingc check --fix` applies them, missing components, formatting."""
+"""Diagnostics in LSP format, and edits: fixes (as in `thingc check --fix`), missing components, formatting."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from thingc.tools.lsp.analysis import Analysis, is_document_path
 from thingc.tools.lsp.positions import TextLines, TextPlace, equal_ends
 
 MOST_LINES = 3000
-"""Lines between the first and the last that differ that are compared one by one; of more there is one edit."""
+"""Maximum number of changed lines to compare one by one; for more, there is one edit."""
 
 
 def edits(before: TextLines, after: str) -> list[dict[str, Any]]:
-    """The protocol's edits that make one text of another; none where they are equal."""
+    """Return the LSP edits from one text to another, empty if they are equal."""
     old, new = before.with_breaks(), TextLines(after).with_breaks()
     top, end = equal_ends(old, new)
     old_middle, new_middle = old[top : len(old) - end], new[top : len(new) - end]
@@ -39,12 +39,12 @@ def edits(before: TextLines, after: str) -> list[dict[str, Any]]:
 
 
 def _start(lines: TextLines, number: int) -> int:
-    """Where a line (from 0) begins; behind the last one the end of the text."""
+    """Return the offset of a line (from 0), or of the end of the text."""
     return lines.starts[number] if number < len(lines.starts) else len(lines.text)
 
 
 def formatted(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """The edits that bring a document into canonical layout; None where it is not well-formed, or none of ours."""
+    """Return the edits that format a document; None if it is not a well-formed document."""
     after = format_document(analysis.path, text.encode(errors="surrogatepass"), Report()) if analysis.documents is not None else None
     return None if after is None else edits(analysis.lines(), after.decode())
 
@@ -54,8 +54,10 @@ _TOP = {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 0}
 
 
 def by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
-    """What an analysis found, as the protocol has it, by absolute path of the file that it is about; of what has no place in a file that is
-    there (a lock that is missing), the analysed document. That one is there also where nothing was found."""
+    """Return the diagnostics in LSP format by absolute path of their file.
+
+    Diagnostics without an existing file (for example a missing lock) belong to the document, which is always included.
+    """
     return analysis.once("said", lambda: _by_file(analysis))
 
 
@@ -68,7 +70,10 @@ def _by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
 
 
 def as_protocol(diagnostic: Diagnostic, span: Span | None, analysis: Analysis) -> dict[str, Any]:
-    """One finding at a place (None: at the top): what to type next stands in a line of its own, second places are related information."""
+    """Convert a diagnostic at a span (None: the beginning of the file).
+
+    The help is a separate line, notes with a location are related information.
+    """
     loose = [note.message for note in diagnostic.notes if note.span is None]
     words = [diagnostic.message, *([] if diagnostic.help is None else [diagnostic.help]), *loose]
     related = [
@@ -89,7 +94,7 @@ KIND = "quickfix"
 
 
 def actions(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """The actions for the findings in a range of the document. One of which nothing else can be meant is preferred."""
+    """Return the quick fixes for diagnostics in a range. Unambiguous ones are preferred."""
     wanted = params["context"].get("only")
     if wanted and not any(kind == KIND or KIND.startswith(f"{kind}.") or kind == "" for kind in wanted):
         return []
@@ -113,7 +118,7 @@ def _fixes(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any
 
 
 def _sure(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:
-    """What `--fix` would do about a finding."""
+    """Return the edits of `--fix` for a diagnostic."""
     documents = () if analysis.documents is None else tuple(analysis.documents.by_path.values())
     return safe_edits(
         CheckResult(found=[diagnostic], documents=documents), {}, is_document_path,
@@ -122,7 +127,7 @@ def _sure(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:
 
 
 def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any]]:
-    """A component of the name that there is none of: the part of that name, else a frame with the mounts that are named."""
+    """Yield the action that adds a missing component: of the part with this name, else a frame with the mounts in use."""
     document = None if analysis.documents is None else analysis.documents.root
     if diagnostic.code is not Code.UNKNOWN_COMPONENT or diagnostic.span is None or document is None or document.text != analysis.text:
         return
@@ -130,7 +135,7 @@ def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[d
     start, end = Source(document.path, document.text).range(diagnostic.span)
     name = re.match(r"[\"']?([A-Za-z]\w*)(?![\w*?\[])", document.text[start:end])
     if name is None or name[1] in entries_of(document.tree.entries.get("components")):
-        return  # the name that is missing is one of another document
+        return  # the missing name is in another document
     part = next((one for one in analysis.schemas if _as_name(one.partition(":")[2]) == re.sub(r"_?\d+$", "", name[1])), None)
     if part is not None:
         value: dict[str, Any] = {"part": part}
@@ -147,7 +152,7 @@ def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[d
 
 
 def _as_name(text: str) -> str:
-    """A class as a component would be called: `RotorBrace` as `rotor_brace`."""
+    """Convert the name of a class to that of a component: `RotorBrace` to `rotor_brace`."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", text).lower()
 
 

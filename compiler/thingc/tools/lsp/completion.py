@@ -1,7 +1,7 @@
-"""What may be typed where the cursor stands: keys, names, words, mounts of a component, units, and what an expression may use.
+"""Completion: keys, names, words, mounts, units, and names in expressions.
 
-Most of it comes from the schema of the document (`tools/schemas/`), walked along the path of the cursor. The rest needs the robot: frames
-of mounts, units that fit, the numbered items of a `repeat`.
+Most items come from the schema of the document (`tools/schemas/`), walked along the path of the cursor. The rest needs the robot: frames of
+mounts, units that fit, numbered items of a `repeat`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from thingc.tools.lsp.shown_values import bounds_of, evaluate_expression, frame_
 
 MAX_ITEMS = 500
 
-# The kinds of the protocol.
+# `CompletionItemKind` of LSP
 _FUNCTION, _VARIABLE, _CLASS, _PROPERTY, _UNIT, _VALUE, _FILE, _REFERENCE, _CONSTANT = 3, 6, 7, 10, 11, 12, 17, 18, 21
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
@@ -39,21 +39,23 @@ COMPOUND = (
     "mm^2", "cm^2", "m^2", "mm^3", "cm^3", "m^3", "kg/m^3", "g/cm^3", "mm/s", "m/s", "deg/s", "rad/s", "m/s^2", "N*m", "N*mm", "kgf*cm",
     "kg*m^2", "g*cm^2", "N*m*s/rad", "N*s/m", "N*m/rad", "N*m/deg", "N/m", "N/mm", "mm/rad", "mm/rev", "rad/m",
 )
-"""Units of several factors that are offered; others may be written."""
+"""Compound units that are offered; documents can use others, too."""
 _DIMENSIONS: dict[str, Dimension] = {
     **{name: unit[2] for name, unit in UNITS.items()}, **{name: parse_quantity(f"1 {name}").dimension for name in COMPOUND},
 }
 _FIRST = ("mm", "deg", "g", "kg", "ms", "s", "N", "N*m", "rad", "m")
-"""Units that documents have most often."""
+"""The most frequent units, first in lists."""
 
 
 _USUAL = ("params", "parameters", "attach", "at", "limit", "drive", "components", "joints", "poses", "modes", "pose", "value")
-"""Keys that documents have most often, though they need not."""
+"""The most frequent optional keys."""
 
 
 class CompletionItem(FrozenStruct):
-    """Something to be typed: `text` takes the place of the characters `start` to before `end`, `shown` is what the person sees and
-    types towards. `rank` orders, the smallest first."""
+    """A completion item:
+
+    `text` replaces the characters from `start` to before `end`; `shown` is its label. Items are sorted by ascending `rank`.
+    """
 
     shown: str
     text: str
@@ -66,7 +68,7 @@ class CompletionItem(FrozenStruct):
 
 
 def completion(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> dict[str, Any]:
-    """The protocol's completion list at a place of a document."""
+    """Return the LSP completion list at a place."""
     lines = analysis.lines()
     offered = items(analysis, text, lines.index(place))
     answer = [
@@ -82,7 +84,7 @@ def completion(analysis: Analysis, text: str, place: TextPlace, params: Mapping[
 
 
 def items(analysis: Analysis, text: str, offset: int) -> list[CompletionItem]:
-    """What may stand before the character `offset` of the document's text, the most likely first."""
+    """Return the completion items before the character `offset`, the most likely first."""
     cursor = cursor_at(text, offset, toml=analysis.path.lower().endswith(".toml"))
     known = analysis.known
     schema = None if cursor is None or known.in_reach is None else known.in_reach.schema_of(known, cursor.scalars)
@@ -96,7 +98,7 @@ def items(analysis: Analysis, text: str, offset: int) -> list[CompletionItem]:
 
 
 class _Asked:
-    """One question: the document, the cursor in it and the schema's answers."""
+    """One request: the document, the cursor in it and the schema."""
 
     def __init__(self, analysis: Analysis, text: str, offset: int, cursor: Cursor, walk: SchemaWalk) -> None:
         self.analysis = analysis.known
@@ -109,7 +111,7 @@ class _Asked:
     # --- keys ---------------------------------------------------------------------------------------------------------
 
     def keys(self) -> Iterator[CompletionItem]:
-        """Keys that the mapping may have besides those that it has."""
+        """Yield the keys that the mapping may have in addition."""
         for number, offer in enumerate(self.walk.key_offers(self.cursor.path)):
             if self.cursor.header and not offer.mapping:
                 continue
@@ -143,7 +145,7 @@ class _Asked:
     # --- values -------------------------------------------------------------------------------------------------------
 
     def values(self) -> Iterator[CompletionItem]:
-        """What the value may be, or the rest of what is typed of it."""
+        """Yield the possible values, or completions of what is typed."""
         typed = self.cursor.typed
         if typed.lstrip().startswith("="):
             yield from self._in_expression()
@@ -171,13 +173,13 @@ class _Asked:
                     yield self._item(f"={name}", self._quoted(f"={name}"), _VARIABLE, rank=100, detail=quantity.shown(6))
 
     def _word(self, word: str, *, rank: int, description: str) -> CompletionItem:
-        """One of the schema's words: a name, a part, a document."""
+        """Create an item for a word of the schema: a name, a part, a document."""
         kind, detail, text = _VALUE, "", self._quoted(word)
         if self.cursor.path[-1:] == ("part",):
             kind, detail = _CLASS, ", ".join(self.walk.parameters_of(word))
             module = f"{word.partition(':')[0]}:"
             if any(path[-1:] == ("part",) and one.startswith(module) for path, one in self.cursor.scalars.items()):
-                rank -= 1000  # a module that the document has parts of already
+                rank -= 1000  # the document uses parts of this module
             text += self._params(word)
         elif "." in word and (frame := frame_words(self.analysis, word)):
             kind, detail = _REFERENCE, frame
@@ -186,7 +188,7 @@ class _Asked:
         return self._item(word, text, kind, rank=rank, detail=detail, description=description)
 
     def _params(self, part: str) -> str:
-        """The `params:` that a part needs, to be written behind its name: with values to be overwritten."""
+        """Return the text of the required `params:` of a part, with example values; empty if not needed."""
         owner = self.cursor.path[:-1]
         needed = self.walk.needed_parameters(part)
         if not needed or "params" in self.cursor.keys.get(owner, ()) or self.cursor.quote:
@@ -201,14 +203,14 @@ class _Asked:
         return f"\n{' ' * (len(line) - len(line.lstrip()))}params: {{{pairs}}}"
 
     def _behind_dot(self) -> Iterator[CompletionItem]:
-        """The rest of references that begin like what is typed: mounts of a component, and what is nested in it."""
+        """Yield completions of a reference up to a dot: mounts of a component, and nested components."""
         head = self.cursor.typed[: self.cursor.typed.rindex(".") + 1]
         start = self.cursor.start + len(head)
         mounts: dict[str, str] = {}
         for offer in self.walk.value_offers(self.cursor.path):
             if isinstance(offer.value, str) and offer.value.startswith(head) and not self._own(offer.value):
                 mounts.setdefault(offer.value, offer.description)
-        if not mounts and self.walk.takes_mounts(self.cursor.path):  # a component that the last sound document did not have
+        if not mounts and self.walk.takes_mounts(self.cursor.path):  # the last valid document did not have the component
             mounts = dict(self.walk.mounts_of(head.rstrip(".")))
         for number, (word, description) in enumerate(mounts.items()):
             rest = word[len(head) :]
@@ -220,7 +222,7 @@ class _Asked:
                 yield replace(one, shown=one.shown[len(head) :], text=one.text[len(head) :], start=start)
 
     def _counted(self) -> Iterator[CompletionItem]:
-        """In a repeated component, references by its index: `plate.servo_screw_$i` for `plate.servo_screw_0`, `_1`, ..."""
+        """Yield references by the index of a repeated component: `plate.servo_screw_$i` for `plate.servo_screw_0`, `_1`, ..."""
         path = self.cursor.path
         index = self.cursor.scalars.get((*path[:2], "repeat", "as"), "i") if "repeat" in self.cursor.keys.get(path[:2], ()) else None
         if index is None:
@@ -242,7 +244,7 @@ class _Asked:
                 )
 
     def _own(self, word: str) -> bool:
-        """Whether a word means what it would be a value of: a mount of the component itself, the mode or the joint."""
+        """Return whether a word refers to the element itself, for example a mount of the same component."""
         path = self.cursor.path
         if path[:1] == ("components",) and len(path) > 2 and path[2] in ("attach", "at"):
             return path[-1] != "mount" and re.fullmatch(rf"{re.escape(str(path[1]))}(_(\d+|\$\w+))?", word.partition(".")[0]) is not None
@@ -252,7 +254,7 @@ class _Asked:
         return len(path) > 2 and path[-1] in ("extends", "joint") and word == path[1]
 
     def _taken(self, word: str) -> bool:
-        """Whether another place of the same kind names the same thing already: then it is seldom meant once more."""
+        """Return whether another value of the same kind has the same word; then it is offered last."""
         kind = self.cursor.path[-1:]
         if kind not in (("drive",), ("parent",), ("child",)) and self.cursor.path[2:3] != ("attach",):
             return False
@@ -263,7 +265,7 @@ class _Asked:
     # --- quantities and expressions ----------------------------------------------------------------------------------
 
     def _dimensions(self) -> tuple[Dimension, ...]:
-        """Those that the value may have; of a joint's limit the one that its type has."""
+        """Return the possible dimensions of the value; for limits of a joint, those of its type."""
         path = self.cursor.path
         dimensions = self.walk.dimensions(path)
         if set(dimensions) != {ANGLE, LENGTH}:
@@ -275,7 +277,7 @@ class _Asked:
         return ((ANGLE,) if known[-1].angle else (LENGTH,)) if known else dimensions
 
     def _units(self, start: int, end: int, close: bool) -> Iterator[CompletionItem]:
-        """The units that fit, behind a number that ends at `start` (with no space after it if `close`)."""
+        """Yield the units that fit a number that ends at `start`; `close`: there is no space after it."""
         dimensions = self._dimensions()
         for number, unit in enumerate(_by_use(dimensions)):
             space = " " if close and unit != "°" else ""
@@ -285,7 +287,7 @@ class _Asked:
             )
 
     def _in_expression(self) -> Iterator[CompletionItem]:
-        """Behind `=`: parameters, functions and constants; behind a number units."""
+        """Yield the names in an expression: parameters, functions and constants; after a number, units."""
         match = _IN_EXPRESSION.search(self.cursor.typed)
         if match is None:
             return
@@ -317,7 +319,7 @@ class _Asked:
             yield offer(shown=name, text=name, kind=_CONSTANT, rank=201, detail=quantity.shown(6))
 
     def _parameters(self) -> Iterator[tuple[str, Quantity]]:
-        """The document's parameters that an expression may use here."""
+        """Yield the parameters of the document that an expression may use here."""
         for name, quantity in parameters_of(self.analysis).items():
             if isinstance(quantity, Quantity) and self.cursor.path[:2] != ("parameters", name):
                 yield name, quantity
@@ -334,7 +336,7 @@ class _Asked:
         )
 
     def _quoted(self, word: str) -> str:
-        """A word as the place wants it: inside quotes as it is, in TOML with quotes, in YAML with them where it needs them."""
+        """Quote a word as needed at this place: not inside quotes; always in TOML; in YAML if necessary."""
         cursor = self.cursor
         if cursor.quote:
             return word if self.text.startswith(cursor.quote, cursor.end) else f"{word}{cursor.quote}"
@@ -343,7 +345,7 @@ class _Asked:
 
 
 def _by_use(dimensions: tuple[Dimension, ...]) -> list[str]:
-    """The units of these dimensions, those first that documents have most often."""
+    """Return the units of these dimensions, the most frequent first."""
     fitting = [name for name, one in _DIMENSIONS.items() if one in dimensions or any(fits(one, other) for other in dimensions)]
     return sorted(fitting, key=lambda name: _FIRST.index(name) if name in _FIRST else len(_FIRST))
 

@@ -1,8 +1,8 @@
-"""Where a cursor stands in a document that need not parse at this moment, and what is written of that document as far as can be told.
+"""Find the context of the cursor in a document that may not parse, and the keys and scalars of the document.
 
-Half a key, half a value, an open bracket or quote, an empty line at some depth: of each the path of keys that leads there, whether a
-key or a value stands there, what is typed of it already, and which characters a completion replaces. Here are the readers of YAML and
-TOML; `scan.py` has what they share.
+For incomplete keys and values, open brackets or quotes, and empty lines, this finds the path of keys, whether a key or a value is expected,
+the typed text, and the characters that a completion replaces. This module contains the readers for YAML and TOML; `scan.py` has their
+common code.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LINE_OF_TABLE = re.compile(
 
 @dataclass(slots=True)
 class TomlScan(Scan):
-    """TOML that may not parse: tables by their headers, lines of `key = value`, and whatever can be told of the rest."""
+    """TOML that may not parse: tables by their headers, lines of `key = value`; the rest as far as possible."""
 
     table: Path = ()
     counts: dict[Path, int] = field(default_factory=dict)
@@ -81,7 +81,7 @@ class TomlScan(Scan):
     # --- brackets and quotes ------------------------------------------------------------------------------------------
 
     def key_tokens(self, at: int) -> tuple[list[Token], int]:
-        """See `Scan`: the segments of a dotted key."""
+        """Return the segments of a dotted key (see `Scan`)."""
         tokens: list[Token] = []
         while True:
             match = _SEGMENT.match(self.text, at)
@@ -96,11 +96,11 @@ class TomlScan(Scan):
             at += 1
 
     def ends_flow(self, line: int, column: int) -> bool:
-        """See `Scan`: a line with a key of its own, or a header."""
+        """Return whether the line has a key of its own, or is a header (see `Scan`)."""
         return _LINE_OF_TABLE.match(self.text, line) is not None
 
     def quotes(self, at: int, column: int) -> tuple[int, int, int]:
-        """See `Scan`; three quotes hold lines, one ends with its line."""
+        """See `Scan`. Three quotes may span lines, one may not."""
         quote = self.text[at]
         if self.text.startswith(quote * 3, at):
             close = self.text.find(quote * 3, at + 3)
@@ -124,9 +124,9 @@ _PLAIN_KEY_IN_FLOW = re.compile(r"(?:[^,{}\[\]\r\n:# \t]|:(?![\s,{}\[\]]|$)|[ \t
 
 @dataclass(slots=True)
 class _Frame:
-    """A block mapping or list that is not over yet: the column of its keys or dashes, its path, and its last key or index.
+    """An unfinished block mapping or list: the column of its keys or dashes, its path, and its last key or index.
 
-    `state` of the last entry: `open` (nothing yet), `scalar` (a plain value, which may go on), `done`.
+    `state` of the last entry: `open` (no value yet), `scalar` (a plain value, which may continue), `done`.
     """
 
     column: int
@@ -136,13 +136,13 @@ class _Frame:
     state: str = "done"
 
     def inner(self) -> Path:
-        """The path of the last entry's value."""
+        """Return the path of the value of the last entry."""
         return self.path if self.last is None else (*self.path, self.last)
 
 
 @dataclass(slots=True)
 class YamlScan(Scan):
-    """YAML that may not parse: blocks by their columns, and whatever can be told of the rest."""
+    """YAML that may not parse: blocks by their columns; the rest as far as possible."""
 
     stack: list[_Frame] = field(default_factory=lambda: [_Frame(0, (), False)])
 
@@ -176,7 +176,7 @@ class YamlScan(Scan):
         return self.text[here] == "-" and (here + 1 >= end or self.text[here + 1] in " \t")
 
     def _blank(self, column: int) -> None:
-        """The cursor stands on an empty line, or before its text."""
+        """Handle a cursor on an empty line or in its indentation."""
         top = self.stack[-1]
         if top.state == "open" and (column > top.column or (top.sequence and column >= top.column)):
             self.place = CursorPlace(role="key", path=top.inner(), start=self.target, end=self.target, either=True)
@@ -230,7 +230,7 @@ class YamlScan(Scan):
         return self.text[here : end if comment is None else comment.start()].rstrip(" \t")
 
     def _word(self, here: int, end: int, path: Path, *, either: bool = False) -> int:
-        """A line, from `here` on, that is no entry of the mapping at a path yet."""
+        """Handle a line, from `here` on, that is not yet an entry of the mapping at a path."""
         quote = self.text[here] if self.text[here] in "\"'" else ""
         start, stop = here + len(quote), here + len(self._written(here, end))
         comment = self.text.find("#", stop, end)
@@ -266,7 +266,10 @@ class YamlScan(Scan):
         return self.behind_value(after)
 
     def _text_block(self, end: int, frame: _Frame) -> int:
-        """The lines of a text after `|` or `>`: those that are indented further than its key, and empty ones."""
+        """Read a block scalar after `|` or `>`: lines that are indented further than its key, and empty lines.
+
+        Returns the start of the next line.
+        """
         frame.state = "done"
         at = self.after_break(end)
         while at <= len(self.text):
@@ -291,19 +294,19 @@ class YamlScan(Scan):
         return [Token(name=name, start=at, end=at + len(name))], end
 
     def ends_flow(self, line: int, column: int) -> bool:
-        """See `Scan`: a line that is no further indented than the key, and begins an entry of a block."""
+        """Return whether the line is indented no further than the key, and begins a block entry (see `Scan`)."""
         match = _LINE_OF_BLOCK.match(self.text, line)
         return match is not None and len(match.group(1)) <= column
 
 
 class Cursor(CursorPlace):
-    """A place in a text, in characters from its beginning.
+    """The cursor in a text; positions are offsets in characters.
 
-    `typed` stands before the cursor, from `start` on; a completion replaces `start` to before `end`, which lie on one line.
-    `separated`: a key has its `:` or `=` already; `toml`: the language.
+    `typed` is the text from `start` to the cursor; a completion replaces `start` to before `end`, on the same line. `separated`: a key
+    already has its `:` or `=`. `toml`: the language is TOML.
 
-    `keys` and `scalars` are those of the whole text: the keys of every mapping without the one at the cursor, and the text of
-    every value that is one.
+    `keys` and `scalars` are those of the whole text: the keys of every mapping (without the one at the cursor), and the text of every
+    scalar.
     """
 
     typed: str
@@ -314,7 +317,7 @@ class Cursor(CursorPlace):
 
 
 def cursor_at(text: str, offset: int, *, toml: bool) -> Cursor | None:
-    """The cursor before the character `offset` of a text; None in comments and texts of several lines, where nothing is completed."""
+    """Return the cursor before the character `offset`; None in comments and multi-line texts, where nothing is completed."""
     scan: Scan = (TomlScan if toml else YamlScan)(text, offset)
     scan.run()
     place = scan.place

@@ -1,4 +1,4 @@
-"""What is said of the thing under the cursor, in short Markdown."""
+"""Hover texts in Markdown."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _CODES = {code.code: code for code in Code}
 
 
 def hover(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The protocol's hover at a place of a document; None where there is nothing to say."""
+    """Return the LSP hover at a place, None if there is none."""
     lines = analysis.lines()
     cursor = cursor_at(text, lines.index(place), toml=analysis.path.lower().endswith(".toml"))
     if cursor is None or cursor.start == cursor.end:
@@ -34,7 +34,7 @@ def hover(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, 
 
 
 def words_at(analysis: Analysis, cursor: Cursor, written: str) -> str:
-    """What is said of the key or value `written` at a cursor, as Markdown; empty where there is nothing to say."""
+    """Return the Markdown for the key or value `written` at a cursor, empty if there is nothing to show."""
     if cursor.role == "key" and written in _CODES:
         code = _CODES[written]
         return f"**{code.code}**: {code.title}\n\nCure: {code.cure}\n\n`thingc explain {code.code}` says more."
@@ -50,7 +50,7 @@ def words_at(analysis: Analysis, cursor: Cursor, written: str) -> str:
 
 
 def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
-    """What a quantity or an expression comes to."""
+    """Format the value of a quantity or an expression."""
     values = evaluate_expression(analysis, cursor.path, written)
     if not values or (not written.startswith("=") and not written.strip()[-1:].isalpha()):
         return ""
@@ -64,7 +64,7 @@ def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
 
 
 def _of_name(analysis: Analysis, path: Path) -> str:
-    """What a declared name stands for: a component, a joint, a pose or a mode of the document; or a joint that a pose sets."""
+    """Describe a declared name: a component, joint, pose, mode or mount, or a joint in a pose."""
     section, name = path[0], str(path[-1])
     if len(path) == 2 and section in _OF:
         return _OF[str(section)](analysis, name)
@@ -78,7 +78,7 @@ def _of_name(analysis: Analysis, path: Path) -> str:
 
 
 def _referred(analysis: Analysis, path: Path, written: str) -> str:
-    """What a reference stands for, by the place where it is written."""
+    """Describe the target of a reference."""
     key = path[-1] if not isinstance(path[-1], int) else path[-2] if len(path) > 1 else ""
     if key in ("pose", "poses"):
         return _of_pose(analysis, written)
@@ -86,7 +86,7 @@ def _referred(analysis: Analysis, path: Path, written: str) -> str:
         return _of_mode(analysis, written)
     if key == "joint":
         return _of_joint(analysis, written)
-    if written.count("$") == 1:  # inside a repeat: the first that is meant
+    if written.count("$") == 1:  # inside a repeat: the first match
         items = re.compile(re.sub(r"\\\$[A-Za-z]\w*", r"\\w+", re.escape(written)))
         written = next(filter(items.fullmatch, analysis.facts.mounts), written)
     return _of_mount(analysis, written) or _of_component(analysis, written) or (_of_joint(analysis, written) if key == "drive" else "")
@@ -107,7 +107,7 @@ def _of_parameter(analysis: Analysis, name: str) -> str:
 
 
 def _of_component(analysis: Analysis, name: str) -> str:
-    """`**plate**`: what it is, what it weighs, where it stands."""
+    """Describe a component: what it is, its mass and its pose."""
     facts = analysis.facts
     piece = next((one for one in facts.pieces if name == one.name or name in one.items), None)
     what = piece.what if piece is not None else facts.components.get(name, "")
@@ -123,7 +123,7 @@ def _of_component(analysis: Analysis, name: str) -> str:
 
 
 def _measured(assembly: Assembly, name: str) -> Iterator[str]:
-    """Mass and place of a component, or of all that a nested assembly holds."""
+    """Yield the mass and the pose of a component, or the mass of a nested assembly."""
     path = name.replace(".", "/")
     inside = [one for one in assembly.occurrences if one.path == path or one.path.startswith(f"{path}/")]
     if not inside:
@@ -153,7 +153,7 @@ def _of_mount(analysis: Analysis, reference: str) -> str:
 
 
 def _of_joint(analysis: Analysis, name: str) -> str:
-    """Its kind, its mounts, its limits and what drives it."""
+    """Describe a joint: its kind, mounts, limits and drive."""
     facts = analysis.facts.joints.get(name)
     mates = () if analysis.assembly is None else analysis.assembly.mates
     coordinate = next(((mate, edge) for mate in mates for edge in mate.joints if str(edge.name) == name), None)
@@ -181,7 +181,7 @@ def _motion(edge: JointEdge) -> str:
 
 
 def _of_pose(analysis: Analysis, name: str) -> str:
-    """The joints that a pose sets, globs and nested poses worked out, and the modes that begin in it."""
+    """Describe a pose: the joint values (patterns and nested poses resolved), and the modes that start in it."""
     model = analysis.model
     pose = None if model is None else next((one for one in model.poses if one.name == name and name in analysis.facts.poses), None)
     if model is None or pose is None:
@@ -198,7 +198,7 @@ def _of_pose(analysis: Analysis, name: str) -> str:
 
 
 def _of_mode(analysis: Analysis, name: str) -> str:
-    """Its root, how that is held, and how it begins."""
+    """Describe a mode: its root, base and start pose."""
     mode = None if analysis.model is None else next((one for one in analysis.model.modes if one.name == name and one.stated), None)
     if mode is None:
         return ""

@@ -1,8 +1,6 @@
-"""Names as an editor asks for them: where they are declared and used, in documents and modules of parts, and their exchange; and a document
-at a glance: its sections and names, what can be folded, and the colours of its expressions.
+"""Navigation and renaming of names in documents and modules of parts; symbols, folding and semantic tokens of a document.
 
-A document whose text is broken at the moment is looked at as it was when it could be read last, where its lines are still the same; nothing
-in it is renamed then.
+If the text cannot be parsed, names are those of the last text that could, on lines that have not changed; renaming is not possible.
 """
 
 from __future__ import annotations
@@ -29,12 +27,12 @@ _KINDS = {
     "component": 5, "joint": 6, "parameter": 13, "pose": 24, "mode": 10, "mount": 11, "export": 11, "sensor": 8, "test": 17, "link": 23,
     "material": 14, "index": 13, "part": 5, "part mount": 8, "part parameter": 13,
 }
-"""What the protocol takes names for, by its numbers: a component for a class, a joint for a method, a pose for an event, ..."""
+"""Symbol kinds of LSP by kind of name: a component is a class, a joint a method, a pose an event, ..."""
 MAX_SYMBOLS = 500
 
 
 class _Names:
-    """What can be seen of names from one document, and its places as its text stands now."""
+    """The names visible from one document, with spans in its current text."""
 
     def __init__(self, analysis: Analysis, sight: WorkspaceIndex) -> None:
         self.analysis = analysis
@@ -43,30 +41,30 @@ class _Names:
         self.now, self.then = steady(known, analysis.text), steady(analysis.text, known)
 
     def at(self, place: TextPlace) -> NamePlace | None:
-        """The name at a place of the text."""
+        """Return the name at a place of the text, None if there is none."""
         path = self.analysis.path
         cursor = self.then(Span(file=path, line=place.line, column=place.column, end_line=place.line, end_column=place.column))
         return None if cursor is None else self.sight.index.at(path, cursor.line, cursor.column)
 
     def range(self, span: Span) -> Any:
-        """The protocol's range of a place; None where its line is another one now."""
+        """Return the LSP range of a span; None if its line has changed."""
         where = self.now(span) if span.file == self.analysis.path else span
         return None if where is None else TextLines(self.sight.read(span.file) or "").range(where)
 
     def locations(self, spans: Iterable[Span]) -> list[dict[str, Any]]:
-        """Places in the protocol's form, in their order."""
+        """Return LSP locations of spans, in order."""
         places = ((span, self.range(span)) for span in dict.fromkeys(spans))
         return [{"uri": self.analysis.uri(span.file), "range": there} for span, there in places if there is not None]
 
 
 def _names(analysis: Analysis, *, near: bool = False) -> _Names | None:
-    """What can be seen from a document (`near`: in it and in those that it names), None where it lies in no workspace."""
+    """Return the names visible from a document (`near`: only in it and in documents that it names); None if it is not in a workspace."""
     workspace = analysis.known.workspace or Workspace.find(analysis.path, Report())
     if workspace is None:
         return None
     documents = analysis.known.documents
     last = [documents.root] if documents is not None and not analysis.whole else []
-    near = near and analysis.known.kind == "assembly"  # what variants name is not among their documents
+    near = near and analysis.known.kind == "assembly"  # documents that variants name are not among their documents
     only = [one.path for one in documents.by_path.values()] if near and documents is not None else None
     return _Names(analysis, index_workspace(workspace, {path: one.text for path, one in analysis.open.items()}, last, only))
 
@@ -78,7 +76,7 @@ def _found(analysis: Analysis, place: TextPlace, *, near: bool = False) -> tuple
 
 
 def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Where the name at a place is declared; of a declaration in a module of parts the documents that use it."""
+    """Return where the name at a place is declared; for a declaration in Python, the documents that use it."""
     named = _found(analysis, place, near=not analysis.path.endswith(".py"))
     if named is None:
         return []
@@ -93,7 +91,7 @@ def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 
 def references(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Every place that uses the name at a place, patterns that it fits among them."""
+    """Return all uses of the name at a place, including patterns that match it."""
     named = _found(analysis, place)
     if named is None:
         return []
@@ -103,7 +101,7 @@ def references(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 
 def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """The places in the document itself of the name at a place."""
+    """Return the uses of the name at a place in the document itself."""
     named = _found(analysis, place, near=True)
     if named is None:
         return []
@@ -114,7 +112,7 @@ def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 
 def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """The name at a place, None where there is none. Raises `RenameRefused` where it cannot be exchanged."""
+    """Return the name at a place, None if there is none. Raises `RenameRefused` if it cannot be renamed."""
     named = _found(analysis, place)
     if named is None:
         return None
@@ -126,7 +124,7 @@ def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any)
 
 
 def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """The edits that give the name at a place another one, wherever it is written. Raises `RenameRefused`, in words."""
+    """Return the edits that rename the name at a place everywhere. Raises `RenameRefused`, with the reason."""
     named = _found(analysis, place)
     if named is None:
         raise RenameRefused("there is no name here")
@@ -143,7 +141,7 @@ def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
 
 
 def workspace_symbols(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """The names of a workspace that have the letters asked for in them, in that order."""
+    """Return the names of a workspace that contain the letters of the query in this order."""
     names, wanted = _names(analysis), params.get("query", "").lower()
     symbols: list[dict[str, Any]] = []
     for one in names.sight.index.places if names is not None else ():
@@ -162,22 +160,22 @@ def _has(text: str, letters: str) -> bool:
 
 
 TOKENS = ("parameter", "variable", "function", "number", "unit")
-"""Of expressions: parameters, constants and the index of a repeat, functions, numbers, units. An editor is told `keyword` for a unit."""
+"""Token types in expressions: `variable` is a constant or the index of a repeat. LSP has no `unit`; editors get `keyword`."""
 _SECTIONS = {
     "components": 5, "joints": 6, "parameters": 13, "poses": 24, "modes": 10, "mounts": 11, "sensors": 8, "tests": 17, "links": 23,
     "tendons": 6, "materials": 14, "choices": 10, "list": 18,
 }
-"""What the protocol takes the names of a section for, by its numbers."""
+"""Symbol kinds of LSP for the names in a section."""
 _MODULE = 2
 
 
 def symbols(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """The sections of the document, and the names in each."""
+    """Return the sections of the document, with their names."""
     return _symbols_in(analysis, analysis.known.tree, None)
 
 
 def _symbols_in(analysis: Analysis, mapping: Node | None, kind: int | None) -> list[dict[str, Any]]:
-    """The keys of a mapping as names of a `kind`; None: they are sections, which have names in them."""
+    """Return the keys of a mapping as symbols of a `kind`; None: they are sections, which contain names."""
     if not isinstance(mapping, MappingNode):
         return []
     listed = []
@@ -194,7 +192,7 @@ def _symbols_in(analysis: Analysis, mapping: Node | None, kind: int | None) -> l
 
 
 def folds(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """What goes over several lines, from the line of its key on, and comments of several lines."""
+    """Return the folding ranges: values on several lines, from the line of the key on, and comments."""
     ends: dict[int, int] = {}
     for key, node in _inside(analysis.known.tree):
         whole = _now(analysis, _around(key, node))
@@ -217,7 +215,7 @@ def _comments(text: str) -> Iterator[dict[str, Any]]:
 
 
 def tokens(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """The words of expressions, each as the line and the character from the one before, its length and its kind (`TOKENS`)."""
+    """Return the semantic tokens of expressions, in LSP's relative encoding, with the types of `TOKENS`."""
     known = analysis.known
     if known.documents is None:
         return None
@@ -252,7 +250,7 @@ def _words(text: str, dotted: bool, parameters: Mapping[str, Node]) -> Iterator[
 
 
 def _inside(node: Node | None) -> Iterator[tuple[Span, Node]]:
-    """Every key of a document with its value, and every item of a list."""
+    """Yield every key of a document with its value, and every item of a list."""
     if isinstance(node, MappingNode):
         for key, value in node.entries.items():
             yield node.keys[key], value
@@ -264,14 +262,14 @@ def _inside(node: Node | None) -> Iterator[tuple[Span, Node]]:
 
 
 def _around(key: Span, node: Node) -> Span:
-    """From a key, or a value that begins before it (a TOML table), to the end of both."""
+    """Return the span of a key and its value (in TOML, a table may begin before its key)."""
     begin = min((key.line, key.column), (node.span.line, node.span.column))
     end = max((key.end_line, key.end_column), (node.span.end_line, node.span.end_column))
     return Span(file=key.file, line=begin[0], column=begin[1], end_line=end[0], end_column=end[1])
 
 
 def _now(analysis: Analysis, span: Span) -> Span | None:
-    """A place of the text that names are taken from in the text as it stands; None where its lines have changed."""
+    """Convert a span of the text that names come from to the current text; None if its lines have changed."""
     known = analysis.known
     if known.whole and known is analysis:
         return span
@@ -279,7 +277,7 @@ def _now(analysis: Analysis, span: Span) -> Span | None:
 
 
 def _detail(node: Node) -> str:
-    """What a thing with a name is, in a word: its part, its type, its value."""
+    """Return a short description of an element: its part, type or value."""
     if isinstance(node, ScalarNode):
         return node.text[:80]
     if isinstance(node, MappingNode):

@@ -1,4 +1,4 @@
-"""What is open in one editor, and what was found out of it: a document is analysed again when something that it depends on has changed."""
+"""The open documents of an editor and their analyses, which are repeated when a dependency changes."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ Publish = Callable[[str, "int | None", "list[dict[str, Any]]"], None]
 """`publish(uri, version, diagnostics)`; the version is None for a file that is not open."""
 
 PAUSE = 0.1
-"""Between two looks at the files on the disk [s]."""
+"""Polling interval [s] for files on disk."""
 HEAD = 70_000
-"""Characters of a file in which the key `thingc` is looked for."""
+"""Number of characters of a file in which the key `thingc` is searched."""
 IMPATIENT = 0.2
-"""How long [s] the analysis of the document that is typed in goes on whatever is typed: after that a change has it begun anew. Those of
-other documents are begun anew at once."""
+"""Time [s] for which changes do not interrupt the analysis of the active document. Analyses of other documents are interrupted at once."""
 
 
 class Superseded(Exception):
-    """An analysis of texts that are not those of now."""
+    """The texts have changed during an analysis."""
 
 
 class OpenDocuments:
-    """The texts of an editor and their analyses. Texts come and go in one thread (`put`, `take_away`, `saved`), and are looked at in
-    another: `next` analyses one document and publishes what was found, `analysis` is for a request.
+    """The open texts of an editor and their analyses.
 
-    `options` say whether code of workspaces may run, and where the store is. `refused` puts an exception into words. `wake` is called where
-    there is something to do for `next` that no text has brought about: workers have answered, or a file was saved by somebody else.
+    One thread changes the texts (`put`, `take_away`, `saved`), another one analyses them: `next` analyses one document and publishes its
+    diagnostics, `analysis` serves a request. `options` specify whether code of workspaces may run, and the store. `refused` converts an
+    exception to a diagnostic. `wake` is called if `next` has work that no change of a text has caused: workers have answered, or a file was
+    saved by another program.
     """
 
     def __init__(self, options: Options, publish: Publish, refused: Callable[[Exception], Diagnostic], wake: Callable[[], None]) -> None:
@@ -56,7 +56,7 @@ class OpenDocuments:
         self._publish, self._refused, self._wake = publish, refused, wake
         self._lock = threading.RLock()
         self.texts: Mapping[str, OpenText] = {}
-        """All that is open now, by absolute path."""
+        """All open texts, by absolute path."""
         self._recent = ""
         self._changes = 0
         self._analyses: dict[str, Analysis] = {}
@@ -74,28 +74,28 @@ class OpenDocuments:
     # --- texts ---------------------------------------------------------------------------------------------------
 
     def put(self, path: str, text: OpenText) -> None:
-        """A file was opened, or has another text now."""
+        """Store the text of a file that was opened or changed."""
         with self._lock:
             self.texts, self._recent = {**self.texts, path: text}, path
             self._note(path)
 
     def take_away(self, path: str) -> None:
-        """A file was closed: what is on the disk counts."""
+        """Close a file: its content on disk is used."""
         with self._lock:
             self.texts = {one: text for one, text in self.texts.items() if one != path}
             self._note(path)
 
     def saved(self, path: str) -> None:
-        """A file on the disk is another than before. (Of one that is open the text counts.)"""
+        """Update after a file on disk has changed. For open documents, the text of the editor is used."""
         with self._lock:
             if path not in self.texts or not is_document_path(path):
                 for root in [root for root, one in self._at_hand.items() if path in one.inputs]:
-                    del self._at_hand[root]  # it has seen the file as it was
+                    del self._at_hand[root]  # its answers are outdated
                     self._workers[root].renew()
                 self._note(path)
 
     def _note(self, path: str) -> None:
-        """What depends on a file is to be looked at again, the file itself first."""
+        """Mark a file, and everything that depends on it, as outdated."""
         self._changes += 1
         self._outdated[path] = None
         for one, analysis in self._analyses.items():
@@ -105,8 +105,7 @@ class OpenDocuments:
     # --- analyses ------------------------------------------------------------------------------------------------
 
     def next(self) -> bool:
-        """Analyse one document for which something has changed, that which is typed in before the others, and publish what was found;
-        whether there was one."""
+        """Analyse one outdated document, the active one first, and publish the diagnostics. Returns whether there was one."""
         with self._lock:
             path = self._recent if self._recent in self._outdated else next(iter(self._outdated), None)
             if path is not None and path not in self.texts:
@@ -124,7 +123,7 @@ class OpenDocuments:
         return True
 
     def analysis(self, path: str) -> Analysis:
-        """The analysis of a file as it stands now. Raises `Superseded` where a change came meanwhile, and it took long."""
+        """Return the current analysis of a file. Raises `Superseded` if the texts have changed and the analysis takes long."""
         with self._lock:
             known = self._analyses.get(path)
             if known is not None and path not in self._outdated:
@@ -144,7 +143,7 @@ class OpenDocuments:
             self._analyses[path] = analysis
             self._watched.note(analysis.looked_at)
         if known is None:
-            gc.freeze()  # most of it stays as long as the document is open: to look all of it through for cycles takes several keystrokes
+            gc.freeze()  # most objects live as long as the document is open, and collecting them takes longer than several keystrokes
         return analysis
 
     def _analysed(self, path: str, texts: Mapping[str, OpenText], memo: Memo, known: Analysis | None) -> Analysis:
@@ -155,12 +154,12 @@ class OpenDocuments:
             return analysis if analysis.workspace is None else replace(analysis, in_reach=self._reach_of(analysis.workspace))
         except Superseded:
             raise
-        except Exception as fault:  # whatever it is, the next change may mend it
+        except Exception as fault:  # the next change may fix it
             self._memos.pop(path, None)
             return Analysis(path=path, open=texts, findings=(self._refused(fault),), whole=False, last=known and known.known)
 
     def _ours(self, path: str, texts: Mapping[str, OpenText], known: Analysis | None) -> bool:
-        """Whether a file is a document, or was one before its first line was edited, or is named by one; not somebody else's YAML."""
+        """Return whether a file is a document, was one before its first line was edited, or is named by one; other YAML is ignored."""
         mine = texts.get(path)
         return (
             mine is None or os.path.basename(path) == OWN_FILE or known is not None and known.known.documents is not None
@@ -176,14 +175,14 @@ class OpenDocuments:
     # --- findings ------------------------------------------------------------------------------------------------
 
     def _say(self, path: str) -> None:
-        """Publish what is said of a file, and of all others of which something else is said now."""
+        """Publish the diagnostics of a file, and of all other files whose diagnostics have changed."""
         with self._lock:
             analyses = [one for one in self._analyses.values() if one.path in self.texts]
         said: dict[str, list[dict[str, Any]]] = {}
         for analysis in analyses:
             for file, diagnostics in by_file(analysis).items():
                 of_file = said.setdefault(file, [])
-                if analysis.open.get(file) is self.texts.get(file):  # else it has seen another text of that file
+                if analysis.open.get(file) is self.texts.get(file):  # else they are for an older text
                     of_file.extend(one for one in diagnostics if one not in of_file)
         for file in dict.fromkeys((path, *said, *self._published)):
             diagnostics = said.get(file, [])
@@ -196,7 +195,7 @@ class OpenDocuments:
     # --- parts ---------------------------------------------------------------------------------------------------
 
     def _lend(self, path: str) -> Callable[[Workspace, Store], PartSource]:
-        """Who answers for the parts of a document: the store, at once."""
+        """Return a function that returns the source of parts of a document, without waiting."""
         def lend(workspace: Workspace, store: Store) -> PartSource:
             at_hand = self._at_hand.get(workspace.root)
             if at_hand is None or at_hand.workspace != workspace:
@@ -211,7 +210,7 @@ class OpenDocuments:
         return lend
 
     def _reach_of(self, workspace: Workspace) -> AvailableNames:
-        """What documents of a workspace can name besides what they hold."""
+        """Return the names that documents of a workspace can use besides their own."""
         at_hand = self._at_hand.get(workspace.root)
         known = self._reach.get(workspace.root)
         if known is None or known.workspace != workspace or known.at_hand is not at_hand:
@@ -219,7 +218,7 @@ class OpenDocuments:
         return known
 
     def _ask_workers(self) -> None:
-        """Have workers find out what was asked in vain."""
+        """Send the requests without an answer to workers."""
         with self._lock:
             for root, workers in self._workers.items():
                 wanted = PendingRequests()
@@ -229,7 +228,7 @@ class OpenDocuments:
                 workers.want(wanted)
 
     def _answered(self, workspace: Workspace, undescribed: Mapping[str, PartFailure], failed: Mapping[str, PartFailure]) -> None:
-        """Workers have answered: what waited for that is looked at again."""
+        """Store the answers of workers, and mark the waiting documents as outdated."""
         with self._lock:
             at_hand = self._at_hand.get(workspace.root)
             if at_hand is not None:
@@ -243,7 +242,7 @@ class OpenDocuments:
     # --- the disk ------------------------------------------------------------------------------------------------
 
     def _look(self) -> None:
-        """Look whether somebody saves what the analyses depend on."""
+        """Watch the files that analyses depend on."""
         for changed in looks(self._saved_elsewhere, self._ended, PAUSE):
             for path in changed:
                 self.saved(path)
@@ -258,14 +257,14 @@ class OpenDocuments:
             return self._watched.changed()
 
     def close(self) -> None:
-        """End what was started."""
+        """End the threads and the workers."""
         self._ended.set()
         for one in self._workers.values():
             one.end()
 
 
 class _SupersededMemo(Memo):
-    """A memo that ends the analysis it is asked by when that is not wanted any more."""
+    """A memo that interrupts an obsolete analysis."""
 
     __slots__ = ("_superseded",)
 
@@ -276,7 +275,7 @@ class _SupersededMemo(Memo):
         return super().__call__(place, function, *inputs)
 
     def until(self, superseded: Callable[[], bool]) -> None:
-        """From now on raise `Superseded` where this says so."""
+        """Set the function that decides whether to raise `Superseded`."""
         self._superseded = superseded
 
     def last(self, place: Hashable, inputs: tuple[Any, ...]) -> Any | None:
@@ -286,7 +285,7 @@ class _SupersededMemo(Memo):
         return super().last(place, inputs)
 
     def apart(self) -> Memo:
-        """See `Memo`; it ends the analysis, too."""
+        """See `Memo`. The copy also interrupts the analysis."""
         memo = _SupersededMemo()
         memo.until(self._superseded)
         return memo

@@ -1,4 +1,4 @@
-"""Places in a text: thingc's (lines and columns from 1, in characters) and the protocol's (from 0, in UTF-16 units), and files as URIs."""
+"""Convert positions between thingc (lines and columns from 1, in characters) and LSP (from 0, in UTF-16 units), and URIs to paths."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _BREAK = re.compile(r"\r\n|\r|\n")
 
 
 class TextPlace(FrozenStruct):
-    """A place between two characters of a text, counted as a `Span` counts: line and column from 1."""
+    """A position between two characters, as in a `Span`: line and column from 1."""
 
     line: int
     column: int
 
 
 class TextLines:
-    """A text and its lines, as both sides count them: broken at line feeds and carriage returns, and nowhere else."""
+    """A text and the offsets of its lines, which end at line feeds and carriage returns only."""
 
     __slots__ = ("starts", "text")
 
@@ -37,18 +37,18 @@ class TextLines:
         self.starts = [0, *(match.end() for match in _BREAK.finditer(text))]
 
     def with_breaks(self) -> list[str]:
-        """The lines with their breaks."""
+        """Return the lines with their line breaks."""
         return [self.text[start:end] for start, end in pairwise((*self.starts, len(self.text)))]
 
     def line(self, number: int) -> str:
-        """A line (from 1) without its break; empty outside of the text."""
+        """Return a line (from 1) without its line break, empty outside of the text."""
         if not 0 < number <= len(self.starts):
             return ""
         end = self.starts[number] if number < len(self.starts) else len(self.text)
         return self.text[self.starts[number - 1] : end].rstrip("\r\n")
 
     def index(self, place: TextPlace) -> int:
-        """The index into the text of a place; the nearest one where the text has no such place."""
+        """Return the offset of a position, limited to the text."""
         if place.line < 1:
             return 0
         if place.line > len(self.starts):
@@ -56,22 +56,22 @@ class TextLines:
         return self.starts[place.line - 1] + max(0, min(place.column - 1, len(self.line(place.line))))
 
     def place(self, position: Any) -> TextPlace:
-        """The place of a protocol's position (`{"line": 0, "character": 0}`); within the text whatever is asked."""
+        """Convert an LSP position (`{"line": 0, "character": 0}`), limited to the text."""
         number = max(0, min(position["line"], len(self.starts) - 1))
         before = self.line(number + 1).encode("utf-16-le", "surrogatepass")[: 2 * max(0, position["character"])]
         return TextPlace(line=number + 1, column=len(before.decode("utf-16-le", "replace")) + 1)
 
     def position(self, line: int, column: int) -> dict[str, int]:
-        """The protocol's position of a line and a column (from 1)."""
+        """Convert a line and a column (from 1) to an LSP position."""
         before = self.line(line)[: max(0, column - 1)]
         return {"line": max(0, line - 1), "character": len(before) + (0 if before.isascii() else sum(ord(one) > 0xFFFF for one in before))}
 
     def range(self, span: Span) -> dict[str, dict[str, int]]:
-        """The protocol's range of a span of this text."""
+        """Convert a span of this text to an LSP range."""
         return {"start": self.position(span.line, span.column), "end": self.position(span.end_line, span.end_column)}
 
     def range_of(self, start: int, end: int) -> dict[str, dict[str, int]]:
-        """The protocol's range of the characters from `start` to before `end`."""
+        """Convert the offsets from `start` to before `end` to an LSP range."""
         return {"start": self._position_at(start), "end": self._position_at(end)}
 
     def _position_at(self, index: int) -> dict[str, int]:
@@ -80,7 +80,7 @@ class TextLines:
 
 
 def path_of(uri: str) -> str | None:
-    """The absolute path that a URI names; None where it names no file of this machine."""
+    """Return the absolute path of a URI; None if it is not a file of this machine."""
     try:
         parts = urlsplit(uri)
         if parts.scheme != "file" or parts.netloc not in ("", "localhost"):
@@ -92,14 +92,14 @@ def path_of(uri: str) -> str | None:
 
 
 def equal_ends(old: list[str], new: list[str]) -> tuple[int, int]:
-    """How many lines of two texts are equal: from the beginning on, and of the others from the end on."""
+    """Return the number of equal lines at the beginning of two texts, and at the end of the rest."""
     top = len(os.path.commonprefix([old, new]))
     return top, len(os.path.commonprefix([old[top:][::-1], new[top:][::-1]]))
 
 
 @lru_cache(maxsize=4)
 def steady(before: str, after: str) -> Callable[[Span], Span | None]:
-    """Gives the place in `after` of a place in `before`; None where a line of it has changed."""
+    """Return a function that converts spans in `before` to spans in `after`; None if a line has changed."""
     if before == after:
         return lambda span: span
     old, new = before.splitlines(), after.splitlines()

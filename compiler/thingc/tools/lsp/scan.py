@@ -1,6 +1,6 @@
-"""What both languages of documents share when a text is read that may not parse at this moment.
+"""The common part of the YAML and TOML readers for text that may not parse.
 
-Such a reading never fails. It keeps keys and scalars by their path as far as they can be told, and looks for one place, the cursor.
+Reading never fails. It collects keys and scalars by path as far as possible, and finds the context of the cursor.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
 
 MAX_LEVELS = 100
-"""Brackets in brackets; what lies deeper is passed over."""
+"""Maximum nesting of brackets; deeper ones are skipped."""
 
 _LINE = re.compile(r"[^\r\n]*")
 _SPACES = re.compile(r"[ \t]*")
@@ -27,7 +27,7 @@ Role = Literal["key", "value"]
 
 
 class Token(FrozenStruct):
-    """A key, or a segment of one: its name, at the characters `start` to before `end`, inside of its `quote` if it has one."""
+    """A key or a segment of one: its name, from offset `start` to before `end`, inside of its `quote` if any."""
 
     name: str
     start: int
@@ -36,9 +36,11 @@ class Token(FrozenStruct):
 
 
 class CursorPlace(FrozenStruct):
-    """Where the cursor was met: a `key` of the mapping at `path`, or the `value` there; the token that stands there already reaches
-    from `start` to before `end` (equal: none). `either`: the first key of a mapping or a value on a line of its own; `quote`: the
-    one that was opened; `flow`: inside brackets; `header`: in the header of a TOML table."""
+    """The context of the cursor: a `key` of the mapping at `path`, or the `value` there.
+
+    The existing token is from `start` to before `end` (empty if equal). `either`: the first key of a mapping, or a value on a line of its
+    own. `quote` is the opening quote; `flow`: inside brackets; `header`: in the header of a TOML table.
+    """
 
     role: Role
     path: Path
@@ -52,10 +54,10 @@ class CursorPlace(FrozenStruct):
 
 @dataclass(slots=True)
 class Scan(ABC):
-    """One reading of a text, with the cursor before the character `target`.
+    """One pass over a text, with the cursor before the character `target`.
 
-    `keys` has those of every mapping with the place of each, `scalars` the text of every plain or quoted value; `place` is what
-    was met at the cursor, None where nothing can be typed that means something (in a comment or a block of text).
+    `keys` are the keys of every mapping with their offsets, `scalars` the texts of all plain and quoted values. `place` is the context of
+    the cursor, None where nothing can be completed (in a comment or a block scalar).
     """
 
     text: str
@@ -66,30 +68,30 @@ class Scan(ABC):
     muted: bool = False
     depth: int = 0
     left: int | None = None
-    """Where a bracket that is never closed was left: the beginning of a line that belongs to what holds it."""
+    """Where an unclosed bracket was left: the start of a line that belongs to its parent."""
 
     SEPARATOR: ClassVar[str]
     PLAIN: ClassVar[re.Pattern[str]]
-    """A value without quotes inside brackets."""
+    """Pattern of a plain value inside brackets."""
     QUOTES_OVER_LINES: ClassVar[bool]
-    """Whether a quote may be closed on a later line."""
+    """Whether a quoted value may span lines."""
 
     # --- what each language has of its own ----------------------------------------------------------------------------
 
     @abstractmethod
     def line(self, at: int) -> int:
-        """Read what begins with the line at `at`; returns where the next line begins."""
+        """Read from the line at `at`; return the start of the next line."""
 
     @abstractmethod
     def key_tokens(self, at: int) -> tuple[list[Token], int]:
-        """The segments of the key at `at` inside brackets, and where it ends."""
+        """Return the segments of the key at `at` inside brackets, and its end."""
 
     @abstractmethod
     def ends_flow(self, line: int, column: int) -> bool:
-        """Whether the line that begins at `line` can be none of a bracket that belongs to a key in that column."""
+        """Return whether the line at `line` cannot belong to an open bracket of a key in that column."""
 
     def run(self) -> None:
-        """Read all of the text."""
+        """Read the text."""
         at = 0
         while at <= len(self.text):
             at = self.line(at)
@@ -97,56 +99,56 @@ class Scan(ABC):
     # --- what was met -------------------------------------------------------------------------------------------------
 
     def gap(self, low: int, high: int, role: Role, path: Path, *, either: bool = False, flow: bool = False) -> None:
-        """Nothing stands from `low` to `high`, both included; a cursor there begins a key or a value at `path`."""
+        """Handle an empty range from `low` to `high`, inclusive: a cursor there begins a key or a value at `path`."""
         if low <= self.target <= high and self.place is None:
             self.place = CursorPlace(role=role, path=path, start=self.target, end=self.target, either=either, flow=flow)
 
     def token(self, place: CursorPlace, high: int) -> None:
-        """A token; spaces behind it, up to `high`, belong to what is typed."""
+        """Handle a token; spaces after it, up to `high`, belong to the typed text."""
         if place.start <= self.target <= high:
             self.place = replace(place, end=max(place.end, self.target))
 
     def mute(self, start: int, end: int) -> None:
-        """A comment or the like."""
+        """Disable completion between two offsets, for example in a comment."""
         self.muted = self.muted or start < self.target <= end
 
     def add(self, path: Path, name: str, at: int) -> None:
-        """A key of the mapping at `path`."""
+        """Record a key of the mapping at `path`."""
         self.keys.setdefault(path, {}).setdefault(name, at)
 
     # --- small steps --------------------------------------------------------------------------------------------------
 
     def after(self, pattern: re.Pattern[str], at: int) -> int:
-        """The end of what fits a pattern at `at`."""
+        """Return the end of a match of the pattern at `at`; `at` if there is none."""
         match = pattern.match(self.text, at)
         return at if match is None else match.end()
 
     def line_end(self, at: int) -> int:
-        """The end of the line of `at`, before its break."""
+        """Return the end of the line, before its line break."""
         return self.after(_LINE, at)
 
     def after_break(self, end: int) -> int:
-        """Where the line behind the end of one begins; behind the text where there is none."""
+        """Return the start of the next line; after the last line, an offset beyond the text."""
         return len(self.text) + 1 if end >= len(self.text) else end + (2 if self.text.startswith("\r\n", end) else 1)
 
     def spaces(self, at: int) -> int:
-        """The first character from `at` on that is no space or tab."""
+        """Return the offset of the first character from `at` on that is not a space or tab."""
         return self.after(_SPACES, at)
 
     def comment(self, at: int) -> int:
-        """The end of the comment that begins at `at`."""
+        """Skip the comment at `at`; return its end."""
         end = self.line_end(at)
         self.mute(at, end)
         return end
 
     def rest(self, at: int) -> int:
-        """Read the rest of a line, from `at` on, which has nothing but a comment; returns where the next line begins."""
+        """Skip the rest of a line, which may contain a comment; return the start of the next line."""
         end = self.line_end(at)
         comment = self.text.find("#", at, end)
         return self.after_break(end if comment < 0 else self.comment(comment))
 
     def behind_value(self, at: int) -> int:
-        """Where it goes on behind a value that ends at `at`: with the next line, or where an open bracket was left."""
+        """Return where reading continues after a value: at the next line, or where an open bracket was left."""
         if self.left is None:
             return self.rest(at)
         line, self.left = self.left, None
@@ -155,7 +157,7 @@ class Scan(ABC):
     # --- brackets -----------------------------------------------------------------------------------------------------
 
     def skip(self, at: int, column: int) -> int:
-        """Over spaces, lines and comments inside brackets. Sets `left` where a line belongs to what holds them."""
+        """Skip spaces, lines and comments inside brackets. Sets `left` at a line that belongs to the parent."""
         first: int | None = None
         while True:
             at = self.spaces(at)
@@ -176,7 +178,7 @@ class Scan(ABC):
             at = line
 
     def brackets(self, at: int, path: Path, column: int) -> int:
-        """Read `{...}` or `[...]` at `at`, the value of a key in that column of its line; returns where it ends."""
+        """Read `{...}` or `[...]` at `at`, the value of a key in that column; return its end."""
         mapping = self.text[at] == "{"
         index, here, fresh = 0, at + 1, True
         self.depth += 1
@@ -202,7 +204,7 @@ class Scan(ABC):
         return here
 
     def entry(self, at: int, path: Path, column: int) -> int:
-        """One `key: value` in braces."""
+        """Read one `key: value` in braces; return its end."""
         tokens, end = self.key_tokens(at)
         after = self.spaces(end)
         separated = self.text.startswith(self.SEPARATOR, after)
@@ -217,12 +219,12 @@ class Scan(ABC):
         return here if ended else self.value_in(here, path, column)
 
     def segments(self, tokens: list[Token], path: Path, high: int, separated: bool, *, flow: bool = False, header: bool = False) -> Path:
-        """Keep the segments of a key, whose last one is sure where it is `separated` from what follows; returns the path of its value."""
+        """Record the segments of a key; the last one only if it is `separated` from its value. Returns the path of the value."""
         for token in tokens:
             last = token is tokens[-1]
             place = CursorPlace(role="key", path=path, start=token.start, end=token.end, quote=token.quote, flow=flow, header=header)
             self.token(place, high if last and not token.quote else token.end)
-            if token.quote and self.target in (token.start - 1, token.end + 1):  # outside of the quotes: all of it
+            if token.quote and self.target in (token.start - 1, token.end + 1):  # just outside of the quotes: replace them, too
                 self.place = CursorPlace(role="key", path=path, start=token.start - 1, end=token.end + 1, flow=flow, header=header)
             if separated or not last:
                 self.add(path, token.name, token.start)
@@ -230,7 +232,7 @@ class Scan(ABC):
         return path
 
     def value_in(self, at: int, path: Path, column: int) -> int:
-        """One value inside brackets; returns where it ends."""
+        """Read one value inside brackets; return its end."""
         character = self.text[at]
         if character in "{[":
             return self.brackets(at, path, column) if self.depth < MAX_LEVELS else at + 1
@@ -244,7 +246,7 @@ class Scan(ABC):
         return high
 
     def quoted(self, at: int, path: Path, column: int, *, flow: bool = False) -> int:
-        """A quoted value; returns where it ends."""
+        """Read a quoted value; return its end."""
         start, end, after = self.quotes(at, column)
         self.scalars[path] = self.text[start:end]
         last = min(end, self.line_end(max(start, min(self.target, end))))
@@ -255,8 +257,10 @@ class Scan(ABC):
         return after
 
     def quotes(self, at: int, column: int) -> tuple[int, int, int]:
-        """The characters inside the quotes that open at `at`, and where it goes on behind them. A quote that is never closed, or
-        behind a line that belongs to something else, ends with its line."""
+        """Return the range inside the quotes at `at`, and the offset after them.
+
+        A quote that is never closed, or only after a line that belongs to another entry, ends with its line.
+        """
         quote = self.text[at]
         here = at + 1
         while True:

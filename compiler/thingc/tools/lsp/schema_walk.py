@@ -1,7 +1,6 @@
-"""What a JSON Schema says of one place of a document that is being written.
+"""Look up keys and values in a JSON Schema for a place of a document.
 
-The schemas are those that `thingc schema` writes for every document; conditions in them are decided by the keys and scalars that can
-be told of the text (`cursor`).
+The schemas are those of `thingc schema`. Conditions are evaluated with the known keys and scalars of the text (`cursor`).
 """
 
 from __future__ import annotations
@@ -19,8 +18,7 @@ Schema = dict[str, Any]
 
 
 class KeyOffer(FrozenStruct):
-    """A key that a mapping may have: what is said of it, whether it must be there, and whether its value is a mapping and
-    nothing else."""
+    """A key that a mapping may have: its description, whether it is required, and whether its value must be a mapping."""
 
     name: str
     description: str
@@ -29,14 +27,14 @@ class KeyOffer(FrozenStruct):
 
 
 class ValueOffer(FrozenStruct):
-    """A value that is offered, as a document says it, and what is said of it."""
+    """A possible value, as written in a document, with its description."""
 
     value: str | bool
     description: str
 
 
 class SchemaWalk:
-    """A schema, and the `keys` of every mapping and the `scalars` of the text that it is about, by path."""
+    """A schema, with the `keys` of every mapping and the `scalars` of the text, by path."""
 
     def __init__(self, schema: Schema, keys: Mapping[Path, tuple[str, ...]], scalars: Mapping[Path, str]) -> None:
         self.schema = schema
@@ -44,8 +42,7 @@ class SchemaWalk:
         self.scalars = scalars
 
     def at(self, path: Path) -> list[Schema]:
-        """Whatever may hold for the value at a path: alternatives side by side, none of them with references or conditions that matter
-        any more. What is said first is nearest to the place."""
+        """Return the schemas that may apply at a path, with references and conditions resolved. More specific ones come first."""
         schemas = self._flat(self.schema, ())
         for depth, step in enumerate(path):
             below = path[: depth + 1]
@@ -53,7 +50,7 @@ class SchemaWalk:
         return schemas
 
     def key_offers(self, path: Path) -> list[KeyOffer]:
-        """The keys that the mapping at a path does not have and may have, those that it must have first."""
+        """Return the keys that the mapping at a path can have in addition, required ones first."""
         flats = self.at(path)
         there = set(self.keys.get(path, ()))
         required = {name for flat in flats if "properties" in flat for name in (*flat.get("required", ()), *_one_of_which(flat, there))}
@@ -69,7 +66,7 @@ class SchemaWalk:
         return sorted(offers.values(), key=lambda one: not one.required)
 
     def value_offers(self, path: Path) -> list[ValueOffer]:
-        """The words that may stand at a path, in the order of the schema."""
+        """Return the possible words at a path, in schema order."""
         offers: dict[str | bool, ValueOffer] = {}
         for flat in self.at(path):
             for value, text in _words(flat):
@@ -77,15 +74,15 @@ class SchemaWalk:
         return list(offers.values())
 
     def dimensions(self, path: Path) -> tuple[Dimension, ...]:
-        """The dimensions of the quantities that may stand at a path; none where no quantity with a unit is wanted."""
+        """Return the dimensions of possible quantities at a path, empty if none has a unit."""
         return _dimensions(self.at(path))
 
     def parameters_of(self, part: str) -> list[str]:
-        """The names of what a part takes."""
+        """Return the names of the parameters of a part."""
         return list(self._definition(f"params of {part}").get("properties", {}))
 
     def needed_parameters(self, part: str) -> dict[str, Any]:
-        """The parameters that a part must be given, each with a value that it may have."""
+        """Return the required parameters of a part, each with a possible value."""
         schema = self._definition(f"params of {part}")
         needed: dict[str, Any] = {}
         for name in schema.get("required", ()):
@@ -97,14 +94,14 @@ class SchemaWalk:
         return needed
 
     def mounts_of(self, component: str) -> list[tuple[str, str]]:
-        """The mounts that the part of a component has as a rule, as references, each with what is said of it."""
+        """Return the usual mounts of the part of a component, as references with descriptions."""
         part = self.scalars.get(("components", component, "part"))
         attach = {} if part is None else self._definition(f"mounts of {part}")
         mounts = attach.get("else", attach).get("properties", {})
         return [(f"{component}.{name}", str(one.get("description", ""))) for name, one in mounts.items() if "$ref" in one]
 
     def takes_mounts(self, path: Path) -> bool:
-        """Whether a reference to a mount may stand at a path."""
+        """Return whether the value at a path can be a reference to a mount."""
         return any(flat.get("$ref") in ("#/$defs/mount", "#/$defs/frame") for flat in self.at(path))
 
     def _definition(self, name: str) -> Schema:
@@ -112,7 +109,7 @@ class SchemaWalk:
         return definition
 
     def _flat(self, schema: Any, path: Path, met: tuple[str, ...] = ()) -> list[Schema]:
-        """A schema and all that it refers to, those of its conditions that hold among it."""
+        """Return a schema and all that it refers to, with the branches of its conditions that hold."""
         if not isinstance(schema, dict):
             return []
         flats = [schema]
@@ -134,7 +131,7 @@ class SchemaWalk:
         return node
 
     def _holds(self, condition: Schema, path: Path) -> bool:
-        """Whether a condition about keys and their plain values is met by what is written."""
+        """Return whether a condition about keys and plain values holds."""
         if "anyOf" in condition and not any(self._holds(one, path) for one in condition["anyOf"]):
             return False
         there = self.keys.get(path, ())
@@ -147,12 +144,12 @@ class SchemaWalk:
 
 
 def described(flats: list[Schema]) -> str:
-    """What is said of a place: the first description that is not of one of its values."""
+    """Return the first description of a place that does not describe one of its values."""
     return next((str(flat["description"]) for flat in flats if flat.get("description") and "const" not in flat), "")
 
 
 def described_as(flats: list[Schema], value: str) -> str:
-    """What is said of a value, where it is one of those that are offered."""
+    """Return the description of a value, if it is one of those offered."""
     return next((text for flat in flats for word, text in _words(flat) if word == value and text), "")
 
 
@@ -167,7 +164,7 @@ def _children(schema: Schema, step: str | int) -> Iterator[Any]:
 
 
 def _may_join(schema: Schema, name: str, there: set[str]) -> bool:
-    """Whether a mapping with the keys that are there may have one more, as far as keys alone decide."""
+    """Return whether a mapping with the keys `there` may have one more; only rules about keys are checked."""
     if name not in schema.get("properties", {}):
         return True
     together = {*there, name}
@@ -187,20 +184,20 @@ def _may_join(schema: Schema, name: str, there: set[str]) -> bool:
 
 
 def _one_of_which(schema: Schema, there: set[str]) -> Iterator[str]:
-    """Keys of which a mapping must have one and has none."""
+    """Yield the keys of which exactly one is required, if none is there."""
     choices = [branch["required"] for branch in schema.get("oneOf", ()) if set(branch) == {"required"}]
     if not any(there >= set(choice) for choice in choices):
         yield from (choice[0] for choice in choices if len(choice) == 1)
 
 
 def _of_mapping(schema: Schema) -> bool:
-    """Whether a schema is of mappings, or says nothing of what its values are."""
+    """Return whether a schema is one of mappings, or does not restrict its values."""
     kind = schema.get("type")
     return kind == "object" or (kind is None and not any(word in schema for word in ("const", "enum", "pattern")))
 
 
 def _words(schema: Schema) -> Iterator[tuple[str | bool, str]]:
-    """The words that a schema offers, each with what it says of it."""
+    """Yield the words that a schema offers, with descriptions."""
     text = str(schema.get("description", ""))
     if isinstance(schema.get("const"), (str, bool)):
         yield schema["const"], text
@@ -217,7 +214,7 @@ _ALL = {unit[2] for unit in UNITS.values()} - {NUMBER}
 
 
 def _dimensions(flats: list[Schema]) -> tuple[Dimension, ...]:
-    """Those of the quantities which the patterns of a place let through: of single units, else of the examples that it gives."""
+    """Return the dimensions of quantities that the patterns accept: of single units, else of the examples."""
     dimensions: dict[Dimension, None] = {}
     for schema in flats:
         pattern = schema.get("pattern")
@@ -227,7 +224,7 @@ def _dimensions(flats: list[Schema]) -> tuple[Dimension, ...]:
             unit[2] for name, unit in UNITS.items()
             if name != "%" and any(re.search(pattern, f"{numbers} {name}") for numbers in ("2", "2 2 2"))
         )
-        if set(single) != _ALL:  # else a value of whatever dimension
+        if set(single) != _ALL:  # otherwise it accepts any dimension
             dimensions.update(single or dict.fromkeys(_in_examples(flats)))
     return tuple(dimensions)
 

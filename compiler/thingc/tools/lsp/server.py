@@ -1,14 +1,13 @@
-"""The server: messages of an editor over standard input and output.
+"""The language server: LSP messages over standard input and output.
 
-What it answers stands in `FEATURES`: for each request of the protocol a function `feature(analysis, text, place, params)` of a module of
-this room. `analysis` is of the document as it stands (`analysis.Analysis`; where its text is broken at the moment, names of the last one
-that was not are in `analysis.known`), `text` is the document's text, `place` where the cursor is, counted as a `Span` counts (line 1,
-column 1 for requests without a position), and `params` what was sent, as plain JSON. The answer is plain JSON, too, as the protocol has
-it; `analysis.lines().range(span)` makes ranges, `analysis.uri(path)` names files. A feature that cannot answer raises
-`RenameRefused` with words for the person. So another one is a function and a line of `FEATURES`, with what the server tells the
-editor about it (the protocol's options, as JSON) where there is something to tell.
+`FEATURES` maps each request to a function `feature(analysis, text, place, params)` of a module in this folder. `analysis` is that of the
+document (`analysis.Analysis`; if its text cannot be parsed, `analysis.known` has the names of the last one that could), `text` is its text,
+`place` the cursor as in a `Span` (line 1, column 1 for requests without a position), and `params` the parameters as plain JSON. The result
+is plain JSON in the form of LSP; `analysis.lines().range(span)` converts ranges, `analysis.uri(path)` paths. A feature that fails raises
+`RenameRefused` with a message for the user. To add a feature, write a function and add it to `FEATURES`, with its LSP server options, if
+any.
 
-Nothing else in this room knows pygls.
+Only this module uses pygls.
 """
 
 from __future__ import annotations
@@ -42,9 +41,11 @@ NOT_INITIALIZED = -32002
 
 
 class Feature(FrozenStruct):
-    """Who answers a request (`module:function` of this room), and the options that the editor is told, if any. Where it answers by
-    something else than a document (symbols of a workspace), `document` is false, and the analysis is of the document looked at last. One
-    that looks `everywhere` has in `analysis.open` all texts as they are now, those that the document does not depend on as well."""
+    """The handler of a request (`module:function` in this folder), and its LSP server options.
+
+    If `document` is false, the request is not about a document (workspace symbols), and the analysis is that of the last document. With
+    `everywhere`, `analysis.open` contains all open texts, not only those that the document depends on.
+    """
 
     answer: str
     options: Any = None
@@ -53,7 +54,7 @@ class Feature(FrozenStruct):
 
 
 LEGEND = {"tokenTypes": ["parameter", "variable", "function", "number", "keyword"], "tokenModifiers": []}
-"""What the words of an expression are to an editor (`navigation.TOKENS`): a unit is a keyword."""
+"""The legend of semantic tokens, in the order of `navigation.TOKENS`: units are keywords."""
 
 FEATURES: dict[str, Feature] = {
     "textDocument/codeAction": Feature(answer="code_actions:actions", options={"codeActionKinds": ["quickfix"]}),
@@ -73,12 +74,14 @@ FEATURES: dict[str, Feature] = {
     "textDocument/semanticTokens/full": Feature(answer="navigation:tokens", options=LEGEND),
     "workspace/symbol": Feature(answer="navigation:workspace_symbols", document=False, everywhere=True),
 }
-"""Requests of the protocol and who answers them."""
+"""Handlers by LSP request."""
 
 
 def serve(options: Options, version: str, refused: Callable[[Exception], Diagnostic], stdin: BinaryIO, stdout: BinaryIO) -> bool:
-    """Answer an editor until it leaves; whether it has said so before. `options` say where the store is; whether code may run is said by
-    the editor. `refused` puts an exception into words."""
+    """Serve an editor until it disconnects; return whether it has sent `shutdown` before.
+
+    `options` specify the store; the editor specifies whether code may run. `refused` converts an exception to a diagnostic.
+    """
     from lsprotocol import types
     from pygls.lsp import get_method_options_type
 
@@ -114,7 +117,7 @@ def serve(options: Options, version: str, refused: Callable[[Exception], Diagnos
 
 
 def _notify(server: LanguageServer, answering: _Answering) -> None:
-    """Tell `answering` of what is opened, typed, saved and closed."""
+    """Register the notifications about opened, changed, saved and closed documents."""
     from lsprotocol import types
 
     @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
@@ -140,7 +143,7 @@ def _notify(server: LanguageServer, answering: _Answering) -> None:
 
 
 def _server(version: str) -> LanguageServer:
-    """What speaks the protocol."""
+    """Create the pygls server."""
     from lsprotocol import types
     from pygls.exceptions import JsonRpcException
     from pygls.lsp.server import LanguageServer
@@ -150,14 +153,14 @@ def _server(version: str) -> LanguageServer:
     logging.getLogger("pygls").propagate = False
 
     class Protocol(LanguageServerProtocol):
-        """Answers are sent as they are: they have the protocol's form."""
+        """Sends results without conversion, since they are plain JSON."""
 
         def get_result_type(self, method: str) -> Any:  # type: ignore[override]
-            """The type of an answer; None: as it is."""
+            """Return the type of a result; None: unconverted."""
             return None if method in FEATURES else super().get_result_type(method)
 
         def structure_message(self, data: dict[str, Any]) -> Any:
-            """What was sent, as the protocol's type; a request that is none is answered, too."""
+            """Convert a message; answer invalid requests with an error."""
             try:
                 return super().structure_message(data)
             except JsonRpcException as fault:
@@ -166,10 +169,10 @@ def _server(version: str) -> LanguageServer:
                 raise
 
     class Quiet(LanguageServer):
-        """Says nothing of its own faults to the person: they cannot mend them."""
+        """Does not show internal errors to the user, who cannot fix them."""
 
         def report_server_error(self, error: Exception, source: Any) -> None:
-            """Hears of errors of the protocol, of which the editor is told anyway."""
+            """Log errors of the protocol; the editor gets them as a response."""
             logging.getLogger("thingc.tools.lsp").debug("%s: %s", source, error)
 
     return Quiet(
@@ -186,8 +189,10 @@ def _handler(answering: _Answering, feature: Feature, plain: Callable[[Any], Any
 
 
 class _Answering:
-    """The documents that an editor has opened, and the one thread that looks at them: it analyses them, and answers, one after the other.
-    Until the editor has said what it is (`begin`) there are none."""
+    """The open documents of an editor, and the single thread that analyses them and answers requests in order.
+
+    There are none before `begin`.
+    """
 
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="analysing")
@@ -195,18 +200,18 @@ class _Answering:
         self._recent = ""
 
     def begin(self, options: Options, publish: Publish, refused: Callable[[Exception], Diagnostic]) -> None:
-        """Once."""
+        """Open the documents at the first call; ignore further calls."""
         if self._opened is None:
             self._opened = OpenDocuments(options, publish, refused, self._wake)
 
     def close(self) -> None:
-        """Nothing is answered any more."""
+        """Stop answering."""
         self._thread.shutdown(wait=False, cancel_futures=True)
         if self._opened is not None:
             self._opened.close()
 
     def put(self, uri: str, version: int, text: str) -> None:
-        """A document was opened, or has another text now."""
+        """Store the text of a document that was opened or changed."""
         path = path_of(uri)
         if path is not None and self._opened is not None:
             self._recent = path
@@ -214,14 +219,14 @@ class _Answering:
             self._wake()
 
     def take_away(self, uri: str) -> None:
-        """It was closed."""
+        """Close a document."""
         path = path_of(uri)
         if path is not None and self._opened is not None:
             self._opened.take_away(path)
             self._wake()
 
     def saved(self, uris: Iterable[str]) -> None:
-        """Files on the disk are others than before."""
+        """Update after files on disk have changed."""
         paths = [path for uri in uris if (path := path_of(uri)) is not None]
         if paths and self._opened is not None:
             for path in paths:
@@ -229,7 +234,7 @@ class _Answering:
             self._wake()
 
     async def answered(self, feature: Feature, params: dict[str, Any]) -> Any:
-        """The answer to a request, behind those that came before it. Raises `JsonRpcException`."""
+        """Answer a request, after all earlier ones. Raises `JsonRpcException`."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, partial(self._answer, feature, params))
 
     def _answer(self, feature: Feature, params: dict[str, Any]) -> Any:
@@ -263,4 +268,4 @@ class _Answering:
 
     def _work(self) -> None:
         if self._opened is not None and self._opened.next():
-            self._wake()  # behind the requests that wait
+            self._wake()  # after waiting requests

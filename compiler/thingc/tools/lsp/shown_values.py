@@ -1,4 +1,4 @@
-"""Values that are shown to a reader: of parameters and expressions, their inlay hints, and frames of mounts. Faults are not reported."""
+"""Values to show: parameters and expressions, their inlay hints, and frames of mounts. Errors are not reported here."""
 
 from __future__ import annotations
 
@@ -21,17 +21,19 @@ from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.schemas.parameter_schemas import symbols_of
 
 MAX_ITEMS = 1000
-"""Items of a `repeat` for which an expression is worked out."""
+"""Maximum number of items of a `repeat` that are evaluated."""
 
 
 def parameters_of(analysis: Analysis) -> Mapping[str, ExpressionValue]:
-    """The document's own parameters with what they come to."""
+    """Return the parameters of the document with their values."""
     return analysis.known.once("parameters", lambda: _worked_out(analysis.known.tree))
 
 
 def evaluate_expression(analysis: Analysis, path: Path, text: str) -> tuple[ExpressionValue, ...]:
-    """What the text of the value at a path comes to: a quantity, an expression over the parameters; inside a `repeat` of its first and its
-    last item where they differ. Empty for what is none, or unsound."""
+    """Return the value of the text at a path: a quantity, or an expression of parameters; empty if it is neither or invalid.
+
+    Inside a `repeat`, the values for the first and the last item, if they differ.
+    """
     parameters, tree = parameters_of(analysis), analysis.known.tree
     expression = text.lstrip().startswith("=")
     repeat = node_at(tree, (*path[:2], "repeat")) if expression and tree is not None else None
@@ -48,7 +50,7 @@ def evaluate_expression(analysis: Analysis, path: Path, text: str) -> tuple[Expr
 
 
 def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
-    """The least and the largest value [SI] of what a component's `params:` or `parameters:` set at the cursor, as far as it is known."""
+    """Return the bounds [SI] of the parameter of a component at the cursor; infinite if unknown."""
     low, high = -math.inf, math.inf
     path, known = cursor.path, analysis.known
     if len(path) != 4 or path[0] != "components":
@@ -68,7 +70,7 @@ def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
 
 
 def parse_expression_value(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
-    """The quantity that a text is, or what an expression comes to with these names; None for anything else."""
+    """Parse a quantity, or evaluate an expression with these names; None for anything else."""
     try:
         stripped = text.strip()
         return evaluate(parse_expression(stripped), names) if stripped.startswith("=") else parse_quantity(stripped)
@@ -77,7 +79,7 @@ def parse_expression_value(text: str, names: Mapping[str, ExpressionValue]) -> E
 
 
 def shown(values: tuple[ExpressionValue, ...]) -> str:
-    """Values in a line: `42 mm`, `50 g ... 100 g`."""
+    """Format values in a line: `42 mm`, `50 g ... 100 g`."""
     return " ... ".join(one.shown(6) if isinstance(one, Quantity) else str(one).lower() if isinstance(one, bool) else one for one in values)
 
 
@@ -85,7 +87,7 @@ def _worked_out(tree: MappingNode | None) -> dict[str, ExpressionValue]:
     waiting = {} if tree is None else {name: one.value for name, one in symbols_of(tree).parameters.items()}
     known: dict[str, ExpressionValue] = {}
     growing = True
-    while growing:  # in any order: each round knows those that use what the round before knew
+    while growing:  # in any order: each pass evaluates those whose names are known
         growing = False
         for name, text in list(waiting.items()):
             value = parse_expression_value(text, known)
@@ -100,7 +102,7 @@ _TYPE = 1
 
 
 def hints(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The hints in the range that is asked for. While the text is broken, those of the last sound one on lines that are as they were."""
+    """Return the inlay hints in a range. If the text cannot be parsed, those of the last text that could, on unchanged lines."""
     known = analysis.known
     if known.tree is None:
         return []
@@ -125,8 +127,10 @@ Steps = tuple[str, ...]
 
 
 def frame_words(analysis: Analysis, reference: str) -> str:
-    """The frame of a mount `component.mount` in the component's own: `(12, 0, 30) mm, z along +y`; of one inside a nested assembly in
-    that of the part that has it, which is named. Empty where it is not known."""
+    """Format the frame of a mount `component.mount` in that of the component: `(12, 0, 30) mm, z along +y`; empty if unknown.
+
+    A mount in a nested assembly is in the frame of its part, which is named.
+    """
     model = analysis.known.model
     place = None if model is None else _found(analysis.known, model, reference.split("."), ())
     if place is None:
@@ -136,17 +140,17 @@ def frame_words(analysis: Analysis, reference: str) -> str:
 
 
 def in_words(pose: Pose) -> str:
-    """A frame in a line: its origin, and where its z points."""
+    """Format a frame in a line: its origin, and the direction of z."""
     return f"{length_words(pose.translation)}, z along {direction_words(transpose(pose.rotation)[2])}"
 
 
 def length_words(vector: Vector) -> str:
-    """A place [m] in millimetres: `(12, 0, 30) mm`."""
+    """Format a position [m] in millimetres: `(12, 0, 30) mm`."""
     return f"({', '.join(_short(1000.0 * value) for value in vector)}) mm"
 
 
 def _found(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], above: Steps) -> tuple[Pose, Steps] | None:
-    """The frame of a mount, and the component whose frame that is in."""
+    """Return the frame of a mount, and the path of the component whose frame it is in; None if unknown."""
     component = next((one for one in model.components if one.name == steps[0]), None)
     rest = steps[1:]
     if component is None or not rest:
@@ -165,7 +169,7 @@ def _found(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], 
 
 
 def direction_words(direction: Vector) -> str:
-    """Where a unit vector points: `+x`, `-z`, `(0.6, 0, 0.8)`."""
+    """Format the direction of a unit vector: `+x`, `-z`, `(0.6, 0, 0.8)`."""
     for axis, value in zip("xyz", direction, strict=True):
         if abs(value) > 1.0 - 1e-9:
             return f"{'+' if value > 0 else '-'}{axis}"

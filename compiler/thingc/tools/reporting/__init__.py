@@ -1,1 +1,1 @@
-"""What there is to say, for machines other than ours: GitHub's annotations, SARIF, and the pages of `thingc explain`."""
+"""Reports in other formats: GitHub annotations, SARIF, and the pages of `thingc explain`."""

@@ -1,10 +1,10 @@
-"""Diagnostics for continuous integration: SARIF 2.1.0 (OASIS) for code scanning and editors, annotations of GitHub Actions.
+"""Diagnostics for continuous integration: SARIF 2.1.0 (OASIS), and annotations of GitHub Actions.
 
-In SARIF, what has a place in a document is a result. What is said of the command line or of the machine is a notification of the
-invocation: readers refuse a result without a place.
+In SARIF, diagnostics with a location are results. Others are notifications of the invocation, since readers reject results without a
+location.
 
-GitHub's annotations are "Workflow commands for GitHub Actions" (`::error file=...,line=...::message`), with the escapes of its
-toolkit: `%`, CR and LF in messages, `:` and `,` in properties, too. Each diagnostic becomes one on its line of a pull request.
+GitHub's annotations are "Workflow commands for GitHub Actions" (`::error file=...,line=...::message`), with the escapes of its toolkit:
+`%`, CR and LF in messages; `:` and `,` also in properties. Each diagnostic becomes an annotation of its line.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from thingc.base.source import Span
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 ROOT = "%SRCROOT%"
-"""The name of the folder that relative places start from: the repository."""
+"""Name of the base folder of relative paths, the repository."""
 FINGERPRINT = "documentPathAndMessage/v1"
 _COMMANDS: Mapping[Severity, str] = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "notice"}
-"""Of GitHub."""
+"""Commands of GitHub Actions by severity."""
 
 
 def repository(folder: str) -> str:
-    """The absolute path of the nearest folder from `folder` upwards that holds `.git`, else of `folder` itself."""
+    """Return the absolute path of the nearest folder from `folder` upwards that contains `.git`, else of `folder` itself."""
     start = Path(os.path.abspath(folder))
     return str(next((above for above in (start, *start.parents) if (above / ".git").exists()), start))
 
 
 def within(file: str, base: str) -> str | None:
-    """An absolute `file` relative to the folder `base`, with `/` between its words; None where it lies elsewhere."""
+    """Return an absolute `file` relative to the folder `base`, with `/`; None if it is outside of it."""
     try:
         relative = os.path.relpath(file, base)
     except ValueError:  # another drive
@@ -47,9 +47,9 @@ def within(file: str, base: str) -> str | None:
 
 
 def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, documentation: str | None = None) -> str:
-    """The log of one run, as text: places relative to the repository's folder `base`, `version` of thingc.
+    """Format the SARIF log of one run; locations are relative to the folder `base`, `version` is that of thingc.
 
-    `documentation` is the address that the page of a code is found under (`.../TC302.md`), if it is known.
+    `documentation` is the base URL of the pages of codes (`.../TC302.md`), if known.
     """
     placed = [d for d in diagnostics if d.span is not None]
     homeless = [d for d in diagnostics if d.span is None]
@@ -73,7 +73,7 @@ def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, docu
 
 
 def _descriptor(code: Code, documentation: str | None) -> dict[str, Any]:
-    """A code as a rule: its name, what it is, and its cure."""
+    """Convert a code to a SARIF rule."""
     descriptor: dict[str, Any] = {
         "id": code.code, "name": "".join(word.capitalize() for word in code.name.split("_")),
         "shortDescription": {"text": code.title[0].upper() + code.title[1:]},
@@ -109,7 +109,7 @@ def _results(placed: Iterable[Diagnostic], rules: Sequence[Code], base: str) -> 
 
 
 def _message_text(d: Diagnostic, notes: Iterable[str] | None = None) -> str:
-    """The message, the notes (unless given, those without a place) and the help, a line each. Whatever they quote stays on its line."""
+    """Return the message, the notes (by default, those without a location) and the help, one line each. Control characters are escaped."""
     if notes is None:
         notes = (note.message for note in d.notes if note.span is None)
     lines = [d.message, *(f"note: {note}" for note in notes), *([f"help: {d.help}"] if d.help else [])]
@@ -117,7 +117,10 @@ def _message_text(d: Diagnostic, notes: Iterable[str] | None = None) -> str:
 
 
 def _fingerprint(d: Diagnostic, base: str) -> str:
-    """What makes two findings of two runs the same one: no line, so that text added above it changes nothing."""
+    """Return a hash that identifies a diagnostic across runs.
+
+    It does not depend on the line, so that text added above does not change it.
+    """
     assert d.span is not None
     told = [d.code.code, within(d.span.file, base) or os.path.basename(d.span.file), d.path or "", d.message]
     return hashlib.sha256(json.dumps(told).encode()).hexdigest()[:32]
@@ -141,12 +144,12 @@ def _physical(span: Span, base: str) -> dict[str, Any]:
 
 
 def _encoded(path: str) -> str:
-    """A path as a URI: a first word with a colon must not be taken for a scheme, so `:` is encoded, too."""
+    """Encode a path as a URI. `:` is encoded, too, so that the first part is not read as a scheme."""
     return quote(os.fsencode(path), safe="/")
 
 
 def as_github(diagnostics: Sequence[Diagnostic], *, base: str) -> str:
-    """One line for each diagnostic, files relative to the repository's folder `base`; an empty text for none."""
+    """Format one line per diagnostic; files are relative to the folder `base`."""
     return "".join(_command(d, base) + "\n" for d in diagnostics)
 
 
@@ -162,13 +165,13 @@ def _annotation_location(span: Span, base: str) -> dict[str, str]:
     if span.line == span.end_line and span.column != span.end_column:
         place["col"] = str(span.column)
     place["endLine"] = str(span.end_line)
-    if "col" in place:  # never on several lines: GitHub drops such annotations
+    if "col" in place:  # single-line only: GitHub drops others
         place["endColumn"] = str(span.end_column)
     return place
 
 
 def _note(note: Note, base: str) -> str:
-    """A note with its place: an annotation has one place only."""
+    """Format a note with its location, since an annotation has only one location."""
     if note.span is None:
         return note.message
     return f"{note.message} ({within(note.span.file, base) or note.span.file}:{note.span.line}:{note.span.column})"

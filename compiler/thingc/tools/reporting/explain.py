@@ -1,6 +1,6 @@
-"""What `thingc explain` says of a code: its meaning, its cure, a wrong and a right example.
+"""Explanations of codes for `thingc explain`: meaning, cure, and a wrong and a right example.
 
-The texts are in `examples.json` beside this module, which `docs/generate.py` makes from the test cases.
+The texts are in `examples.json` beside this module, which `docs/generate.py` creates from the test cases.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ def _data() -> dict[str, Any]:
 
 
 def find(word: str) -> Code | None:
-    """The code that somebody means who types `TC302`, `tc302`, `302` or `unknown_component`; None if there is none."""
+    """Return the code for `TC302`, `tc302`, `302` or `unknown_component`; None if there is none."""
     asked = word.strip().upper()
     asked = asked.removeprefix("TC") if re.fullmatch(r"TC\d+", asked) else asked
     return next((code for code in Code if asked in (code.code.removeprefix("TC"), code.name)), None)
 
 
 def near(word: str, count: int = 3) -> list[Code]:
-    """Codes that somebody may have meant: of a number those next to it, of a word those that speak of it."""
+    """Return similar codes: for a number, the nearest ones; for a word, those with it in their title or name, or with a similar name."""
     number = re.fullmatch(r"(?:TC)?(\d+)", word.strip().upper())
     if number is not None and len(number.group(1)) == 3:
         wanted = int(number.group(1))
@@ -47,10 +47,10 @@ def near(word: str, count: int = 3) -> list[Code]:
 
 
 def explained(code: Code) -> dict[str, Any]:
-    """All that is known of a code: `code`, `title`, `meaning`, `cure`, `wrong` and `right`.
+    """Return `code`, `title`, `meaning`, `cure`, `wrong` and `right` of a code.
 
-    The examples are `{"files": {name: text}, "command", "said"}`, the document first among the files; None where no
-    document on a healthy machine brings the code about.
+    The examples are `{"files": {name: text}, "command", "said"}`, the document first among the files; None if no document causes the code
+    on a working machine.
     """
     entry = _data()["codes"].get(code.code, {})
     return {
@@ -60,7 +60,7 @@ def explained(code: Code) -> dict[str, Any]:
 
 
 def as_page(code: Code) -> str:
-    """What is known of a code, for people."""
+    """Format the explanation of a code as text."""
     explanation = explained(code)
     lines = [f"{code.code}: {code.title}", ""]
     if explanation["meaning"]:
@@ -78,7 +78,7 @@ def as_page(code: Code) -> str:
 
 
 def sections() -> list[tuple[str, list[Code]]]:
-    """Every code, by the hundreds that they come in: `TC3xx: names and values across documents` and its codes."""
+    """Return all codes by section: `TC3xx: names and values across documents` and its codes."""
     titles = _data()["sections"]
     hundreds = sorted({code.code[:3] for code in Code})
     by_number = sorted(Code, key=lambda code: code.code)

@@ -1,1 +1,1 @@
-"""For editors: a JSON Schema per document that knows the parts, mounts, joints and names of that document."""
+"""JSON Schemas for editors, one per document, with its parts, mounts, joints and names."""

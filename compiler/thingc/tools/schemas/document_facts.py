@@ -1,7 +1,6 @@
-"""What an editor can know of an assembly document: its names, taken from its sound rest and from what is written in it.
+"""Facts about an assembly document for editors: its names, from the model and from the tree.
 
-The model has everything that is right; the tree has also the names of what is wrong or half written, so that a mistake in
-one place takes no name away from another.
+The model contains what is valid; the tree adds names in lines with errors, so that an error in one place does not hide other names.
 """
 
 from __future__ import annotations
@@ -18,19 +17,18 @@ from thingc.tools.schemas.parameter_schemas import parse_value, symbols_of, with
 
 ORIGIN = "origin"
 MAX_NAMES = 2000
-"""Mounts, components or joints of one document that are offered: a list of more is no help."""
+"""Maximum number of mounts, components or joints of one document that are offered."""
 
 Names = dict[str, str]
-"""Names with a description each."""
+"""Names with descriptions."""
 Records = Mapping[str, PartRecord | PartFailure]
 
 
 class WrittenComponent(FrozenStruct):
-    """A component as it is written (a repeated one once): `label` and `what` say what it is, shortly and in words; its mounts by
-    name.
+    """A component as written (a repeated one once); `label` is short, `what` is a sentence, `mounts` are by name.
 
-    `pattern` fits the names of all its items; `sure`: there are no other mounts; `source` is the key and the value that say
-    what it is (`part`, `arm:BasePlate`), None where there is none; `actuator`: a `drive` may name it.
+    `pattern` matches the names of all its items. `source` is the key and value that define it (`part`, `arm:BasePlate`), None if there are
+    none. `sure`: it has no other mounts. `actuator`: it can be used in `drive`.
     """
 
     name: str
@@ -46,9 +44,12 @@ class WrittenComponent(FrozenStruct):
 
 
 class DocumentFacts(FrozenStruct):
-    """The names of a document. `mounts` are references (`plate.servo_seat`), `components` and `joints` paths in dots, those
-    of nested documents included; `parameters` are those of the document with what they come to, `poses` of nested documents
-    are by component. `materials_sure`: no other material is in scope."""
+    """The names of a document.
+
+    `mounts` are references (`plate.servo_seat`); `components` and `joints` are dotted paths, including nested documents. `parameters` are
+    those of the document with their values; `nested_poses` are poses of nested documents by component. `materials_sure`: no other material
+    is in scope.
+    """
 
     pieces: tuple[WrittenComponent, ...] = ()
     mounts: Names = {}
@@ -64,8 +65,11 @@ class DocumentFacts(FrozenStruct):
 
 
 class JointFacts(FrozenStruct):
-    """A joint: `what` it is in words; `angle`: its coordinate is an angle (None: not known, or it has none);
-    `settable` in a pose; `own`: of this document itself."""
+    """A joint:
+
+    `what` describes it; `angle`: its coordinate is an angle (None: unknown, or it has none); `settable`: poses can set it; `own`: it is not
+    in a nested document.
+    """
 
     what: str
     angle: bool | None
@@ -77,7 +81,7 @@ def facts_of(
     tree: MappingNode, model: AssemblyDefinition | None, records: Records, schemas: Mapping[str, PartSchema | PartFailure],
     usual: Mapping[str, Names],
 ) -> DocumentFacts:
-    """The facts of a document. `usual` are the mounts that a part of a reference has as a rule, where its own are not known."""
+    """Return the facts of a document. `usual` are the mounts of the class of a part, used if its own are unknown."""
     made = {} if model is None else _by_item(model)
     pieces = tuple(_piece(name, node, made.get(name, ()), records, schemas, usual) for name, node in _entries(tree, "components").items())
     mounts: Names = {}
@@ -122,13 +126,13 @@ def _scalar_text(node: Node | None) -> str:
 
 
 def _summary(node: Node) -> str:
-    """The plain entries of a mapping in a line, at most eight: `yaw: 30 deg, elbow: 120 deg`."""
+    """Format at most eight scalar entries of a mapping: `yaw: 30 deg, elbow: 120 deg`."""
     entries = [f"{key}: {_scalar_text(one)}" for key, one in entries_of(node).items() if _scalar_text(one)]
     return ", ".join(entries[:8]) + (", ..." if len(entries) > 8 else "")
 
 
 def _by_item(model: AssemblyDefinition) -> dict[str, tuple[Component, ...]]:
-    """The components of a model by the name under which they are written: those of a repeat together."""
+    """Return the components of a model by the name under which they are written; items of a repeat are grouped."""
     by_place: dict[tuple[int, int], list[Component]] = {}
     for component in model.components:
         span = component.origin[0]
@@ -192,13 +196,13 @@ def _what(label: str, source: tuple[str, str] | None, made: tuple[Component, ...
 
 
 def _exact(component: Component, records: Records) -> bool:
-    """Whether the mounts of a part are its own, and not those of another one that stands in for it."""
+    """Return whether the mounts of a part are its own, and not those of a substitute."""
     record = records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
     return not isinstance(record, PartRecord) or record.exact
 
 
 def _mounts_of(component: Component, records: Records) -> Names | None:
-    """The mounts of a component, those inside a nested assembly as `cap.pen`; None where they are not known."""
+    """Return the mounts of a component, those in a nested assembly as `cap.pen`; None if unknown."""
     mounts: Names = {}
     definition = component.definition
     if isinstance(definition, PartDefinition):
@@ -221,7 +225,7 @@ def _mounts_of(component: Component, records: Records) -> Names | None:
 
 
 def usual_mounts(record: PartRecord) -> Names:
-    """The mounts of a part as they are offered for others of its class."""
+    """Return the mounts of a part as usual mounts of its class."""
     return {name: _of_mount(record.text, mount.interface) for name, mount in sorted(record.mounts.items())}
 
 

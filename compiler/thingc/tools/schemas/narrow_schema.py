@@ -1,8 +1,7 @@
-"""The general schema of a kind of document, narrowed to one document.
+"""Narrow the general schema of a kind of document to one document.
 
-What other files decide is checked: the parameters of a Thing, the mounts of a part, the parameters of a nested document, the
-materials of a material document. Names that the document itself makes are offered and never refused: the one that was
-typed a moment ago is not in any schema before the document is saved.
+Names defined by other files are checked: parameters and mounts of parts, parameters of nested documents, materials of material documents.
+Names of the document itself are offered but never rejected, because new ones are not in the schema before the document is saved.
 """
 
 from __future__ import annotations
@@ -20,16 +19,16 @@ from thingc.tools.schemas.document_facts import DocumentFacts, JointFacts, Names
 from thingc.tools.schemas.parameter_schemas import DocumentSymbols, Schema, documentation, one_of, parameters_schema, part_schema, quantity
 
 OPEN = r"[*?\[$]"
-"""A character of a pattern or an index: then a reference is left to the compiler."""
+"""Characters of patterns and indices: such references are left to the compiler."""
 MAX_CHECKED = 500
-"""Names in one pattern; more are not checked."""
+"""Maximum number of names in one pattern; more are not checked."""
 
 
 class SchemaContext(FrozenStruct):
-    """What a document can name outside of itself, by the text that it would write.
+    """The names that a document can use besides its own, as it would write them.
 
-    `parts`: what the Things in reach take; `usual`: the mounts that they have as a rule; `assemblies`, `materials`: other
-    documents. `lost` has of Things that cannot be described now what the last schema said of their parameters.
+    `parts` are the schemas of reachable parts, `usual` their usual mounts; `assemblies` and `materials` are other documents. `lost` are the
+    last known parameter schemas of parts that cannot be described now.
     """
 
     parts: Mapping[str, PartSchema] = {}
@@ -40,22 +39,22 @@ class SchemaContext(FrozenStruct):
 
 
 def narrowed(general: Schema, facts: DocumentFacts, around: SchemaContext) -> Schema:
-    """The schema of an assembly document: `general` is that of its kind, and is not changed."""
+    """Return the schema of an assembly document; `general`, that of its kind, is not changed."""
     return _Narrowing(copy.deepcopy(general), facts, around).done()
 
 
 def params_name(reference: str) -> str:
-    """The name in `$defs` under which a schema says what a part takes."""
+    """Return the name in `$defs` of the schema of the parameters of a part."""
     return f"params of {reference}"
 
 
 def mounts_name(reference: str) -> str:
-    """The name in `$defs` under which a schema has the mounts of a part as a rule."""
+    """Return the name in `$defs` of the schema of the usual mounts of a part."""
     return f"mounts of {reference}"
 
 
 def remembered(schema: Schema, references: Iterable[str]) -> tuple[dict[str, Schema], dict[str, Names]]:
-    """What an earlier schema said of Things: of their parameters, and of their mounts as a rule, each by reference."""
+    """Return the parameter schemas and usual mounts of parts in an earlier schema, each by reference."""
     definitions = schema.get("$defs", {})
     lost: dict[str, Schema] = {}
     usual: dict[str, Names] = {}
@@ -76,7 +75,7 @@ def _ref(name: str) -> Schema:
 
 
 class _Narrowing:
-    """One schema on its way; each method narrows one thing."""
+    """Narrows one schema; each method handles one section."""
 
     def __init__(self, schema: Schema, facts: DocumentFacts, around: SchemaContext) -> None:
         self.schema = schema
@@ -104,7 +103,7 @@ class _Narrowing:
         return schema
 
     def _put(self, model: str, key: str, new: Schema) -> None:
-        """Another schema for a field, with the title and description that it has."""
+        """Replace the schema of a field, but keep its title and description."""
         old = self._field(model, key)
         texts: Schema = {one: old[one] for one in ("title", "description") if one in old}
         self.definitions[model]["properties"][key] = {**texts, **new}
@@ -113,8 +112,10 @@ class _Narrowing:
         self._put(model, key, one_of(choices))
 
     def _plain(self, model: str, title: str) -> Schema:
-        """The schema of any value of a model. Its description moves here from the definition, where it would come before the one
-        that a named value has of its own."""
+        """Return the schema of any value of a model.
+
+        The description is moved here from the definition, where it would hide that of named values.
+        """
         self.definitions[model]["title"] = title
         return {**_ref(model), "title": title, "description": self.definitions[model].pop("description", "")}
 
@@ -137,8 +138,7 @@ class _Narrowing:
             self._put(model, "drive", {"anyOf": [*inline, one_of(drives)]})
 
     def _known_mounts(self) -> Iterable[Schema]:
-        """One pattern for all components that have the same mounts, as far as those are known: a reference to one of them ends in
-        such a mount."""
+        """Yield one pattern for all components with the same known mounts, which a reference to one of them must match."""
         alike: dict[tuple[tuple[str, ...], bool], list[WrittenComponent]] = {}
         for piece in self.facts.pieces:
             own = tuple(sorted(name for name in piece.mounts if "." not in name))
@@ -146,7 +146,7 @@ class _Narrowing:
                 alike.setdefault((own, piece.assembly), []).append(piece)
         for (own, assembly), pieces in alike.items():
             names = f"({'|'.join(piece.pattern for piece in pieces)})"
-            # Inside a nested assembly anything may be named, `hand.cap.pen`; a part has one level only.
+            # A reference into a nested assembly may have more levels, `hand.cap.pen`; one to a part has one.
             other = rf"^(?!{names}\.[^.]*$)" if assembly else rf"^(?!{names}\.)"
             shown = f"`{pieces[0].name}` ({pieces[0].label})" if len(pieces) == 1 else f"`{pieces[0].label}`"
             yield {
@@ -172,7 +172,7 @@ class _Narrowing:
     # --- parts and components ----------------------------------------------------------------------------------
 
     def _parts(self) -> None:
-        """What every component may be, and what it takes then: by the `part` or the `assembly` that stands in the window."""
+        """Narrow components by the value of their `part` or `assembly`."""
         choices = [(reference, documentation(part)) for reference, part in self.around.parts.items()]
         lost = self.around.lost
         choices += [(reference, str(one.get("description", ""))) for reference, one in lost.items()]
@@ -195,26 +195,26 @@ class _Narrowing:
             rules.append(_if("part", reference, {"properties": then, **({"required": ["params"]} if needs else {})}))
         for name, symbols in self.around.assemblies.items():
             rules.append(_if("assembly", name, {"properties": {"parameters": parameters_schema(name, symbols)}}))
-        for section in ("params", "parameters"):  # what is said of every value would hide what is said of each parameter
+        for section in ("params", "parameters"):  # descriptions of all values would hide those of parameters
             self._put("ComponentSpec", section, {"type": "object"})
         self._put("ComponentSpec", "attach", {"type": "object", **_full_or_short({"additionalProperties": _ref("mount")}, {})})
         if rules:
             self.definitions["ComponentSpec"]["allOf"] = rules
 
     def _attach(self, mounts: Names, *, sure: bool) -> Schema:
-        """`attach` of a component with these mounts: its keys are the mounts, in full they are the values of `mount`."""
+        """Return the schema of `attach` for these mounts: they are its keys in the short form, and values of `mount` in the full form."""
         own = {name: {**_ref("mount"), "description": text} for name, text in mounts.items()}
         short: Schema = {"properties": own}
         full = one_of(mounts.items())
         if sure:
-            # `hip_$i` and `cap.pen` are looked at by the compiler.
+            # the compiler checks `hip_$i` and `cap.pen`
             short |= {"patternProperties": {rf"{OPEN}|\.": True}, "additionalProperties": False, "maxProperties": 1}
             full["pattern"] = rf"^({'|'.join(re.escape(name) for name in sorted(mounts))})$|{OPEN}|\."
             full["patternErrorMessage"] = f"there is no such mount; there are {quoted(sorted(mounts), 12)}"
         return {"type": "object", **_full_or_short(short, mounts, mount=full)}
 
     def _components(self) -> None:
-        """The components that are written already, each with its own mounts, while it is what it was when it was saved."""
+        """Narrow existing components to their own mounts, as long as their part is the one that was saved."""
         section = self.properties["components"]
         known: Schema = {}
         for piece in self.facts.pieces:
@@ -230,7 +230,7 @@ class _Narrowing:
         key, text = piece.source
         name = f"{piece.label} here"
         own = {**self._attach(piece.mounts, sure=True)}
-        if self.definitions.setdefault(name, own) != own:  # other mounts are added to it
+        if self.definitions.setdefault(name, own) != own:  # other mounts were added
             name = f"{piece.name} here"
             self.definitions[name] = own
         return {**_ref("ComponentSpec"), **_if(key, text, {"properties": {"attach": _ref(name)}})}
@@ -287,8 +287,9 @@ class _Narrowing:
         self._offer("SensorSpec", "joint", [(name, joint.what) for name, joint in self.facts.joints.items()])
 
     def _tests(self) -> None:
-        """The `tests:` block: what takes a reference is offered components where its words speak of one, or in a list, else mounts; every
-        kind of test names poses, modes and joints under the same keys."""
+        """Narrow `tests`: references are components if the description says so, or in lists, else mounts; poses, modes and joints have the
+        same keys in all kinds.
+        """
         joints = [(name, joint.what) for name, joint in self.facts.joints.items()]
         choices: dict[str, list[tuple[str, str]]] = {
             "pose": [*self.facts.poses.items(), ("all", "Every keyframe of the mode.")], "mode": list(self.facts.modes.items()),
@@ -312,14 +313,14 @@ class _Narrowing:
 
 
 def _each(section: Schema) -> Schema:
-    """The schema of every value of a mapping with names of its own."""
+    """Return the schema of the values of a mapping with arbitrary names."""
     named = section.get("patternProperties")
     schema: Schema = section["additionalProperties"] if named is None else next(iter(named.values()))
     return schema
 
 
 def _set_each(section: Schema, value: Schema) -> None:
-    """Another schema for every value of a mapping for which `properties` says nothing. Their names keep their pattern."""
+    """Set the schema of the values of a mapping that are not in `properties`, with any names."""
     section.pop("patternProperties", None)
     section["additionalProperties"] = value
 
@@ -329,8 +330,9 @@ def _if(key: str, text: str, then: Schema) -> Schema:
 
 
 def _full_or_short(short: Schema, mounts: Iterable[str], *, mount: Schema | None = None) -> Schema:
-    """`{mount: back, to: plate.servo_seat}` where one of the two words stands there and is no mount's name, else
-    `{back: plate.servo_seat}`."""
+    """Combine the full form, `{mount: back, to: plate.servo_seat}`, used if one of these keys is there and is not a mount, and the short
+    form, `{back: plate.servo_seat}`.
+    """
     words = [word for word in ("mount", "to") if word not in mounts]
     full: Schema = dict(_ref("AttachSpec"))
     if mount is not None:
@@ -345,6 +347,6 @@ def _full_or_short(short: Schema, mounts: Iterable[str], *, mount: Schema | None
 
 
 def _coordinate(joint: JointFacts) -> Schema:
-    if joint.angle is None:  # of several coordinates, a ball, or not known
+    if joint.angle is None:  # several coordinates, a ball, or unknown
         return {"anyOf": [{"type": ["string", "array", "object"]}, {"const": 0}]}
     return quantity(ANGLE if joint.angle else LENGTH)

@@ -1,4 +1,4 @@
-"""Schemas of values and parameters: quantities, choices of names, the parameters of parts, and of documents as others see them."""
+"""Schemas of values and parameters: quantities, choices of names, parameters of parts, and parameters of nested documents."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Schema = dict[str, Any]
 _NUMBER = r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?"
 _ZERO = r"[-+]?0+(\.0*)?"
 EXPRESSION = r"^\s*="
-"""What an expression begins with."""
+"""Pattern of the beginning of an expression."""
 
 MAX_BRANCHES = 300
-"""Names of one place that a language server has to try one by one."""
+"""Maximum number of names that language servers should try one by one."""
 
 
 def quantity(dimension: Dimension) -> Schema:
-    """A quantity of a dimension with its unit, or an expression. Products of units (`0.1 N*m/N`) are left to the compiler."""
+    """Return the schema of a quantity with its unit, or an expression. Products of units (`0.1 N*m/N`) are left to the compiler."""
     units = "|".join(re.escape(name) for name, (_, _, own) in UNITS.items() if own == dimension and name != "%")
     pattern = rf"^\s*(=.*|{_NUMBER}\s*({units}|°|[^\s\d].*[*/·^²³].*)|{_ZERO})\s*$"
     words = dimension.words
@@ -45,22 +45,22 @@ def quantity(dimension: Dimension) -> Schema:
 
 
 def ratio() -> Schema:
-    """A number or a percentage, or an expression."""
+    """Return the schema of a number, a percentage, or an expression."""
     return {"oneOf": [{"type": "string", "pattern": rf"^\s*(=.*|{_NUMBER}\s*%?)\s*$"}, {"type": "number"}]}
 
 
 def number(kind: str, minimum: Value | None, maximum: Value | None) -> Schema:
-    """A bare number (a whole one, if that is its kind) within bounds, or an expression."""
+    """Return the schema of a number (an integer if `kind` is one) within bounds, or an expression."""
     bounds = {key: bound for key, bound in (("minimum", minimum), ("maximum", maximum)) if bound is not None}
     plain: Schema = {"type": "integer" if kind in WHOLE else "number", **bounds}
     return {"oneOf": [plain, {"type": "string", "pattern": EXPRESSION}]}
 
 
 def one_of(choices: Iterable[tuple[str, str]], **more: Any) -> Schema:
-    """A text for which names are offered, each with its description; others are as good, where `more` does not say otherwise.
+    """Return the schema of a text with names to offer, each with its description. Other texts are valid unless `more` restricts them.
 
-    One `const` per name rather than an `enum`: language servers show the description of the name that is written, not the
-    whole list. They try every branch at every value, though: of many names snippets are made, which are only offered.
+    It has one `const` per name, not an `enum`, so that language servers show the description of the name that is written. They try all
+    branches for every value, so many names become snippets instead, which are only offered.
     """
     known = list(choices)
     if len(known) > MAX_BRANCHES:
@@ -72,14 +72,14 @@ def one_of(choices: Iterable[tuple[str, str]], **more: Any) -> Schema:
 
 
 def within(low: str | None, high: str | None) -> str:
-    """A range in words: `60 mm to 200 mm`, `at least 0`; empty without bounds."""
+    """Format a range: `60 mm to 200 mm`, `at least 0`; empty without bounds."""
     if low is not None and high is not None:
         return f"{low} to {high}"
     return f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
 
 
 def parse_value(text: str) -> Quantity | None:
-    """The quantity that a text is; None for anything else."""
+    """Parse a quantity; None for anything else."""
     try:
         return parse_quantity(text)
     except UnitError:
@@ -87,7 +87,7 @@ def parse_value(text: str) -> Quantity | None:
 
 
 def fitting(parameters: Mapping[str, Quantity], dimension: Dimension) -> list[str]:
-    """`=name` of the document's parameters that can stand where a dimension is wanted."""
+    """Return `=name` for the parameters of the document that fit a dimension."""
     return [f"={name}" for name, value in parameters.items() if fits(value.dimension, dimension)]
 
 
@@ -99,7 +99,7 @@ _KINDS: Mapping[ParameterKind, str] = {
 
 
 def part_schema(part: PartSchema, own: Mapping[str, Quantity]) -> Schema:
-    """The schema of the `params:` of a part; `own` are the document's parameters, which expressions may use."""
+    """Return the schema of the `params:` of a part; `own` are the parameters of the document, for use in expressions."""
     required = [one.name for one in part.parameters if one.required]
     return {
         "type": "object", "title": f"Parameters of {part.reference}",
@@ -147,14 +147,14 @@ def _value(one: ParameterSchema) -> Schema:
 
 
 def _as_number(choice: Any) -> float | int | None:
-    """What YAML makes of a choice that is a text and looks like a number: `12` may be written for "12"."""
+    """Return the number that YAML reads for a choice: `12` may be written for "12". None if it does not look like a number."""
     if not isinstance(choice, str) or not re.fullmatch(r"-?\d+(\.\d+)?", choice, re.ASCII):
         return None
     return float(choice) if "." in choice else int(choice)
 
 
 def _plain(one: ParameterSchema) -> Any:
-    """The default as a document would have it: numbers and flags as such, what has a unit as a text."""
+    """Return the default as written in a document: numbers and flags as such, quantities as text."""
     default = one.default
     if isinstance(default, (bool, str)) or one.kind in ("number", *WHOLE):
         return default
@@ -162,12 +162,12 @@ def _plain(one: ParameterSchema) -> Any:
 
 
 def _sentence(doc: str) -> str:
-    """A docstring as a sentence with a space behind it; empty for none."""
+    """Format a docstring as a sentence with a space after it; empty if there is none."""
     return f"{doc[0].upper()}{doc[1:]}{'' if doc.endswith(('.', '!', '?')) else '.'} " if doc else ""
 
 
 def _description(one: ParameterSchema) -> str:
-    """`Edge of the plate. A length, 90 mm to 300 mm; 100 mm unless set.`"""
+    """Describe a parameter: `Edge of the plate. A length, 90 mm to 300 mm; 100 mm unless set.`"""
     doc = _sentence(one.doc.strip())
     kind = _KINDS.get(one.kind, one.kind)
     dimension = DIMENSIONS.get(one.kind, NUMBER)
@@ -183,7 +183,7 @@ def _description(one: ParameterSchema) -> str:
 
 
 class ParameterSymbol(FrozenStruct):
-    """A parameter as it is written; empty texts for what is not."""
+    """A parameter as written; missing keys are empty."""
 
     value: str
     minimum: str = ""
@@ -192,7 +192,7 @@ class ParameterSymbol(FrozenStruct):
 
 
 class DocumentSymbols(FrozenStruct):
-    """Of one document; `kind` is empty where it has none. `whole`: it could be parsed."""
+    """The header and parameters of a document; `kind` is empty if it has none. `whole`: it could be parsed."""
 
     kind: str
     whole: bool = True
@@ -205,7 +205,7 @@ _KIND = re.compile(rb"""^[^#\n]*thingc["']?[ \t]*[:=][ \t]*["']?(\w+)/""", re.MU
 
 
 def read_symbols(path: str) -> DocumentSymbols:
-    """Of the file at a path; of one that cannot be parsed the kind alone."""
+    """Read the symbols of a file; if it cannot be parsed, only its kind."""
     try:
         data = beginning(path, 10_000_001)
     except OSError:
@@ -218,7 +218,7 @@ def read_symbols(path: str) -> DocumentSymbols:
 
 
 def symbols_of(tree: MappingNode) -> DocumentSymbols:
-    """Of a tree, as far as it makes sense."""
+    """Return the symbols of a tree, as far as they are valid."""
     return DocumentSymbols(
         kind=text_of(tree.entries.get("thingc")).strip().partition("/")[0], name=text_of(tree.entries.get("name")).strip(),
         description=" ".join(text_of(tree.entries.get("description")).split()),
@@ -234,7 +234,7 @@ def _parameter(node: Node) -> ParameterSymbol:
 
 
 def parameters_schema(document: str, symbols: DocumentSymbols) -> Schema:
-    """The schema of the `parameters:` that a parent sets in a nested document."""
+    """Return the schema of the `parameters:` that a parent sets in a nested document."""
     return {
         "type": "object", "title": f"Parameters of {document}", "description": symbols.description or f"What `{document}` takes.",
         "properties": {name: _schema(name, one) for name, one in symbols.parameters.items()}, "additionalProperties": False,
@@ -260,7 +260,7 @@ def _schema(name: str, one: ParameterSymbol) -> Schema:
 
 
 def of_variants(general: Schema, assembly: DocumentSymbols | None, others: Mapping[str, DocumentSymbols]) -> Schema:
-    """The schema of a variants document: the assemblies that it can name, and the parameters of the one that it names."""
+    """Return the schema of a variants document: possible assemblies, and the parameters of its assembly."""
     schema = copy.deepcopy(general)
     fields: Schema = schema["properties"]
     choices = [(name, one.description or one.name) for name, one in others.items()]
@@ -272,11 +272,11 @@ def of_variants(general: Schema, assembly: DocumentSymbols | None, others: Mappi
             name: {**value, "title": name, "description": one["description"]}
             for name, one in parameters_schema("", assembly)["properties"].items()
         }
-        section["patternProperties"] = {r"\.": value}  # paths
+        section["patternProperties"] = {r"\.": value}  # paths of parameters
         section["additionalProperties"] = False
     return schema
 
 
 def near(document: str, other: str) -> str:
-    """How a document names another one: both are paths in the workspace."""
+    """Return the relative path of another document from a document; both are paths in the workspace."""
     return os.path.relpath(other, os.path.dirname(document) or ".").replace(os.sep, "/")

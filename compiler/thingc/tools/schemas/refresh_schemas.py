@@ -1,5 +1,4 @@
-"""The schemas of a workspace: all written to the folder `.thingc/schema/`, or that of one document as it is being typed; and the parts that
-they list."""
+"""The schemas of a workspace: write them to `.thingc/schema/`, or compute that of one document as typed; and their parts."""
 
 from __future__ import annotations
 
@@ -33,24 +32,24 @@ from thingc.tools.schemas.parameter_schemas import DocumentSymbols, near, of_var
 
 
 class AvailableParts(Protocol):
-    """Who answers for parts, and can say which there are: a geometry service, or what stands before one."""
+    """A source of parts that can list them: a geometry service, or a wrapper of one."""
 
     def catalogue(self) -> list[str]:
-        """`module:Class` of every public class in reach."""
+        """Return `module:Class` of every reachable public class."""
 
     def not_python(self) -> list[PartFailure]:
-        """The files of parts that cannot be parsed now."""
+        """Return the files of parts that cannot be parsed."""
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """What each `module:Class` takes, by reference."""
+        """Return the schema of each `module:Class`, by reference."""
 
     def realize(self, definitions: Sequence[PartDefinition]) -> Mapping[str, PartRecord | PartFailure]:
-        """The record of each definition, by text."""
+        """Return the record of each definition, by text."""
 
 
 @dataclass(slots=True)
 class Parts:
-    """The answers of one geometry service."""
+    """A cache of the answers of a source of parts."""
 
     service: AvailableParts
     schemas: dict[str, PartSchema | PartFailure] = field(default_factory=dict)
@@ -59,7 +58,7 @@ class Parts:
     _reach: tuple[str, ...] | None = None
 
     def describe(self, references: Iterable[str]) -> Mapping[str, PartSchema | PartFailure]:
-        """What every class in reach takes, and those that are named."""
+        """Return the schemas of all reachable classes, and of `references`."""
         if self._reach is None:
             self._reach = tuple(self.service.catalogue())
             self.unreadable = frozenset(failure.subject for failure in self.service.not_python())
@@ -69,25 +68,25 @@ class Parts:
         return self.schemas
 
     def realize(self, definitions: Iterable[PartDefinition]) -> Records:
-        """The records of definitions."""
+        """Return the records of definitions."""
         wanted = {one.text: one for one in definitions if one.text not in self.records}
         if wanted:
             self.records.update(self.service.realize(list(wanted.values())))
         return self.records
 
     def things(self) -> dict[str, PartSchema]:
-        """The Things in reach, and the other parts that are named, by reference."""
+        """Return the schemas of reachable Things, and of other parts that are named, by reference."""
         return {
             name: one for name, one in sorted(self.schemas.items())
             if isinstance(one, PartSchema) and (one.kind == "thing" or name not in (self._reach or ()))
         }
 
     def defaults(self) -> dict[str, PartDefinition]:
-        """The member of every Thing's family with every parameter at its default, for those that have one."""
+        """Return the definition of each Thing with default parameters, if it has one."""
         return {name: made for name, one in self.things().items() if (made := one.default) is not None}
 
     def usual(self, definitions: Iterable[PartDefinition]) -> dict[str, Names]:
-        """The mounts that a part has as a rule: those of its default member, else of the first that is known."""
+        """Return the usual mounts of each part: those with default parameters, else of the first known definition."""
         mounts: dict[str, Names] = {}
         defaults = self.defaults()
         for one in (*defaults.values(), *sorted(definitions, key=lambda one: one.text)):
@@ -97,7 +96,7 @@ class Parts:
         return mounts
 
     def unsure(self, references: Iterable[str]) -> list[str]:
-        """The references that cannot be described now because their file is being edited."""
+        """Return the references that cannot be described now because their file is being edited."""
         return [one for one in references if self._is_unsure(one)]
 
     def _is_unsure(self, reference: str) -> bool:
@@ -107,8 +106,10 @@ class Parts:
 
 
 class ParsedDocument(FrozenStruct):
-    """One document with those that it names, and the parts (`references`) that they name. `broken`: it is not well-formed, and this is what
-    could be read of it."""
+    """A document with those that it names, and the parts (`references`) of all of them.
+
+    `broken`: it is not well-formed, and only partly read.
+    """
 
     documents: Documents
     specs: Specs
@@ -121,7 +122,7 @@ class ParsedDocument(FrozenStruct):
         return self.documents.root.kind
 
     def model(self, workspace: Workspace, schemas: Mapping[str, PartSchema | PartFailure]) -> AssemblyDefinition | None:
-        """The model of its sound rest; None where nothing is sound."""
+        """Return the model of its valid part; None if there is none."""
         sources = Sources(workspace=workspace, documents=self.documents, specs=self.specs, schemas=schemas)
         return resolve(sources, Settings(), Report())
 
@@ -141,15 +142,18 @@ def read_document(path: str, workspace: Workspace) -> ParsedDocument | None:
 
 
 LOOK = 1.0
-"""How old [s] what is known of other documents may be for somebody who types."""
+"""Maximum age [s] of the symbols of other documents while a user types."""
 
 MAX_OTHERS = 100
-"""Documents of a workspace that are offered to each other, the nearest first."""
+"""Maximum number of documents of a workspace to offer, the nearest first."""
 
 
 class RefreshOutcome(FrozenStruct):
-    """What was done, by the documents' paths in the workspace: all `documents`, those whose schema was `written`, those that cannot be read
-    now and `kept` their last schema, and those that no longer exist, whose schema was `removed`."""
+    """The result of writing schemas, as paths of documents in the workspace.
+
+    `documents` are all of them; for `written` ones the schema has changed; `kept` ones cannot be read now and keep their last schema; for
+    `removed` ones, which no longer exist, it was deleted.
+    """
 
     documents: tuple[str, ...]
     written: tuple[str, ...]
@@ -158,7 +162,7 @@ class RefreshOutcome(FrozenStruct):
 
 
 class Schemas:
-    """The schemas of one workspace. `geometry` is asked for parts."""
+    """The schemas of one workspace, with parts from `geometry`."""
 
     def __init__(self, workspace: Workspace, geometry: AvailableParts) -> None:
         self.workspace = workspace
@@ -175,12 +179,12 @@ class Schemas:
         if os.path.exists(own):
             paths.append(own)
         stats = {path: stat_of(path) for path in paths}
-        # An editor may empty a file before it writes it: the document is still the last one.
+        # Editors may empty a file before they write it: keep the document.
         emptied = {path: stat for path in self._seen if path not in stats and (stat := stat_of(path)) is not None and stat[1] == 0}
         return stats | emptied
 
     def _look(self) -> dict[str, str]:
-        """The names in the workspace of its documents, by absolute path. Their symbols are read again where they have changed."""
+        """Return the paths in the workspace of all documents, by absolute path, and update the symbols of changed ones."""
         before, self._seen = self._seen, self._scan()
         names = {path: self.workspace.relative(path) for path in self._seen}
         for gone in set(self._symbols) - set(names.values()):
@@ -193,7 +197,7 @@ class Schemas:
         return names
 
     def write(self, only: Collection[str] | None = None) -> RefreshOutcome:
-        """Write the schemas of all documents, or of `only` these (absolute paths), where they are not the same already. Raises OSError."""
+        """Write the changed schemas of all documents, or of `only` these (absolute paths). Raises OSError."""
         names = self._look()
         read = {name: one for path, name in names.items() if (one := read_document(path, self.workspace)) is not None}
         schemas = self._parts.describe(dict.fromkeys(reference for one in read.values() for reference in one.references))
@@ -211,7 +215,7 @@ class Schemas:
         )
 
     def general(self, kind: str) -> dict[str, Any] | None:
-        """The schema of all documents of a kind; None for an unknown kind."""
+        """Return the general schema of a kind of document; None for an unknown kind."""
         if kind not in KINDS:
             return None
         if kind not in self._general:
@@ -222,9 +226,11 @@ class Schemas:
         self, path: str, tree: MappingNode, model: AssemblyDefinition | None, records: Records,
         known: Mapping[str, PartSchema | PartFailure],
     ) -> dict[str, Any] | None:
-        """The schema of a document (absolute path) as it is being written, with what the workspace's other files say now; None for what
-        is no document. `model` and `records` are of the sound rest of its `tree`, `known` is what the parts take that it names. Nothing
-        is written."""
+        """Return the schema of a document (absolute path) as typed, with the current state of other files; None for unknown kinds.
+
+        `model` and `records` are those of the valid part of its `tree`; `known` are the schemas of the parts that it names. Nothing is
+        written.
+        """
         if time.monotonic() - self._looked > LOOK:
             self._look()
             self._looked = time.monotonic()
@@ -281,14 +287,14 @@ class Schemas:
         return write_schema(root, name, schema)
 
     def _last_references(self, name: str) -> list[str]:
-        """The Things of modules that cannot be parsed now, as the last schema of a document has them."""
+        """Return the parts in the last schema of a document, if a module cannot be parsed now; else nothing."""
         if not self._parts.unreadable:
             return []
         definitions = load_schema(self.workspace.root, name).get("$defs", {})
         return [one.removeprefix("params of ") for one in definitions if one.startswith("params of ")]
 
     def _others(self, name: str, kind: str) -> dict[str, DocumentSymbols]:
-        """The other documents of a kind by what this one would call them, the nearest first."""
+        """Return the other documents of a kind by relative path, the nearest first."""
         others = {near(name, other): one for other, one in self._symbols.items() if one.kind == kind and other != name}
         order = sorted(others, key=lambda text: (text.count("/"), text))[:MAX_OTHERS]
         return {text: others[text] for text in order}
@@ -301,12 +307,12 @@ SCHEMAS = ".thingc/schema"
 
 
 def schema_path(relative: str) -> str:
-    """Where the schema of a document lies; both paths are in the workspace, with `/`."""
+    """Return the path of the schema of a document; both paths are in the workspace, with `/`."""
     return f"{SCHEMAS}/{relative}.json"
 
 
 def load_schema(root: str, relative: str) -> dict[str, Any]:
-    """The schema of a document as it was last written; empty where there is none."""
+    """Read the last written schema of a document; empty if there is none."""
     try:
         with open(os.path.join(root, schema_path(relative)), encoding="utf-8") as stream:
             schema = json.load(stream)
@@ -316,9 +322,10 @@ def load_schema(root: str, relative: str) -> dict[str, Any]:
 
 
 def write_schema(root: str, relative: str, schema: dict[str, Any]) -> bool:
-    """Write the schema of a document where it is not the same already; whether it was. Raises OSError.
+    """Write the schema of a document if it has changed; return whether it has. Raises OSError.
 
-    It stands on one line, which is written ten times faster than an indented one."""
+    It is a single line, which is ten times faster to write than indented JSON.
+    """
     ignored = os.path.join(root, ".thingc", ".gitignore")
     if not os.path.exists(ignored):
         write_text(ignored, "*\n")
@@ -332,7 +339,7 @@ def write_text(path: str, text: str) -> bool:
 
 
 def remove_others(root: str, documents: Iterable[str]) -> list[str]:
-    """Remove the schemas of documents that are not there any more; the documents' paths in the workspace."""
+    """Remove the schemas of documents that no longer exist; return the paths of the documents in the workspace."""
     top = os.path.join(root, SCHEMAS)
     kept = set(documents)
     removed: list[str] = []
@@ -344,6 +351,6 @@ def remove_others(root: str, documents: Iterable[str]) -> list[str]:
                 os.unlink(path)
                 removed.append(relative)
         if folder != top:
-            with contextlib.suppress(OSError):  # it is not empty
+            with contextlib.suppress(OSError):  # not empty
                 os.rmdir(folder)
     return sorted(removed)
