@@ -57,7 +57,7 @@ class Scan(ABC):
     """One pass over a text, with the cursor before the character `target`.
 
     `keys` are the keys of every mapping with their offsets, `scalars` the texts of all plain and quoted values. `place` is the context of
-    the cursor, None where nothing can be completed (in a comment or a block scalar).
+    the cursor, None if nothing can be completed (in a comment or a block scalar).
     """
 
     text: str

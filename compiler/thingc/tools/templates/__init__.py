@@ -36,12 +36,12 @@ def files_of(template: str, name: str) -> dict[str, bytes]:
 
 
 def new_part(name: str, material: str | None) -> str:
-    """A module of parts with one class of that name, of that material (None: of what the document says)."""
+    """Return a module of parts with one class, with a default material (None: the document must set it)."""
     text = (_HERE / "stubs" / "part.py").read_text(encoding="utf-8")
     stated = "" if material is None else f'material="{material}"'
     return text.replace("MyPart", name).replace('material="pla"', stated)
 
 
 def new_assembly(name: str, suffix: str) -> str:
-    """A document of an assembly of that name that has one frame: `.yaml` or `.toml`."""
+    """Return an assembly document with one frame; `suffix` is `.yaml` or `.toml`."""
     return (_HERE / "stubs" / f"assembly{suffix}.txt").read_text(encoding="utf-8").replace("NAME", name)
