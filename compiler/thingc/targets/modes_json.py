@@ -1,13 +1,13 @@
-"""`modes.json`: what switching between modes at run time needs to know of every mode's tree.
+"""`modes.json`: the trees of all modes, for switching between modes at run time.
 
-Enough for the forward kinematics of any mode at any q, without MuJoCo. With P the document's parent link of a joint and C its child,
-J the parent mount's frame and the joint's coordinates in order,
+It is sufficient for the forward kinematics of any mode at any q, without MuJoCo. With P the document's parent link of a joint and C its
+child, J the parent mount's frame and the joint's coordinates in order,
 
     X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ inv(X_CJ)
 
-where a twist (`angular`, `linear`) turns about `angular` and shifts along `linear`, through the origin of J, per unit of q; those of a
-`ball` are made at once, `exp(twist_0 q_0 + twist_1 q_1 + twist_2 q_2)`: its q is a rotation vector. Where the mode has C for the parent in
-its tree (`reversed`) it is the inverse of that. None of it depends on the root.
+where a twist (`angular`, `linear`) rotates about `angular` and moves along `linear`, through the origin of J, per unit of q. Those of a
+`ball` act at once, `exp(twist_0 q_0 + twist_1 q_1 + twist_2 q_2)`: its q is a rotation vector. If C is the parent in the mode's tree
+(`reversed`), it is the inverse. None of it depends on the root.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ from thingc.targets.mjcf.lowering import is_ball, lowered, sizes
 from thingc.targets.request import EmitRequest
 
 VERSION = 2
-"""Of the form of every mode: a reader refuses another."""
+"""Version of the form of a mode: readers reject others."""
 
 LISTED = 3
-"""How deep a link or a joint stands in the file: in a list of a mode of the whole."""
+"""Nesting depth of a link or a joint in the file: in a list of a mode."""
 
 FREE = (7, 6)
-"""The same for a free base: position and quaternion; linear and angular velocity."""
+"""Sizes in `qpos` and `qvel` of a free base: position and quaternion; linear and angular velocity."""
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """`modes.json` of the chosen modes, in document order. It goes with the MJCF files, whose addresses it states."""
+    """Return `modes.json` of the chosen modes, in document order. It refers to addresses in the MJCF models."""
     between = separator(request.compat)
     described = {robot.mode.name: describe(robot, request.memo, between) for robot in request.robots}
     return Artifacts(files={"modes.json": json_writer.encode(described)})
 
 
 def alone(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
-    """`modes.json` of a build without its models, as an artifact of the first target."""
+    """Return `modes.json` of a build without its models, as an artifact of the first target."""
     return {targets[0]: emit(called(request))}
 
 
@@ -110,7 +110,7 @@ def _hold(closure: Closure, names: Sequence[str], separator: str) -> dict[str, o
 
 
 def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[JsonFragment]:
-    """The bodies, of these `names`, in their order."""
+    """Return the bodies, with these `names`, in order."""
     links: list[JsonFragment] = []
     at_zero: list[Pose] = []
     for name, body in zip(names, robot.bodies, strict=True):
@@ -121,7 +121,7 @@ def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[JsonFragment]
 
 
 def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> list[JsonFragment]:
-    """The joints of bodies of these `names`, in the order of the model."""
+    """Return the joints of the bodies with these `names`, in the order of the model."""
     joints: list[JsonFragment] = []
     placed = in_link(robot.assembly)
     qpos, dof = FREE if robot.base == "free" else sizes(robot.moves)
@@ -146,8 +146,11 @@ def _joint_json(
     mate: Mate, parts: tuple[Pose, Pose], links: tuple[str, str], crossed: tuple[TreeJoint, ...], addresses: tuple[int, int],
     separator: str,
 ) -> JsonFragment:
-    """A joint of the tree: the document's parent and child in their links, the links of this mode's parent and child, and its first
-    addresses in `qpos` and `qvel`."""
+    """Return a joint of the tree.
+
+    `parts` are the poses of the document's parent and child in their links, `links` this mode's parent and child, `addresses` its first
+    addresses in `qpos` and `qvel`.
+    """
     (parent_part, child_part), (parent, child), (qpos, dof) = parts, links, addresses
     in_model: dict[str, tuple[dict[str, float], list[int], list[int]]] = {}
     for joint in crossed:
@@ -180,7 +183,7 @@ def _joint_json(
 
 
 def _coordinate(path: str, twist: Twist) -> dict[str, object]:
-    """A coordinate and its twist; what a joint kind says goes through the origin."""
+    """Return a coordinate and its twist, whose axis goes through the origin."""
     linear, angular = twist.velocity((0.0, 0.0, 0.0))
     return {"name": path, "angular": angular, "linear": linear}
 

@@ -1,4 +1,4 @@
-"""Names outside of MJCF: a path with `_` for its `/`, each for one thing alone; also for `::`, with which Gazebo parts names."""
+"""Names in formats other than MJCF: paths with `_` for `/` and for `::`, which Gazebo uses as separator. Each name must be unique."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from thingc.model.robot.types import Robot, Site
 
 
 def safe(path: str) -> str:
-    """`hand/tip` as `hand_tip`."""
+    """Return `hand_tip` for `hand/tip`."""
     return path.replace("/", "_").replace("::", "_")
 
 
 def package_name(robot: str) -> str:
-    """The ROS package that describes a robot, in the letters that REP 144 asks for: `Arm` is described by `arm_description`."""
+    """Return the name of the robot's ROS package, in the letters that REP 144 allows: `arm_description` for `Arm`."""
     return re.sub("_+", "_", f"{robot.lower()}_description")
 
 
 def frames(robot: Robot) -> dict[int, list[Site]]:
-    """The frames on each body besides its own, by its index; of several paths of one name that are the same frame the first."""
+    """Return the additional frames on each body, by its index. If several paths give the same name and frame, only the first is included.
+    """
     links = robot.assembly.links
     known = {(safe(links[body.link].name), index, NO_POSE) for index, body in enumerate(robot.bodies)}
     sites: dict[int, list[Site]] = {}
@@ -34,8 +35,10 @@ def frames(robot: Robot) -> dict[int, list[Site]]:
 
 
 class MangledNames:
-    """The names of one kind of thing in a file, of a format that is called `target` (`URDF`); two things of one name are reported at the
-    second. `both` says of which kind two with a name would be: `be the link`, `have the name`."""
+    """The names of one kind of thing in a file of the format `target` (`URDF`). A duplicate name is reported at its second use.
+
+    `both` describes the conflict in the message: `be the link`, `have the name`.
+    """
 
     def __init__(self, both: str, target: str, report: Report) -> None:
         self._both = both
@@ -44,13 +47,15 @@ class MangledNames:
         self._owners: dict[str, tuple[str, Origin]] = {}
 
     def take(self, path: str, origin: Origin, made: str | None = None) -> str:
-        """The name of what stands at a path; `made` says what it is, where that is no path of the document. What a file has in any case is
-        of no origin."""
+        """Return the name for a path, and report a duplicate.
+
+        `made` describes the thing if it has no path in the document. Names that every file contains have an empty origin.
+        """
         self.free(path, origin, made)
         return safe(path)
 
     def free(self, path: str, origin: Origin, made: str | None = None) -> bool:
-        """Whether the name of what stands at a path is its own, as it is from now on; reported otherwise."""
+        """Reserve the name for a path. Return False, after reporting it, if another thing has the name."""
         name, this = safe(path), (made or f"`{path}`", origin)
         owner, before = self._owners.setdefault(name, this)
         if (owner, before) != this:

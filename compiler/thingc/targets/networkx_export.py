@@ -1,6 +1,6 @@
-"""The graphs of a robot as networkx has them, to be handed out: nothing in the compiler works on these.
+"""The graphs of a robot as networkx graphs, for export; the compiler itself does not use them.
 
-Attributes that do not hold are left out: GraphML has no word for nothing.
+Attributes without a value are left out, because GraphML has no null.
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ from thingc.model.robot.loop_cuts import worths
 from thingc.model.robot.types import Robot
 
 Graph: TypeAlias = Any
-"""A `networkx.MultiDiGraph`, which has no types of its own."""
+"""A `networkx.MultiDiGraph`, which has no type annotations."""
 
 
 def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
-    """The hierarchical assembly graph. Nodes are texts of definitions with `label`, `reference`, `kind`, `quantity` (how often each
-    stands in the robot), and of a mirror image `mirror` and `mirrors` (a text); edges go from an assembly to what is in it, their key is
-    the component, with `mounts` and `joint`."""
+    """Return the hierarchical assembly graph.
+
+    Nodes are texts of definitions with `label`, `reference`, `kind`, `quantity` (their number in the robot), and for a mirror image
+    `mirror` and `mirrors` (a text). Edges go from an assembly to its components; their key is the component, with `mounts` and `joint`.
+    """
     graph = networkx.MultiDiGraph(name=hag.label)
     for one in hag.definitions:
         plain = None if one.plain is None else one.plain.text
@@ -36,8 +38,11 @@ def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
 
 
 def mate_graph(assembly: Assembly) -> Graph:
-    """The mates. Nodes are paths of occurrences with `definition` (a text), `link` and `mass` [kg]; edges go from the parent of a mate to
-    its child, their key is `mount -> mount`, with `parent_mount`, `child_mount`, `joint` (None: left out, it is rigid) and `loop`."""
+    """Return the graph of mates.
+
+    Nodes are paths of occurrences with `definition` (a text), `link` and `mass` [kg]. Edges go from the parent of a mate to its child;
+    their key is `mount -> mount`, with `parent_mount`, `child_mount`, `joint` (left out if rigid) and `loop`.
+    """
     graph = networkx.MultiDiGraph(name=assembly.name)
     names = [occurrence.path for occurrence in assembly.occurrences]
     for occurrence in assembly.occurrences:
@@ -51,8 +56,11 @@ def mate_graph(assembly: Assembly) -> Graph:
 
 
 def link_graph(assembly: Assembly) -> Graph:
-    """The links. Nodes are names of links with `mass` [kg] and `occurrences`; edges go from the parent of a joint, as its document calls
-    it, to its child, their key is the path of the joint, with `kind`, `coordinates` (their paths) and `loop`."""
+    """Return the graph of links.
+
+    Nodes are names of links with `mass` [kg] and `occurrences`. Edges go from the document's parent of a joint to its child; their key is
+    the path of the joint, with `kind`, `coordinates` (their paths) and `loop`.
+    """
     graph = networkx.MultiDiGraph(name=assembly.name)
     for link in assembly.links:
         members = [assembly.occurrences[member].path for member in link.members]
@@ -73,7 +81,7 @@ def _said(**attributes: Any) -> dict[str, Any]:
 
 
 def graphml(graph: Graph) -> str:
-    """GraphML of a graph without lists. The ids of edges are numbers, because programs want them unique in a file; `name` is the key."""
+    """Return GraphML of a graph without lists. Ids of edges are numbers, because they must be unique in a file; `name` is the key."""
     spoken = networkx.MultiDiGraph(**_displayable(graph.graph))
     for node, attributes in graph.nodes(data=True):
         spoken.add_node(escape_control(node), **_displayable(attributes))
@@ -88,21 +96,24 @@ def _displayable(attributes: dict[str, Any]) -> dict[str, Any]:
 
 
 def plain(graph: Graph) -> dict[str, Any]:
-    """The graph as JSON has it, which `networkx.node_link_graph` reads."""
+    """Return the graph as JSON data, which `networkx.node_link_graph` reads."""
     node_link: dict[str, Any] = networkx.node_link_data(graph, edges="edges")
     return node_link
 
 
 class Loop(FrozenStruct):
-    """A loop that is cut at joint `cut`: `through` are the joints that it goes through besides, from the cut joint's parent to its child,
-    each with why it was not cut instead (nothing where the loop is closed rigidly)."""
+    """A loop that is cut at joint `cut`.
+
+    `through` are its other joints, from the cut joint's parent to its child, each with the reason why it was not cut instead (empty if the
+    loop is closed rigidly).
+    """
 
     cut: str
     through: dict[str, str]
 
 
 def loops_of(robot: Robot) -> tuple[Loop, ...]:
-    """The loops that a mode cuts at joints, through two links or more: the fundamental cycles of its tree."""
+    """Return the loops that a mode cuts at joints, through two links or more: the fundamental cycles of its tree."""
     assembly = robot.assembly
     cuts = {closure.path for closure in robot.closures if not closure.hold}
     graph = link_graph(assembly)

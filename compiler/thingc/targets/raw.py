@@ -1,10 +1,9 @@
-"""Raw attributes of formats whose links and joints have names: what `raw: {urdf: ...}` and `raw: {sdf: ...}` lay over the files.
+"""Raw attributes of formats whose links and joints have names: `raw: {urdf: ...}` and `raw: {sdf: ...}` are applied to the files.
 
     urdf: {joint: {crane.swing: {limit: {effort: 20}}}}            a kind of element, its name, elements in it, an attribute
-    sdf: {joint: {crane.swing: {axis: {limit: {effort: 20}}}}}     the same, but what is last is an element, and holds the value
+    sdf: {joint: {crane.swing: {axis: {limit: {effort: 20}}}}}     the same, but the last key is an element, which contains the value
 
-Names are checked here, and that the file stays XML; what a reader makes of the rest nobody asks. Elements on the way that are not there yet
-are made.
+Names are checked here, and that the file is valid XML; other contents are not checked. Missing elements on the path are added.
 """
 
 from __future__ import annotations
@@ -24,12 +23,14 @@ KINDS = ("link", "joint")
 """Kinds of elements that have names."""
 
 PREFIXES = {"urdf": ("drake",), "sdf": ("drake", "gz")}
-"""With which prefixes readers know elements and attributes of their own."""
+"""Prefixes that readers use for their own elements and attributes."""
 
 
 def lay(assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sdf"], files: Sequence[Element], report: Report) -> None:
-    """Lay the raw attributes of a target over its files, one for each chosen mode. What has no place in any of them is reported where it is
-    written; an element that only some modes have gets its attributes there."""
+    """Apply the raw attributes of a target to its files, one for each chosen mode. Report one that has no place in any of them.
+
+    An element that only some modes have gets its attributes in these modes.
+    """
     for attribute in assembly.raw:
         if attribute.target == target:
             fault = _fault(attribute, robots, files) or _laid(attribute, files)
@@ -39,7 +40,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sd
 
 
 Fault = tuple[str, str, int]
-"""What is wrong with an attribute: a message, a hint, and which of its keys is meant."""
+"""The fault of an attribute: a message, a hint, and the index of its key."""
 
 
 def _laid(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
@@ -67,7 +68,7 @@ def _laid(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
 
 
 def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Element]) -> Fault | None:
-    """What is wrong with what a path names."""
+    """Return the fault of a path, or None."""
     path, target = attribute.path, attribute.target
     if path[0] not in KINDS:
         message = f"raw attributes of `{path[0]}` are not known in `{target}`"
@@ -95,7 +96,7 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
 
 
 REFERRING = ("transmission", "ros2_control")
-"""Elements of URDF whose own name joints of the robot by elements that are called as these are."""
+"""Elements of URDF that contain elements named after joints of the robot."""
 
 
 def _matching_elements(file: Element, attribute: RawAttribute) -> list[Element]:
@@ -108,5 +109,5 @@ def _matching_elements(file: Element, attribute: RawAttribute) -> list[Element]:
 
 
 def in_files(name: str) -> str:
-    """A name in a document, `hand.cap` or `hand/cap`, as files have it."""
+    """Return a name in a document, `hand.cap` or `hand/cap`, as in files."""
     return safe(name.replace(".", "/"))

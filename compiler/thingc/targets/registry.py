@@ -1,6 +1,6 @@
-"""The table of targets, whose modules are imported when they are asked for.
+"""The table of targets, whose modules are imported when they are needed.
 
-A package of somebody else adds one through the entry-point group `thingc.emitters`, with the same kind of function.
+Other packages add targets through the entry-point group `thingc.emitters`, with the same kind of function.
 """
 
 from __future__ import annotations
@@ -32,9 +32,12 @@ GROUP = "thingc.emitters"
 
 
 class Target(FrozenStruct):
-    """A target of our own: what it is, in few words (`says`); its `emitters`, `module:function`; what its files are called (`writes`); and
-    whether a build writes it `unasked`, where nobody names targets. `capabilities` is the module that has the `CAPABILITIES` of a
-    format that is of whole robots. What reads it looks things up `by_name`: they have the names that documents give them for files."""
+    """A target of thingc.
+
+    `says` is a short description; `emitters` are `module:function`; `writes` are patterns of its files. `unasked`: it is written by a build
+    without `--emit`. `capabilities` is the module with the `CAPABILITIES` of a format for whole robots. `by_name`: readers use names, so
+    custom names for files are applied.
+    """
 
     says: str
     emitters: tuple[str, ...]
@@ -45,7 +48,7 @@ class Target(FrozenStruct):
 
 
 TARGETS: dict[str, Target] = {
-    "mjcf": Target(  # `modes.json` states addresses in the models, so the two go together
+    "mjcf": Target(  # `modes.json` contains addresses in the models, so the two are written together
         says="MuJoCo models and scenes, one per mode", emitters=("thingc.targets.mjcf.emit:emit", "thingc.targets.modes_json:emit"),
         writes=("mjcf/*.xml", "mjcf/assets/*.obj", "modes.json"), capabilities="thingc.targets.mjcf.capabilities", by_name=True,
     ),
@@ -86,14 +89,14 @@ TARGETS: dict[str, Target] = {
     "bom": Target(says="bill of materials", emitters=("thingc.targets.bom:emit",), writes=("bom.csv", "bom.json")),
     "hag": Target(says="assembly graph", emitters=("thingc.targets.hag.emit:emit",), writes=("hag.dot", "hag.mmd", "hag.svg")),
 }
-"""Ours, in the order in which a build writes them. A package that adds one says what its files are called in `WRITES` of the module."""
+"""The targets of thingc, in the order in which a build writes them. Other packages list their files in `WRITES` of the module."""
 
 ALL = "all"
-"""The word for every target."""
+"""Selects every target."""
 
 
 def written() -> re.Pattern[str]:
-    """Fits every path in a build folder that a target, ours or an installed one's, may write."""
+    """Return a pattern that matches every path in a build folder that a target, also of an installed package, may write."""
     patterns = [pattern for target in TARGETS.values() for pattern in target.writes]
     for name in targets():
         if name not in TARGETS:
@@ -103,7 +106,7 @@ def written() -> re.Pattern[str]:
 
 
 def _unstated(target: str, paths: Iterable[str]) -> list[str]:
-    """Those of the paths that a target of an installed package does not state, so that the next build would take them for a stranger's."""
+    """Return the paths that the `WRITES` of an installed target does not match, so that the next build would not recognise them."""
     if target in TARGETS:
         return []
     own = _fitting(_stated(target))
@@ -111,12 +114,12 @@ def _unstated(target: str, paths: Iterable[str]) -> list[str]:
 
 
 def module_of(target: str) -> str:
-    """The module of a target of an installed package."""
+    """Return the module of a target of an installed package."""
     return _installed()[target].partition(":")[0]
 
 
 def _stated(target: str) -> tuple[str, ...]:
-    """What the module of an installed target says that its files are called. Raises `ImportError`."""
+    """Return the `WRITES` of an installed target. Raises `ImportError`."""
     from importlib import import_module
 
     stated = getattr(import_module(module_of(target)), "WRITES", ())
@@ -128,32 +131,33 @@ def _fitting(patterns: Iterable[str]) -> re.Pattern[str]:
 
 
 def targets() -> tuple[str, ...]:
-    """Every target there is: ours first, then those of installed packages by name."""
+    """Return all targets: those of thingc, then those of installed packages by name."""
     return (*TARGETS, *sorted(name for name in _installed() if name not in TARGETS))
 
 
 def unknown(words: Sequence[str]) -> tuple[tuple[int, str, str], ...]:
-    """What names no target, in a message and a hint, with the index of the word that does."""
+    """Return a message and a hint for each unknown target, with the index of its argument."""
     known = [*targets(), ALL]
     wrong = [(index, word) for index, text in enumerate(words) for word in text.split(",") if word not in ("", *known)]
     return tuple((index, f"there is no target `{shortened(word)}`", did_you_mean(word, known, what="targets")) for index, word in wrong)
 
 
 def chosen(words: Sequence[str]) -> tuple[str, ...]:
-    """The targets that words name (`mjcf`, `mjcf,urdf`, `all`), in the order in which a build writes them; of no words those that are
-    written unasked."""
+    """Return the targets that arguments name (`mjcf`, `mjcf,urdf`, `all`), in the order in which a build writes them; without arguments the
+    default targets.
+    """
     wanted = {word for text in words for word in text.split(",")}
     return tuple(target for target in targets() if (wanted & {target, ALL} if words else target not in TARGETS or TARGETS[target].unasked))
 
 
 def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
-    """The modules of those of our own targets, and MuJoCo where it is asked: what takes long to import."""
+    """Return the modules of these targets of thingc, and MuJoCo if needed, because their import takes long."""
     ours = {function.partition(":")[0]: None for target in wanted if target in TARGETS for function in TARGETS[target].emitters}
     return (*ours, *(["mujoco"] if {"mjcf", "ros"} & {*wanted} else []))
 
 
 def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
-    """Artifacts per target, in the order asked; each loss with the first target that has it."""
+    """Return the artifacts of each target, in the order given. Each loss is only with the first target that has it."""
     from thingc.targets.custom_names import called
 
     artifacts: dict[str, Artifacts] = {}
@@ -171,13 +175,13 @@ def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts
 
 
 def emitter(target: str) -> Emitter:
-    """The function that writes a target. Raises `KeyError` for an unknown one, `ImportError` where its package is broken."""
+    """Return the function that writes a target. Raises `KeyError` for an unknown one, `ImportError` if its package is broken."""
     functions = [_function(name) for name in (TARGETS[target].emitters if target in TARGETS else (_installed()[target],))]
     return functions[0] if len(functions) == 1 else partial(_joined, functions)
 
 
 def _joined(emitters: list[Emitter], request: EmitRequest) -> Artifacts:
-    """What all of them give."""
+    """Return the artifacts of all emitters together."""
     from thingc.targets.artifact import Artifacts
 
     artifacts = [emit(request) for emit in emitters]
@@ -194,16 +198,16 @@ def _function(name: str) -> Emitter:
 
 
 def _installed() -> Mapping[str, str]:
-    """The entry points of our group, read from the packages' own metadata files.
+    """Return the entry points of the group, read from the packages' metadata files.
 
-    `importlib.metadata` finds the same and costs 40 ms, a third of a build in which nothing has changed. Of two packages
-    with one name the first on the path wins, as there. Whoever installs one changes its folder.
+    `importlib.metadata` gives the same, but takes 40 ms, a third of a build without changes. If two packages use the same name, the first
+    on the path is used, as there. Installing a package changes its folder.
     """
     return _entry_points(tuple((folder, _changed(folder)) for folder in sys.path))
 
 
 def _changed(folder: str) -> int:
-    """When a folder of the path was changed [ns]; 0 where there is none."""
+    """Return when a folder of the path was changed [ns]; 0 if it does not exist."""
     try:
         return os.stat(folder or ".").st_mtime_ns
     except OSError:
@@ -212,7 +216,7 @@ def _changed(folder: str) -> int:
 
 @lru_cache(maxsize=1)
 def _entry_points(path: tuple[tuple[str, int], ...]) -> Mapping[str, str]:
-    """Those of the packages in the folders of a path."""
+    """Return the entry points of the packages in the folders of a path."""
     entry_points: dict[str, str] = {}
     for folder, _ in path:
         for name in listing(folder or "."):
@@ -223,7 +227,7 @@ def _entry_points(path: tuple[tuple[str, int], ...]) -> Mapping[str, str]:
 
 
 def _entries(path: str) -> list[tuple[str, str]]:
-    """`name = module:function` lines of our section of an `entry_points.txt` (entry points specification)."""
+    """Return the `name = module:function` lines of the group in an `entry_points.txt` (entry points specification)."""
     try:
         with open(path, encoding="utf-8", errors="replace") as stream:
             text = stream.read()

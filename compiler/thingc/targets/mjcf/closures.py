@@ -108,7 +108,7 @@ def _ends(closure: Closure) -> tuple[str, str]:
 
 
 def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
-    """Add the anchors of held mounts, and the sites by which the halves of a ball, a hinge or a universal are joined."""
+    """Add the anchors of held mounts, and the sites that join the halves of a ball, a hinge or a universal."""
     placed = anchors(robot)
     for closure in robot.closures:
         form = equality(closure)
@@ -127,8 +127,10 @@ def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
 
 
 def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tuple[str, Pose]]]:
-    """Two pairs of sites, of the parent and of the child each: at the origin, and on the axis of a hinge, or of a universal on the axis
-    that the parent has and on that which the child has."""
+    """Return two pairs of sites, each of the parent and the child.
+
+    The first pair is at the origin. The second is on the axis of a hinge; for a universal, one on the parent's axis and one on the child's.
+    """
     lever = _lever(robot, closure)
     ends = shifted(0.0, 0.0, lever), shifted(0.0, 0.0, lever)
     if closure.kind == "universal":
@@ -141,7 +143,7 @@ def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tupl
 
 
 def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tuple[str, Pose]]) -> float:
-    """How far apart [m] two points of the parent and the child are at q = 0, from where MuJoCo counts the lengths of tendons."""
+    """Return the distance [m] of two points of the parent and the child at q = 0, relative to which MuJoCo measures lengths of tendons."""
     assert closure.parent is not None
     X_WL: list[Pose] = []
     for body in robot.bodies:
@@ -151,15 +153,17 @@ def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tup
 
 
 def _lever(robot: Robot, closure: Closure) -> float:
-    """How far apart [m] the two points are: as far as the child's centre of mass is from the axis, so that neither shifts nor
-    turns of it weigh much more than the other; one digit, and never nothing."""
+    """Return the distance [m] of the two points: that of the child's centre of mass from the axis, to one digit, and at least 1e-3.
+
+    With this distance, translation and rotation have similar weights in the constraint.
+    """
     centre = robot.assembly.links[robot.bodies[closure.child].link].properties.centre
     far = dist(centre, closure.X_CB.translation)
     return rounded(far, 1) if far > 1e-3 else 1e-3
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Poses that do not close or had to be moved, and what a joint that was cut, and whose loop is closed, cannot have."""
+    """Yield poses that do not close or were moved, and the properties of a cut joint that are lost where its loop is closed."""
     mode = robot.mode.name
     turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
     for frame in robot.keyframes:
@@ -190,7 +194,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
 
 
 def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:
-    """`` `knee` and 2 more moved, by 12 deg at most``: the worst, turns before slides (a radian counts as a metre)."""
+    """Return `` `knee` and 2 more moved, by 12 deg at most``: the joint that moved most (a radian counts as a metre)."""
     path = max(moved, key=lambda joint: abs(moved[joint]))
     others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""
     return f"`{path}`{others} moved, by {_format_value(moved[path], turn=path in turns)} at most"

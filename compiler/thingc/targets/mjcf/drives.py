@@ -1,4 +1,4 @@
-"""Ranges and gains of joints and their actuators, in MuJoCo's words."""
+"""Ranges and gains of joints and their actuators as MJCF attributes."""
 
 from __future__ import annotations
 
@@ -9,22 +9,24 @@ from thingc.model.robot.types import TreeJoint
 from thingc.targets.xml_writer import XmlValue
 
 UNBOUNDED = 1e6
-"""Where a joint is limited on one side only, the other side of its `range` [rad or m]: MuJoCo takes both or none."""
+"""The other bound of the `range` [rad or m] of a joint with only one limit, because MuJoCo requires both."""
 
 NOTHING = 1e-12
-"""A range of 0 [N, N m, rad/s or m/s] is written as wide as this."""
+"""Written in place of a bound of 0 [N, N m, rad/s or m/s]."""
 
 
 def joint_range(limit: Limit) -> tuple[float, float] | None:
-    """Both limits [rad or m], None where there is none."""
+    """Return both limits [rad or m], or None if there are none."""
     if limit.lower is None and limit.upper is None:
         return None
     return (-UNBOUNDED if limit.lower is None else limit.lower, UNBOUNDED if limit.upper is None else limit.upper)
 
 
 def drive_attributes(joint: TreeJoint | LinkedTendon, drive: ActuatorModel) -> dict[str, XmlValue]:
-    """Gains and ranges: of a position drive the joint's range, of a velocity drive its velocity limit, of a motor its
-    effort. The joint's effort limit has the drive's as its default and counts where both are written."""
+    """Return gains and ranges: a position drive has the joint's range, a velocity drive its velocity limit, a motor its effort.
+
+    The joint's effort limit takes precedence over the drive's.
+    """
     effort = joint.limit.effort if joint.limit.effort is not None else drive.effort
     velocity = joint.limit.velocity if joint.limit.velocity is not None else drive.velocity
     attributes: dict[str, XmlValue] = {}
@@ -48,6 +50,6 @@ def drive_attributes(joint: TreeJoint | LinkedTendon, drive: ActuatorModel) -> d
 
 
 def both_ways(bound: float) -> tuple[float, float]:
-    """A range around 0. MuJoCo reads `0 0` as no limit at all, so that a bound of nothing is almost nothing."""
+    """Return a range around 0. MuJoCo reads `0 0` as no limit, so a bound of 0 becomes almost 0."""
     wide = numeric.maximum(bound, NOTHING)
     return (-wide, wide)

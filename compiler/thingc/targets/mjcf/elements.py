@@ -1,4 +1,4 @@
-"""The elements of a model, each made from the values that it depends on and nothing else, so that it need not be made again."""
+"""Elements of a model, each made only from the values that it depends on, so that unchanged ones can be reused."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from thingc.targets.mjcf.lowering import MujocoJoint, lowered
 from thingc.targets.xml_writer import Element, XmlValue
 
 GRID = 0.1
-"""How far [m] the lines of the grid are apart that MuJoCo may draw on a plane; it demands a number."""
+"""Spacing [m] of the grid lines that MuJoCo may draw on a plane; the attribute is required."""
 
 
 def made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
-    """Elements, and their names as raw attributes have them."""
+    """Return the elements, and their names as in raw attributes."""
     elements = make(*inputs)
     return elements, frozenset(element.get("name").replace(".", "/") for element in elements)
 
 
 def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
-    """The assets of meshes."""
+    """Return the assets of meshes."""
     elements: list[Element] = []
     for mesh in meshes:
         attributes: dict[str, XmlValue] = {"name": mesh.name, "file": mesh.file}
@@ -45,7 +45,7 @@ def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
 
 
 def materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
-    """The materials of what is drawn."""
+    """Return the visual materials."""
     return tuple(
         Element(tag="material", attributes={"name": name, "rgba": channels(color)}, origin=origin)
         for name, (color, origin) in geometry.materials(shapes).items()
@@ -53,17 +53,17 @@ def materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
 
 
 def inertial_of(properties: MassProperties, origin: Origin) -> tuple[Element, ...]:
-    """The mass of a link."""
+    """Return the `inertial` of a link."""
     return (Element(tag="inertial", attributes=inertial(properties), origin=origin),)
 
 
 def site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
-    """A named frame."""
+    """Return a named frame."""
     return (Element(tag="site", attributes={"name": path, **pose_attributes(pose)}, origin=origin),)
 
 
 def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
-    """A hinge or slide; of a screw both. An effort limit stands on its actuator; on the joint itself only where it is not `driven`."""
+    """Return a hinge or slide; for a screw both. The effort limit is on the joint only if it is not `driven`, else on its actuator."""
     own, *others = (_axis(one, joint.twist) for one in lowered(joint))
     attributes = {**own}
     bounds = joint_range(joint.limit)
@@ -76,7 +76,7 @@ def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
 
 
 def ball(name: str, joint: TreeJoint) -> tuple[Element, ...]:
-    """A ball, of any of its coordinates: they have all but the axis in common."""
+    """Return a ball joint from any of its coordinates, which only differ in their axes."""
     attributes: dict[str, XmlValue] = {"name": name, "type": "ball"}
     if any(joint.twist.anchor):
         attributes["pos"] = joint.twist.anchor
@@ -86,7 +86,7 @@ def ball(name: str, joint: TreeJoint) -> tuple[Element, ...]:
 
 
 def dynamics_attributes(dynamics: Dynamics) -> dict[str, XmlValue]:
-    """What a joint or a tendon does by itself."""
+    """Return the passive properties of a joint or a tendon."""
     return {
         name: value for name, value in (
             ("stiffness", dynamics.stiffness), ("damping", dynamics.damping), ("frictionloss", dynamics.friction),
@@ -96,14 +96,17 @@ def dynamics_attributes(dynamics: Dynamics) -> dict[str, XmlValue]:
 
 
 def _axis(one: MujocoJoint, twist: Twist) -> dict[str, XmlValue]:
-    """What every joint says of itself."""
+    """Return the attributes that every joint has."""
     pos = {"pos": twist.anchor} if any(twist.anchor) else {}
     return {"name": one.name, "type": one.type, **pos, "axis": one.axis}
 
 
 def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, taken: frozenset[str]) -> tuple[Element, ...]:
-    """What the occurrences of a link show and what they touch with, of class `touching`; `poses` are their own in the link. `taken` are the
-    names that documents give to shapes. A shape that is drawn and touches gives its name to the geom that touches."""
+    """Return the visual geoms of a link, and the collision geoms of class `touching`.
+
+    `poses` are those of the occurrences in the link. `taken` are the custom names of shapes. If a visual and a collision shape have the
+    same name, the collision geom gets it.
+    """
     elements: list[Element] = []
     for pose, one in zip(poses, shapes, strict=True):
         used = {shape.name for shape in one.collision}
@@ -125,20 +128,22 @@ def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, ta
 
 
 def drive(joint: TreeJoint, drive: ActuatorModel) -> tuple[Element, ...]:
-    """The actuator of a joint."""
+    """Return the actuator of a joint."""
     attributes = {"name": drive.name or joint.path, "joint": joint.path, **drive_attributes(joint, drive)}
     return (Element(tag=drive.kind, attributes=attributes, origin=drive.origin),)
 
 
 def drive_of_ball(name: str, joint: TreeJoint, drive: ActuatorModel, axis: Vector) -> tuple[Element, ...]:
-    """An actuator of the ball `name`, about an axis that is given in its body's axes, as the gear of the torque. Where the tree crosses the
-    joint backwards, the axis goes with the parent in the tree."""
+    """Return an actuator of the ball `name` about `axis`, given in the axes of its body, as the gear of the torque.
+
+    If the joint is reversed, the axis is fixed to the parent in the tree.
+    """
     attributes = {"name": drive.name or joint.path, "jointinparent" if joint.reversed else "joint": name, **drive_attributes(joint, drive)}
     return (Element(tag=drive.kind, attributes=attributes | {"gear": axis}, origin=drive.origin),)
 
 
 def key(attributes: tuple[tuple[str, XmlValue], ...], origin: Origin) -> tuple[Element, ...]:
-    """A pose."""
+    """Return a keyframe."""
     return (Element(tag="key", attributes=dict(attributes), origin=origin),)
 
 
@@ -150,10 +155,10 @@ def _shape(shape: Shape, pose: Pose) -> dict[str, XmlValue]:
 
 
 def _friction(material: Material | None) -> dict[str, XmlValue]:
-    """`friction` where the material states any, the rest MuJoCo's own.
+    """Return `friction` if the material specifies any, with MuJoCo's defaults for the rest.
 
-    MuJoCo takes the larger of two geoms' friction, which would lose the document's number on any floor: a priority makes
-    it count (the larger one again between two of ours). Torsional and rolling friction only act with `condim` 4 and 6.
+    MuJoCo uses the larger friction of two geoms, which would override the document's on any floor: a priority prevents this (between two
+    geoms of the robot the larger one is used again). Torsional and rolling friction require `condim` 4 and 6.
     """
     if material is None or (material.slide is None and material.torsion is None and material.roll is None):
         return {}
@@ -169,10 +174,10 @@ def _friction(material: Material | None) -> dict[str, XmlValue]:
 
 
 def inertial(properties: MassProperties) -> dict[str, XmlValue]:
-    """Mass [kg], centre [m] and inertia [kg m^2] about the centre, in the link's frame, as attributes of `<inertial>`.
+    """Return mass [kg], centre [m] and inertia [kg m^2] about the centre, in the link's frame, as attributes of `<inertial>`.
 
-    A link that never moves may have an inertia that no solid has (a mass at a point), or one of almost nothing: MuJoCo refuses to
-    find its principal axes, and nothing depends on it, so it gets none.
+    A link that never moves may have an inertia that no solid has (a point mass), or one near 0. MuJoCo cannot compute its principal axes,
+    and it has no effect, so it is written as 0.
     """
     inertia = properties.inertia
     attributes: dict[str, XmlValue] = {"pos": properties.centre, "mass": properties.mass}
@@ -183,7 +188,7 @@ def inertial(properties: MassProperties) -> dict[str, XmlValue]:
 
 
 def pose_attributes(pose: Pose) -> dict[str, XmlValue]:
-    """`pos` [m] and `quat` (w, x, y, z) of a pose, each only where it says something."""
+    """Return `pos` [m] and `quat` (w, x, y, z) of a pose, each only if it is not the identity."""
     return dict(_pose_texts(pose))
 
 

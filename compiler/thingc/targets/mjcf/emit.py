@@ -1,4 +1,4 @@
-"""MJCF: one MuJoCo model and one scene per mode, and the meshes that all of them share."""
+"""MJCF: a MuJoCo model and a scene for each mode, and their shared meshes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from thingc.targets.xml_writer import Element, write
 
 
 class Models(FrozenStruct):
-    """What is written of every mode, before it is laid out as files: `assets` are the meshes, by their name in `assets/`."""
+    """The models of all modes before they are arranged in files. `assets` are the meshes, by their name in `assets/`."""
 
     candidates: tuple[verify.Candidate, ...]
     assets: dict[str, StoredArtifact]
@@ -31,7 +31,7 @@ class Models(FrozenStruct):
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """`mjcf/<name>_<mode>.xml` and `mjcf/scene_<mode>.xml` of each chosen mode, and `mjcf/assets/`."""
+    """Return `mjcf/<name>_<mode>.xml` and `mjcf/scene_<mode>.xml` of each chosen mode, and `mjcf/assets/`."""
     made = models(request)
     files: dict[str, Content] = {}
     for candidate in made.candidates:
@@ -42,10 +42,9 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def models(request: EmitRequest) -> Models:
-    """The models of the chosen modes, made once for all targets of a request.
+    """Return the models of the chosen modes, made once for all targets of a request.
 
-    With `verify` every one, or one of so many, has been compiled by MuJoCo; what it says against one is in the report, at the place in the
-    documents.
+    With `verify`, MuJoCo compiles every model, or one of so many. Its messages are reported at their places in the documents.
     """
     known = request.made.get("mjcf")
     if isinstance(known, Models):
@@ -86,8 +85,10 @@ def models(request: EmitRequest) -> Models:
 
 
 def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str], dict[str, StoredArtifact]]:
-    """The model of each chosen mode as text, by mode, with the `floor` of its scene or without, and the meshes that they name, by file;
-    nothing else: MuJoCo is not asked."""
+    """Return the model of each chosen mode as text, by mode, and the meshes that they use, by file. MuJoCo does not check them.
+
+    With `floor`, a model contains the floor of its scene.
+    """
     request = called(request)
     geometry, _, roots, _ = _roots(request)
     texts: dict[str, str] = {}
@@ -98,7 +99,7 @@ def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str
 
 
 def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element], dict[Loss, None]]:
-    """The geometry, its losses, the tree of each mode with its raw attributes for those who read it, and what is lost by that."""
+    """Return the geometry, its losses, the tree of each mode with raw attributes and changes for consumers, and the losses from these."""
     geometry, unsaid = taken(request.assembly, request.report, request.memo)
     roots = [tree.model(robot, geometry, request.memo) for robot in request.robots]
     left = raw_elements.add(request.assembly, request.robots, roots, request.report)
@@ -111,10 +112,10 @@ def _heading(robot: Robot) -> str:
 
 
 def emit_archives(request: EmitRequest) -> Artifacts:
-    """`mjcf/<name>_<mode>.mjz` of each chosen mode: a model and its meshes in one zip file that MuJoCo opens, the same bytes every time.
+    """Return `mjcf/<name>_<mode>.mjz` of each chosen mode: a model and its meshes in one zip file that MuJoCo opens. Reproducible.
 
-    `MjSpec.encode` writes the clock and six digits. Python's `zipfile` would compress the meshes anew for every mode and every edit; here
-    each is compressed once and kept in the store. What an archive cannot express is what the model in it cannot express.
+    `MjSpec.encode` writes the time, and only six digits. Python's `zipfile` would compress the meshes again for every mode and every edit;
+    here each is compressed once and cached in the store. The losses are those of the models.
     """
     made = models(request)
     if request.report.failed:
@@ -129,12 +130,12 @@ def emit_archives(request: EmitRequest) -> Artifacts:
 
 
 def _archive(model: bytes, assets: Mapping[str, StoredArtifact], store: Store) -> bytes:
-    """The zip file: the model, and each asset as `assets/<file>`."""
+    """Return the zip file: the model, and each asset as `assets/<file>`."""
     return zipped({MODEL: model, **{f"assets/{file}": _asset(stored, store) for file, stored in assets.items()}})
 
 
 def _asset(stored: StoredArtifact, store: Store) -> ZipEntry:
-    """An asset, compressed now or earlier."""
+    """Return a compressed asset, from the store if possible."""
     deflated = store.get_json("deflated", stored.sha256)
     if deflated is not None:
         try:

@@ -1,7 +1,7 @@
-"""What MuJoCo finds in the first instant of a mode: links that start in each other, and drives that chatter.
+"""Checks of the initial state of a mode by MuJoCo: links that overlap, and drives that oscillate.
 
-A simulation of either goes wrong at once, and the model compiles without a word. Both are looked for where a model is compiled anyway,
-with its true meshes, and what was found to be in order is remembered by what it depends on (see `key`).
+A simulation with either fails at once, although the model compiles. Both are checked when a model is compiled anyway, with its true meshes;
+a state without errors is cached by everything that it depends on (see `key`).
 """
 
 from __future__ import annotations
@@ -24,28 +24,31 @@ from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.mjcf.compat.pymjcf import SEPARATOR
 
 DEEP = 0.5e-3
-"""[m] How far two links may start in each other: what fits tightly touches, and meshes are a little off."""
+"""Tolerated overlap of two links [m]: tight fits are in contact, and meshes are slightly inaccurate."""
 SHOWN = 3
-"""Further pairs that a message names."""
+"""Number of further pairs that a message names."""
 
 _INDIFFERENT = re.compile(r' (?:range|ctrlrange|rgba|gravity)="[^"]*"')
 
 
 def key(text: str, robot: Robot) -> str:
-    """What the first instant of a robot depends on, as a digest: the keyframe that it starts in, and of its model's `text` everything but
-    names, colours, the limits of joints, and where down is, so that on a wall a robot starts as on the floor."""
+    """Return a digest of everything that the initial state of a robot depends on.
+
+    This is the keyframe in which it starts, and its model's `text` except names, colours, joint limits and gravity, so that a robot on a
+    wall has the same state as on the floor.
+    """
     model = _INDIFFERENT.sub("", text.partition("<mujoco ")[2].partition(">")[2])
     return hashlib.sha256(f"{robot.mode.pose}\n{model}".encode()).hexdigest()
 
 
 def apart(text: str) -> tuple[str, ...]:
-    """What of a model's text no first instant depends on: what `key` leaves out."""
+    """Return the parts of a model's text that `key` leaves out."""
     head, _, rest = text.partition("<mujoco ")
     return (head, rest.partition(">")[0], *_INDIFFERENT.findall(rest))
 
 
 class Penetration(FrozenStruct):
-    """Two parts, by path, that start in each other by `depth` [m]."""
+    """Two parts, by path, that overlap by `depth` [m] at the start."""
 
     one: str
     other: str
@@ -53,9 +56,11 @@ class Penetration(FrozenStruct):
 
 
 class Gains(FrozenStruct):
-    """A drive as the step of a simulation sees it: `stiffness` (kp and a spring) [N m/rad or N/m], `kv` and `damping` [N m s/rad or
-    N s/m], the `inertia` [kg m^2 or kg] that it moves with everything else free, whether its force has a limit, and the time step `dt`
-    [s] and integrator."""
+    """A drive in one step of a simulation.
+
+    `stiffness` (kp and a spring) [N m/rad or N/m]; `kv` and `damping` [N m s/rad or N s/m]; the `inertia` [kg m^2 or kg] that it moves when
+    all else is free; whether its force has a limit; the time step `dt` [s] and the integrator.
+    """
 
     stiffness: float
     kv: float
@@ -67,13 +72,13 @@ class Gains(FrozenStruct):
 
     @property
     def stiffest(self) -> float:
-        """The stiffness k beyond which a step makes an error larger.
+        """The stiffness k beyond which a step increases an error.
 
-        With the velocity after a step used for the position, v' = a v - b q and q' = q + dt v', a step has the determinant a and the
-        trace 1 + a - dt b; it is stable (Jury) while 2 + 2 a > dt b. An implicit integrator divides by I + dt d, d = kv + damping:
-        a = I / (I + dt d), b = dt k / (I + dt d), which gives dt^2 k < 4 I + 2 dt d. Euler is implicit in the damping c of joints, and
-        explicit in kv: dt^2 k < 4 I + 2 dt c - 2 dt kv. Runge-Kutta of order 4 is stable for dt^2 k < 8 I (its region cuts the
-        imaginary axis at 2 sqrt(2)).
+        With the velocity after a step used for the position, v' = a v - b q and q' = q + dt v', a step has the determinant a and the trace
+        1 + a - dt b; it is stable (Jury) while 2 + 2 a > dt b. An implicit integrator divides by I + dt d, d = kv + damping: a = I / (I +
+        dt d), b = dt k / (I + dt d), which gives dt^2 k < 4 I + 2 dt d. Euler is implicit in the damping c of joints, and explicit in kv:
+        dt^2 k < 4 I + 2 dt c - 2 dt kv. Runge-Kutta of order 4 is stable for dt^2 k < 8 I (its region cuts the imaginary axis at 2
+        sqrt(2)).
         """
         if self.integrator == "RK4":
             return 8.0 * self.inertia / self.dt**2
@@ -83,33 +88,34 @@ class Gains(FrozenStruct):
 
     @property
     def too_stiff(self) -> bool:
-        """Whether the position swings up from step to step."""
+        """Whether oscillations of the position grow from step to step."""
         return self.stiffness > 0.0 and self.stiffness > self.stiffest
 
     @property
     def explicit(self) -> bool:
-        """Whether the integrator takes kv times the velocity before the step."""
+        """Whether the integrator multiplies kv by the velocity before the step."""
         return self.integrator in ("Euler", "RK4")
 
     @property
     def too_quick(self) -> bool:
-        """Whether an explicit kv turns a velocity round within one step: v' = (1 - dt kv / I) v changes its sign for dt kv > I."""
+        """Whether an explicit kv reverses a velocity within one step: v' = (1 - dt kv / I) v changes its sign for dt kv > I."""
         return self.explicit and self.dt * self.kv > self.inertia
 
     @property
     def jumps(self) -> bool:
-        """Whether the force can go on jumping from one limit F to the other, though the integrator is implicit in kv.
+        """Whether the force can keep jumping from one limit F to the other, although the integrator is implicit in kv.
 
-        At its limit a force does not depend on the velocity, and MuJoCo leaves it out of the derivative. From rest at an error of J / 2,
-        J = dt^2 F / I, a step at the limit leads to -J / 2, where dt kv > I makes the force stop it in one step, at rest again: and so
-        on for ever, if the force is at its limit there, kp J / 2 > F, which is dt^2 kp > 2 I.
+        At its limit a force does not depend on the velocity, and MuJoCo leaves it out of the derivative. From rest at an error of J / 2, J
+        = dt^2 F / I, a step at the limit leads to -J / 2, where dt kv > I makes the force stop it in one step, at rest again. This repeats
+        for ever if the force is at its limit there, kp J / 2 > F, which is dt^2 kp > 2 I.
         """
         return self.saturates and self.dt * self.kv > self.inertia and self.dt**2 * self.stiffness > 2.0 * self.inertia
 
     @property
     def calmest(self) -> float:
-        """The kv up to which an explicit integrator is calm, the rest as it is; not above 0 where no kv makes it so (see `stiffest`,
-        `too_quick`)."""
+        """The largest kv with which an explicit integrator is stable, other values unchanged; not above 0 if there is none (see `stiffest`,
+        `too_quick`).
+        """
         quick = self.inertia / self.dt
         if self.integrator == "RK4":
             return 0.0 if self.too_stiff else quick
@@ -117,12 +123,12 @@ class Gains(FrozenStruct):
 
     @property
     def calm(self) -> bool:
-        """Whether nothing of this is so."""
+        """Whether the drive has none of these faults."""
         return not (self.too_stiff or self.too_quick or self.jumps)
 
 
 class InitialState(FrozenStruct):
-    """What was found of one mode: parts in each other, deepest first, and by joint the gains that chatter."""
+    """The faults of one mode: overlapping parts, deepest first, and the gains of drives that oscillate, by joint."""
 
     robot: Robot
     inside: tuple[Penetration, ...]
@@ -130,14 +136,14 @@ class InitialState(FrozenStruct):
 
     @property
     def in_order(self) -> bool:
-        """Whether nothing is to be said."""
+        """Whether there are no faults."""
         return not self.inside and not self.gains
 
 
 def look(model: Any, robot: Robot) -> InitialState:
-    """The first instant of a compiled scene (an `mujoco.MjModel`): contacts where the mode starts, gains over all of its keyframes.
+    """Check the initial state of a compiled scene (an `mujoco.MjModel`): contacts in the start pose, gains in all keyframes.
 
-    A model that is too large for the memory that MuJoCo takes for a step is not looked at further.
+    The check ends early if the model is too large for MuJoCo's memory for a step.
     """
     import mujoco
 
@@ -147,7 +153,7 @@ def look(model: Any, robot: Robot) -> InitialState:
     inside: tuple[Penetration, ...] = ()
     worst: dict[str, Gains] = {}
     drives = {name: path for path, name in robot.assembly.drives.items()}
-    options = model.opt.jacobian, model.opt.disableflags  # who asked may look at the model again
+    options = model.opt.jacobian, model.opt.disableflags  # the caller may check the model again
     try:
         _pose(model, data, start)
         mujoco.mj_kinematics(model, data)
@@ -172,7 +178,7 @@ def look(model: Any, robot: Robot) -> InitialState:
 
 
 def _pose(model: Any, data: Any, number: int | None) -> None:
-    """A keyframe by its number, or every joint at 0."""
+    """Set the keyframe of this number, or every joint to 0."""
     import mujoco
 
     if number is None:
@@ -182,7 +188,7 @@ def _pose(model: Any, data: Any, number: int | None) -> None:
 
 
 def _inside(model: Any, data: Any, robot: Robot) -> Iterator[Penetration]:
-    """The pairs of parts of two links that are in each other, deepest first."""
+    """Yield the pairs of overlapping parts of two links, deepest first."""
     owners = {one.name_in_files(surface): one.path for one in robot.assembly.occurrences for surface in one.touching}
     deepest: dict[tuple[str, str], float] = {}
     for contact in data.contact:
@@ -197,12 +203,12 @@ def _inside(model: Any, data: Any, robot: Robot) -> Iterator[Penetration]:
 
 
 def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
-    """Every drive of a joint by its name, at positions that `mj_fwdPosition` has seen, with dense constraints of equality alone.
+    """Yield every drive of a joint, by name, at the positions of the last `mj_fwdPosition`, with dense equality constraints only.
 
-    A drive acts along g, its row of the transmission's Jacobian: of a hinge the joint's own dof, of a ball an axis in its three. The
-    inertia is 1 / (g M^-1 g'), with what constraints of equality (loops, joints that mimic) tie together moving together: with the
-    rows T of the constraints, W = T M^-1, it is 1 / (g (M^-1 - W' (T W')^+ W) g'). None is seen in a step whose square, which the rules
-    need, is 0 or no number.
+    A drive acts along g, its row of the transmission's Jacobian: the joint's own dof for a hinge, an axis in its three for a ball. The
+    inertia is 1 / (g M^-1 g'), with coupled parts (loops, mimic joints) moving together: with the rows T of the equality constraints and W
+    = T M^-1, it is 1 / (g (M^-1 - W' (T W')^+ W) g'). Nothing is yielded if the square of the time step, which the rules need, is 0 or
+    infinite.
     """
     import mujoco
     import numpy as np
@@ -211,7 +217,7 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
     driven = [k for k in range(model.nu) if int(model.actuator_trntype[k]) in of_joints]
     if not driven or not 0.0 < model.opt.timestep * model.opt.timestep < math.inf:
         return
-    # MuJoCo makes room for constraints that it then leaves out because nothing in them can move.
+    # MuJoCo allocates rows for constraints that it then leaves out because nothing in them can move.
     rows = np.asarray(data.efc_J, dtype=float)[: data.nefc * model.nv].reshape(-1, model.nv)
     tied = np.ascontiguousarray(rows[np.asarray(data.efc_type) == mujoco.mjtConstraint.mjCNSTR_EQUALITY])
     across = np.zeros_like(tied)
@@ -229,7 +235,7 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
         if len(tied):
             tying = across @ along[0]
             inverse -= float(tying @ holding @ tying)
-        if inverse <= 1e-9 * alone:  # what it is tied to cannot move
+        if inverse <= 1e-9 * alone:  # coupled to something that cannot move
             continue
         bias, gear = model.actuator_biasprm[actuator], float(along[0] @ along[0])
         yield model.actuator(actuator).name, Gains(
@@ -240,16 +246,15 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
 
 
 def _path(name: str) -> str:
-    """The path that the name of an element begins with, whatever stands between its parts there."""
+    """Return the path at the beginning of an element's name, with `/` as separator."""
     return name.partition(":")[0].replace(SEPARATOR, "/")
 
 
-# --- words -------------------------------------------------------------------------------------------------------------
+# --- messages ----------------------------------------------------------------------------------------------------------
 
 
 def say(starts: Sequence[InitialState], report: Report) -> None:
-    """A warning for each mode that starts in itself (modes that start alike share one), and for each drive that chatters, where it is
-    worst."""
+    """Report a warning for each mode with overlaps (equal ones share it), and for each drive that oscillates, where it is worst."""
     alike: dict[tuple[tuple[str, str, float], ...], list[InitialState]] = {}
     for start in starts:
         if start.inside and not report.allows(Code.START_CONTACT, start.robot.mode.origin):
@@ -260,10 +265,10 @@ def say(starts: Sequence[InitialState], report: Report) -> None:
     for start in starts:
         joints = {joint.path: joint for body in start.robot.bodies for joint in body.joints}
         for path, gains in start.gains.items():
-            if path in joints and (path not in worst or gains.inertia < worst[path][0].inertia):  # what `raw` adds is its own business
+            if path in joints and (path not in worst or gains.inertia < worst[path][0].inertia):  # elements added by `raw` are not checked
                 worst[path] = gains, joints[path], start.robot
     written: dict[object, list[str]] = {}
-    for path, (_, joint, _) in worst.items():  # one drive is that of every joint that repeats it
+    for path, (_, joint, _) in worst.items():  # one drive is written for every joint of a repeat
         if report.allows(Code.CHATTER, (*_written_at(joint), *joint.origin[:1])):
             continue
         written.setdefault(_written_at(joint), []).append(path)
@@ -319,7 +324,7 @@ def _say_gains(gains: Gains, joint: TreeJoint, robot: Robot, others: Sequence[st
 
 
 def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
-    """What a velocity gain does that is too great by itself, what cures it, and the armature [kg m^2 or kg] that would."""
+    """Return the fault of a velocity gain that is too large by itself, its cure, and the armature [kg m^2 or kg] that would cure it."""
     rate = "N*m*s/rad" if joint.twist.turns else "N*s/m"
     does = "swings it up from step to step" if gains.too_stiff else "turns its velocity round in one step"
     cure = f"up to {_down(gains.calmest / 2.0)} {rate} is calm"
@@ -330,7 +335,7 @@ def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
 
 
 def _of_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
-    """The same of a position gain, or of the joint's spring where there is none."""
+    """Return the same for a position gain, or for the joint's spring if there is none."""
     turn, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
     kp = gains.stiffness - spring
     key, value, beside = ("kp", kp, spring) if kp > 0.0 else ("stiffness", spring, 0.0)
@@ -346,7 +351,7 @@ def _of_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
 
 
 def _down(value: float) -> str:
-    """A number with two digits, not above it."""
+    """Round down to two digits."""
     shown = float(f"{value:.1e}")
     return f"{shown if shown <= value else float(f'{value * 0.95:.1e}'):g}"
 

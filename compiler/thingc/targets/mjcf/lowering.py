@@ -1,5 +1,4 @@
-"""Joints lowered to MuJoCo's: a turn is a hinge, a slide a slide, a ball a ball. MuJoCo has no screw; there it is a hinge and a slide, tied
-together."""
+"""Joints as MuJoCo joints: a turn is a hinge, a slide a slide, a ball a ball. A screw, which MuJoCo lacks, is a coupled hinge and slide."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ from thingc.targets.mjcf.capabilities import CAPABILITIES
 
 
 class MujocoJoint(FrozenStruct, kw_only=False):
-    """A joint of MuJoCo's: its `name`, `type`, unit `axis`, and by how much it moves per unit of the coordinate (`ratio`)."""
+    """A joint of MuJoCo: its `name`, `type`, unit `axis`, and its motion per unit of the coordinate (`ratio`)."""
 
     name: str
     type: Literal["hinge", "slide"]
@@ -26,7 +25,9 @@ class MujocoJoint(FrozenStruct, kw_only=False):
 
 
 def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
-    """The joints of a coordinate; the first has its name and its values. None of one of a ball, which is one joint for all of them."""
+    """Return the joints of a coordinate; the first has its name and its values. None for the coordinates of a ball, which is a single
+    joint.
+    """
     path, twist = joint.path, joint.twist
     form = CAPABILITIES["joints"][joint_cell(joint.kind)].by
     match form:
@@ -41,31 +42,33 @@ def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
 
 
 def is_ball(joints: Sequence[TreeJoint]) -> bool:
-    """Whether these coordinates are one joint of MuJoCo's, a ball."""
+    """Whether these coordinates are one ball joint."""
     return bool(joints) and CAPABILITIES["joints"][joint_cell(joints[0].kind)].by == "ball"
 
 
 def positions(body: Body, q: Mapping[str, float]) -> tuple[float, ...]:
-    """What MuJoCo's `qpos` has of the joints of a body at `q` (every joint by path, rad or m)."""
+    """Return the `qpos` of the joints of a body at `q` (every joint by path, rad or m)."""
     if is_ball(body.joints):
         return quaternion_of(rotation_vector(body.twists, tuple(q[joint.path] for joint in body.joints)))
     return tuple(one.ratio * q[joint.path] for joint in body.joints for one in lowered(joint))
 
 
 def in_body(body: Body, axis: Vector) -> Vector:
-    """The axis of a drive of the ball that a body turns on (as the document writes it) in the axes of the body; where
-    the tree crosses the joint backwards the opposite: the drive turns the document's parent against its child."""
+    """Return the axis of a drive of a ball (as in the document) in the axes of the body.
+
+    If the joint is reversed in the tree, it is the opposite, because the drive moves the document's parent relative to its child.
+    """
     joints = body.joints[::-1] if body.joints[0].reversed else body.joints
     return rotation_vector(tuple(joint.twist for joint in joints), axis)
 
 
 def base_positions(robot: Robot) -> tuple[float, ...]:
-    """What `qpos` has of a base that moves in part, where the mode puts it."""
+    """Return the `qpos` of a base that moves in part, in the pose of the mode."""
     return positions(replace(robot.bodies[0], joints=robot.moves), {joint.path: 0.0 for joint in robot.moves})
 
 
 def sizes(joints: Sequence[TreeJoint]) -> tuple[int, int]:
-    """How many entries of `qpos` and of `qvel` the joints of a body have."""
+    """Return the number of entries in `qpos` and in `qvel` of the joints of a body."""
     if is_ball(joints):
         return 4, 3
     count = sum(len(lowered(joint)) for joint in joints)

@@ -1,5 +1,6 @@
-"""Several joints on one body. MuJoCo moves no body without a mass, and lets one have any number of joints: a link that only joins two
-joints is no body there, and the joint before it is one more of the body behind it."""
+"""Several joints on one body. MuJoCo does not accept a moving body without mass, but a body may have any number of joints: a link without
+mass that connects two joints is not written as a body, and its joint is added to the body behind it.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +13,11 @@ from thingc.targets.artifact import Loss
 
 
 def model_bodies(robot: Robot) -> Mapping[int, Body]:
-    """The bodies of the model, each by its number in the robot and with a parent that is one of them. The joints before a link that is none
-    come first in the body behind it: theirs act first, and are seen in its frame with its own joints at 0."""
+    """Return the bodies of the model by their number in the robot; their parents are such bodies, too.
+
+    The joints before a link that is left out come first in the body behind it: they act first, and are expressed in its frame with its own
+    joints at 0.
+    """
     made: dict[int, Body] = {}
     for index, body in enumerate(robot.bodies):
         if body.parent is not None and joins(robot, body.parent):
@@ -25,18 +29,18 @@ def model_bodies(robot: Robot) -> Mapping[int, Body]:
 
 
 def joins(robot: Robot, index: int) -> bool:
-    """Whether a body of the robot is none of the model's: it only joins two joints."""
+    """Whether a body of the robot is left out, because it only connects two joints."""
     body = robot.bodies[index]
     return body.parent is not None and body.link in robot.assembly.between
 
 
 def sites(robot: Robot) -> Mapping[str, Site]:
-    """The frames that stand on a body of the model, by path."""
+    """Return the frames on bodies of the model, by path."""
     return {site.path: site for site in robot.sites if not joins(robot, site.body)}
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Frames between two joints of a body, but for those of the links that are there for nothing else."""
+    """Yield the loss of frames between two joints of a body, except those of the links between them."""
     paths = {one.path for one in robot.assembly.occurrences}
     for site in robot.sites:
         if joins(robot, site.body) and site.path not in paths:

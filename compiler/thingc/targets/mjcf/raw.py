@@ -1,10 +1,10 @@
-"""Raw attributes: what a document's `raw: {mjcf: ...}` lays over the model that was written, attribute by attribute.
+"""Raw attributes of `raw: {mjcf: ...}`, applied to the model one by one.
 
     joint: {yaw: {solreflimit: 0.01 1}}                       a kind of element, its name, an attribute
-    option: {iterations: 20, flag: {contact: disable}}        a section there is one of, and elements in it
+    option: {iterations: 20, flag: {contact: disable}}        a section that exists once, and elements in it
     default: {collision: {geom: {solref: 0.01 1}}}            a class, a kind of element, an attribute
 
-Names are checked here, attributes and values by MuJoCo alone.
+Names are checked here, attributes and values only by MuJoCo.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from thingc.targets.xml_writer import Element, unwritable
 TARGET = "mjcf"
 
 SINGLE = ("compiler", "option", "size", "statistic", "visual")
-"""Sections of which a model has one; those not written yet are made, in this order, at the top."""
+"""Sections that a model has once. Missing ones are added at the top, in this order."""
 
 NAMED: dict[str, tuple[str | None, tuple[str, ...] | None]] = {
     "actuator": ("actuator", None), "body": (None, ("body",)), "camera": (None, ("camera",)), "equality": ("equality", None),
@@ -32,16 +32,16 @@ NAMED: dict[str, tuple[str | None, tuple[str, ...] | None]] = {
     "mesh": ("asset", ("mesh",)), "numeric": ("custom", ("numeric",)), "sensor": ("sensor", None),
     "site": (None, ("site",)), "tendon": ("tendon", None),
 }
-"""Kinds of elements that have names: the section they stand in (None: the world's tree), and their tags (None: any)."""
+"""Kinds of elements that have names: their section (None: the tree of bodies), and their tags (None: any)."""
 
 KINDS = (*NAMED, *SINGLE, "default")
 
 
 def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
-    """Lay the raw attributes over each mode's model. A kind or name that no mode has is reported where it is written.
+    """Apply the raw attributes to the model of each mode. A kind or name that no mode has is reported at its place.
 
-    An element that only some modes have (the drive of a joint, a keyframe) gets its attributes there. What `order` lists comes first, in
-    that order, in every mode.
+    An element that only some modes have (the drive of a joint, a keyframe) gets its attributes in these modes. Elements listed in `order`
+    come first in every mode, in that order.
     """
     ranks: dict[int, int] = {}
     for attribute in assembly.raw:
@@ -63,7 +63,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
             if placed:
                 ranks.setdefault(id(element), len(ranks))
             else:
-                if element.tag == "freejoint" and attribute.path[-1] not in ("align", "group"):  # which has no other attributes
+                if element.tag == "freejoint" and attribute.path[-1] not in ("align", "group"):  # a freejoint has no other attributes
                     element.tag, element.attributes = "joint", {**element.attributes, "type": "free"}
                 element.lay(attribute.path[-1], attribute)
         if not elements and robots and not _elsewhere(attribute, assembly):
@@ -73,7 +73,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 
 
 def _sort(model: Element, ranks: Mapping[int, int]) -> None:
-    """Sort the elements of a model by rank, those without one last, and with its actuators the controls that keyframes have for them."""
+    """Sort the elements of a model by rank, those without rank last. The controls in keyframes are sorted like the actuators."""
     for section in (section for kind in ORDERED if (section := model.find(kind)) is not None):
         children = section.children
         places = sorted(range(len(children)), key=lambda place: ranks.get(id(children[place]), len(ranks)))
@@ -87,7 +87,7 @@ def _sort(model: Element, ranks: Mapping[int, int]) -> None:
 
 
 def _shape_fault(attribute: RawAttribute) -> tuple[str, str] | None:
-    """What is wrong with the path itself: a message and a hint."""
+    """Return what is wrong with the path itself, as a message and a hint, or None."""
     path = attribute.path
     kind = path[0] if path else ""
     if kind not in KINDS:
@@ -106,7 +106,7 @@ def _shape_fault(attribute: RawAttribute) -> tuple[str, str] | None:
 
 
 def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element | None:
-    """The element of one model that an attribute belongs to."""
+    """Return the element of a model that an attribute belongs to, or None."""
     path = attribute.path
     kind = path[0]
     if kind in NAMED:
@@ -125,13 +125,16 @@ def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element |
 
 
 def _slashed(name: str) -> str:
-    """A name as `link` hands on raw names: a document may write `hand.cap` for `hand/cap`."""
+    """Return a name as in linked raw attributes: a document may write `hand.cap` for `hand/cap`."""
     return name.replace(".", "/")
 
 
 def _names(attribute: RawAttribute) -> tuple[str, ...]:
-    """What an attribute's name may mean. `link` puts the path of a nested document before every name, but assets, classes
-    and sections do not belong to an occurrence: for those it may also stand alone."""
+    """Return what an attribute's name may mean.
+
+    Names in a nested document have its path in front, but assets, classes and sections do not belong to an occurrence, so their names may
+    also be without it.
+    """
     name = _slashed(attribute.path[1])
     if attribute.path[0] not in (*SINGLE, "default", "mesh", "material", "key"):
         return (name,)
@@ -140,7 +143,7 @@ def _names(attribute: RawAttribute) -> tuple[str, ...]:
 
 
 def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
-    """The child with a tag, made where there is none yet (ahead of children with the tag `before`)."""
+    """Return the child with a tag. If there is none, add it, in front of children with the tag `before`."""
     child = owner.find(tag)
     if child is None:
         child = Element(tag=tag)
@@ -150,7 +153,7 @@ def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
 
 
 def _classes(robot: Robot, model: Element) -> dict[str, Element]:
-    """Default classes by name; the document's own name is the robot's class."""
+    """Return default classes by name. The document's own name means the robot's class."""
     section = model.find("default")
     elements = section.walk() if section is not None else iter(())
     classes = {element.get("class"): element for element in elements if "class" in element.attributes}
@@ -169,7 +172,7 @@ def _elements_of_kind(kind: str, model: Element) -> Iterable[Element]:
 
 
 def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
-    """Whether an element that no model at hand has could stand in another mode's."""
+    """Whether another mode may have an element that none of these models has."""
     kind, name = attribute.path[0], attribute.path[1]
     owner, _, mount = _slashed(name).rpartition("/")
     magnet = kind == "actuator" and any(one.path == owner and mount in one.mounts for one in assembly.occurrences)

@@ -1,8 +1,8 @@
 """Elements that documents add to models by `raw: {mjcf: {add: ...}}`.
 
-What they name are the document's joints and components by their paths, its mounts (each gets its site), elements of the model, and what has
-been added before. An element that names something which a mode has not got (a drive that is left out, a joint at which a loop is cut) is
-left out of that mode.
+They can refer to the document's joints and components by path, to its mounts (which then get sites), to elements of the model, and to
+elements that were added earlier. If an element refers to something that a mode does not have (a drive that is left out, a joint at which a
+loop is cut), it is left out of that mode.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from thingc.targets.mjcf import elements
 from thingc.targets.xml_writer import Element, unwritable
 
 SECTIONS = ("contact", "custom", "tendon", "equality", "actuator", "sensor", "keyframe")
-"""Sections in the order in which those that are not there yet are put."""
+"""Sections in the order in which missing ones are added."""
 
 
 def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> list[Loss]:
-    """Add to each mode's model what the documents add; what is left out of one. What no mode can have is reported where it is written."""
+    """Add the documents' elements to the model of each mode, and return those that are left out. One that no mode can have is reported."""
     lost: list[Loss] = []
     if assembly.added and models:
         targets = [_Target(robot, model) for robot, model in zip(robots, models, strict=True)]
@@ -55,7 +55,7 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 
 
 def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
-    """What can be no element of MJCF, or no attribute, and MuJoCo must not read: where a name ends it would read on."""
+    """Yield what is not a valid element or attribute of MJCF, and must not be passed to MuJoCo, because it could change other elements."""
     for name, value in ((element.tag, ""), *element.attributes.items()):
         why = unwritable(name, value)
         if why is not None:
@@ -67,7 +67,7 @@ def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
 
 
 def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
-    """Whether some mode that is not built here may have it, or it is one that is added itself, and is reported."""
+    """Whether a mode that is not built here may have it, or it is an added element that is reported itself."""
     kind, name = missing
     if any((one.section, one.attributes.get("name", "").replace(".", "/")) == (kind, name.replace(".", "/")) for one in assembly.added):
         return True
@@ -91,7 +91,7 @@ class _Target:
             self.names[kind] = {one.get("name") for one in section.children} if section is not None else set()
 
     def add(self, wanted: RawElement) -> tuple[str, str] | None:
-        """Add an element. The kind and the name of what it names and this model has not got, or None."""
+        """Add an element. If it refers to something that this model does not have, return the kind and name of that, else None."""
         made = self.made(wanted)
         if isinstance(made, tuple):
             return made
@@ -108,7 +108,7 @@ class _Target:
         return None
 
     def made(self, wanted: RawElement) -> Element | tuple[str, str]:
-        """The element of this model, or the kind and the name of what it names in vain."""
+        """Return the element of this model, or the kind and name of a reference that does not exist."""
         made = Element(tag=wanted.tag, attributes=dict(wanted.attributes), origin=wanted.origin)
         for name, value in wanted.attributes.items():
             kind = named_kind(wanted.attributes, name)
@@ -125,12 +125,12 @@ class _Target:
         return made
 
     def found(self, kind: str, path: str) -> str | None:
-        """What the model calls an element of a kind; a mount that has no site gets one."""
+        """Return the model's name of an element of a kind, or None. A mount without a site gets one."""
         plain = kind != "joint" or path in self.names.get(kind, ())
         name = path if plain else CoordinateName(path.replace("/", ".")).path
         if name in self.names.get(kind, ()) or kind not in KINDS:
             return name
-        named = next((one for one in self.names.get(kind, ()) if one.replace(".", "/") == path), None)  # `link` writes `/` for `.`
+        named = next((one for one in self.names.get(kind, ()) if one.replace(".", "/") == path), None)  # linked names have `/` for `.`
         if named is not None:
             return named
         assembly = self.robot.assembly
@@ -141,7 +141,7 @@ class _Target:
             owner, _, mount = path.rpartition("/")
             for one in assembly.occurrences:
                 link = assembly.links[assembly.link_of[one.index]].name
-                if one.path == owner and mount in one.mounts and link in self.names["body"]:  # between joints of one body is no place
+                if one.path == owner and mount in one.mounts and link in self.names["body"]:  # not between joints of one body
                     body = next(body for body in self.model.walk() if body.tag == "body" and body.attributes["name"] == link)
                     pose = in_link(assembly)[one.index] @ one.mounts[mount].pose
                     places = [index for index, child in enumerate(body.children) if child.tag == "body"]
@@ -152,7 +152,7 @@ class _Target:
         return None
 
     def command(self) -> None:
-        """In keyframes the commands of drives that were added are 0."""
+        """Add controls of 0 to keyframes for drives that were added."""
         section = self.model.find("keyframe")
         for place, key in enumerate(section.children if section is not None and self.drives else ()):
             assert section is not None

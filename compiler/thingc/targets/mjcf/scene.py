@@ -1,4 +1,4 @@
-"""`scene_<mode>.xml`: the robot on a floor under a light, as the scenes of the MuJoCo Menagerie are made."""
+"""`scene_<mode>.xml`: the robot on a floor under a light, like the scenes of the MuJoCo Menagerie."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ FLOOR = "floor"
 
 
 def scene(robot: Robot, file: str, heading: str, model: XmlText, memo: Memo | None = None, separator: str = "/") -> XmlText:
-    """The scene of a mode around `file`, which lies beside it; `model` is what that file holds, with `separator` in its paths."""
+    """Return the scene of a mode, which includes `file` in the same folder. `model` is the content of that file, with `separator` in its
+    paths.
+    """
     memo, mode = memo or Memo(), robot.mode
     box = memo(("bounds", mode.name), bounds, *placements(robot))
     title = f"{robot.assembly.name}_{mode.name} scene"
@@ -23,7 +25,7 @@ def scene(robot: Robot, file: str, heading: str, model: XmlText, memo: Memo | No
 
 
 def floored(robot: Robot, model: XmlText, separator: str) -> str:
-    """The text of a model, which has `separator` in its paths, with the floor of its scene in it, and nothing that is only looked at."""
+    """Return the text of a model, with `separator` in its paths, and the floor of its scene, but without the purely visual elements."""
     root = Element(tag="mujoco")
     _lay_floor(root, root.add("worldbody"), floor_name(model), _held(robot, separator), {})
     sections = write(root, "").text.partition("<mujoco>\n")[2]
@@ -31,17 +33,17 @@ def floored(robot: Robot, model: XmlText, separator: str) -> str:
 
 
 def _held(robot: Robot, separator: str) -> tuple[tuple[str, Origin], ...]:
-    """The bodies that are held where they are, and by what of the documents."""
+    """Return the names of held bodies, with the origins of their holds."""
     holds = {closure.child: closure.origin for closure in reversed(robot.closures) if closure.hold}
     return tuple((robot.assembly.links[robot.bodies[body].link].name.replace("/", separator), at) for body, at in holds.items())
 
 
 def _scene(title: str, box: Box | None, file: str, floor: str, held: Sequence[tuple[str, Origin]], heading: str, origin: Origin) -> XmlText:
-    """The text of a scene.
+    """Return the text of a scene.
 
-    What is stated before the `include` a raw attribute may override. The floor is z = 0 of the world, where a mode's root
-    is mated, so on a wall or a ceiling the plane is that wall or ceiling. A link that is held touches it no more than MuJoCo lets
-    a root that stands still; it is a body then, because not every reader finds the world by its name.
+    Elements before the `include` can be overridden by raw attributes. The floor is z = 0 of the world, where a mode's root is mated; for a
+    mode on a wall or a ceiling, the plane is that wall or ceiling. Contacts of held links with the floor are excluded, as MuJoCo does for a
+    fixed root. The floor is then a body, because not every reader finds the world by its name.
     """
     root = Element(tag="mujoco", attributes={"model": title}, origin=origin)
     if box is not None:
@@ -75,6 +77,6 @@ def _lay_floor(root: Element, world: Element, floor: str, held: Sequence[tuple[s
 
 
 def floor_name(model: XmlText) -> str:
-    """`floor`, unless a component has the name: then `scene:floor`, which none can have."""
+    """Return `floor`, or `scene:floor`, which is not a valid component name, if a component has that name."""
     taken = any(f'<{kind} name="{FLOOR}"' in model.text for kind in ("body", "geom"))  # the name is their first attribute
     return f"scene:{FLOOR}" if taken else FLOOR

@@ -1,5 +1,5 @@
-"""Sensors in MJCF. Each has the same elements under the same names in every mode in which it can be, so that a controller reads
-one layout: an element for each reading of its kind (`imu:gyro`), and a camera for a camera.
+"""Sensors in MJCF. A sensor has the same elements with the same names in every mode that supports it, so that a controller reads one
+layout: an element for each reading of its kind (`imu:gyro`), and a camera for a camera.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from thingc.targets.sensors import body_of, elsewhere, on_free_root
 from thingc.targets.xml_writer import Element, XmlValue
 
 LOOKING = turned_y(numeric.pi)
-"""A camera of MuJoCo looks along its -z, up its y; ours looks along the mount's z, up the mount's y."""
+"""A camera of MuJoCo looks along its -z with y up; one of a document looks along the mount's z, with the mount's y up."""
 
 ELEMENTS: Mapping[SensorType, Mapping[ReadingName, str]] = {
     "imu": {"accelerometer": "accelerometer", "gyro": "gyro", "quat": "framequat"},
@@ -44,23 +44,23 @@ ELEMENTS: Mapping[SensorType, Mapping[ReadingName, str]] = {
     "clock": {"time": "clock"},
     "energy": {"potential": "e_potential", "kinetic": "e_kinetic"},
 }
-"""By kind and reading the element."""
+"""The element for each kind and reading."""
 
 
 def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
-    """A camera at each mount that has one. `fovy` is the vertical angle of view, in degrees whatever the file's angles are in."""
+    """Add a camera at each mount that has one. `fovy` is the vertical field of view, in degrees whatever the unit of the file's angles."""
     sites = merged_joints.sites(robot)
     for sensor in robot.assembly.sensors:
         if written(CAPABILITIES["sensors"][sensor.kind]) == "camera" and (sensor.site or "") in sites and sensor.fovy is not None:
             site = sites[sensor.site or ""]
-            # MJCF has degrees here whatever the compiler's `angle` says; 60 deg must not come back as 59.99999999999999
+            # rounded, so that 60 deg does not become 59.99999999999999
             degrees = numeric.rounded(numeric.degrees(sensor.fovy), 12)
             attributes = {"name": sensor.path, **pose_attributes(site.pose @ LOOKING), "fovy": degrees}
             bodies[site.body].add("camera", attributes, sensor.origin)
 
 
 def volumes(robot: Robot, bodies: Mapping[int, Element]) -> None:
-    """A site of the shape of its volume at each mount that feels what touches there."""
+    """Add a site with the shape of the volume for each touch sensor."""
     sites = merged_joints.sites(robot)
     for sensor in robot.assembly.sensors:
         if sensor.volume is not None and (sensor.site or "") in sites:
@@ -74,7 +74,7 @@ def _volume(sensor: LinkedSensor) -> str:
 
 
 def sensors(robot: Robot, section: Element) -> None:
-    """The section `sensor`, in the order of the documents."""
+    """Add the elements of the section `sensor`, in the order of the documents."""
     for sensor in robot.assembly.sensors:
         form = written(CAPABILITIES["sensors"][sensor.kind])
         match form:
@@ -82,7 +82,7 @@ def sensors(robot: Robot, section: Element) -> None:
                 if not _missing(robot, sensor):
                     _elements(robot, sensor, section)
             case "camera" | None:
-                pass  # a camera is on its body
+                pass  # a camera is in its body
             case _:
                 assert_never(form)
 
@@ -97,7 +97,7 @@ def _elements(robot: Robot, sensor: LinkedSensor, section: Element) -> None:
 
 
 def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[str, str]:
-    """What a sensor is of, in the attributes of one of its elements."""
+    """Return the attributes of an element that specify what the sensor measures."""
     links, site = robot.assembly.links, {"site": sensor.site or ""}
     match sensor.kind:
         case "imu" if reading == "quat":
@@ -127,7 +127,7 @@ def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[s
 
 
 def _missing(robot: Robot, sensor: LinkedSensor) -> str:
-    """What a mode has not got that a sensor needs, in the words of its loss; nothing of one that it has."""
+    """Return why a mode does not support a sensor, as text for its loss, or ""."""
     sites = merged_joints.sites(robot)
     if any(mount.path not in sites for mount in sensor.mounts):
         return "MuJoCo has nothing between two joints of a body that it could sit on"
@@ -149,8 +149,11 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Sensors that this mode cannot have, forces that it measures elsewhere than at the mount, and accelerations of what stands
-    still (there MuJoCo's accelerometer reads 0, not the 9.81 m/s^2 of any that rests)."""
+    """Yield the losses of a mode: sensors that it does not support, forces measured elsewhere than at the mount, and accelerations of a
+    fixed base.
+
+    For a fixed body MuJoCo's accelerometer reads 0, not the 9.81 m/s^2 of any other body at rest.
+    """
     for sensor in robot.assembly.sensors:
         missing = _missing(robot, sensor)
         what = f"it: {missing}" if missing else ""

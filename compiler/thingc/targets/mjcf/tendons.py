@@ -1,6 +1,6 @@
-"""Tendons of documents in MJCF: `fixed` and `spatial` ones, and the drives that pull them.
+"""Tendons of documents in MJCF: `fixed` and `spatial` ones, and their drives.
 
-A tendon over a joint at which a loop is cut is left out of that mode. A drive on one is there in every mode that does not choose its
+A tendon over a joint at which a loop is cut is left out of that mode. The drive of a tendon is in every mode that does not choose its
 actuators.
 """
 
@@ -19,19 +19,19 @@ from thingc.targets.xml_writer import Element, XmlValue
 
 
 def present(robot: Robot) -> tuple[LinkedTendon, ...]:
-    """Those of a mode: all of whose joints are in its tree, and whose mounts are on its bodies."""
+    """Return the tendons of a mode: their joints are in its tree, and their mounts on its bodies."""
     there = {joint.path for body in robot.bodies for joint in body.joints}
     sites = merged_joints.sites(robot)
     return tuple(one for one in robot.assembly.tendons if there.issuperset(one.moves) and all(mount.path in sites for mount in one.mounts))
 
 
 def pulled(robot: Robot) -> tuple[LinkedTendon, ...]:
-    """Those of a mode that a drive pulls there."""
+    """Return the tendons of a mode that have a drive there."""
     return tuple(one for one in present(robot) if one.actuator is not None and one.path in robot.pulled)
 
 
 def tendons(robot: Robot, section: Element) -> None:
-    """A `fixed` for each that goes over joints, a `spatial` for each on a path."""
+    """Add a `fixed` tendon for each one over joints, a `spatial` tendon for each one along a path."""
     for one in present(robot):
         attributes: dict[str, XmlValue] = {"name": one.path}
         bounds = joint_range(one.limit)
@@ -61,13 +61,13 @@ def _shape(tendon: LinkedTendon, place: int) -> str:
 
 
 def shapes(robot: Robot, bodies: Mapping[int, Element]) -> None:
-    """The spheres and cylinders that tendons go around: geoms that touch nothing, weigh nothing, and are drawn with what touches."""
+    """Add the spheres and cylinders around which tendons wrap: geoms without contacts and mass, drawn with the collision geoms."""
     sites = merged_joints.sites(robot)
     for one in present(robot):
         for place, step in enumerate(one.steps):
             if step.mount is not None and step.radius is not None and step.shape is not None:
                 site = sites[step.mount.path]
-                # MuJoCo's cylinder has no ends for a tendon; its length is to look at
+                # MuJoCo's cylinder is infinite for a tendon; its length is only visual
                 size = (step.radius,) if step.shape == "sphere" else (step.radius, step.radius)
                 attributes = {"name": _shape(one, place), "type": step.shape, "size": size, **pose_attributes(site.pose)}
                 attributes |= {"contype": "0", "conaffinity": "0", "group": "3", "mass": "0"}
@@ -75,7 +75,7 @@ def shapes(robot: Robot, bodies: Mapping[int, Element]) -> None:
 
 
 def drives(robot: Robot, section: Element) -> None:
-    """An actuator for each that is pulled."""
+    """Add an actuator for each tendon with a drive."""
     for one in pulled(robot):
         if one.actuator is not None:
             attributes = {"name": one.actuator.name or one.path, "tendon": one.path, **drive_attributes(one, one.actuator)}
@@ -83,7 +83,7 @@ def drives(robot: Robot, section: Element) -> None:
 
 
 def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
-    """The commands that keep the drives of `drives` at `q` [rad or m]: a length, or 0."""
+    """Yield the controls with which the drives of `drives` stay at `q` [rad or m]: a length, or 0."""
     for one in pulled(robot):
         if one.actuator is None or one.actuator.kind != "position":
             yield 0.0
@@ -92,7 +92,7 @@ def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Those that a mode leaves out."""
+    """Yield the tendons that a mode leaves out."""
     there = present(robot)
     for one in robot.assembly.tendons:
         if one not in there:

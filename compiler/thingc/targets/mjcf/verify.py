@@ -1,6 +1,6 @@
-"""Every model that was written is compiled by MuJoCo, and what it says against one is shown where the cause was written.
+"""Compile every model with MuJoCo, and report its messages at their cause in the documents.
 
-MuJoCo is only imported when there is a model that it has not accepted before.
+MuJoCo is only imported for models that it has not accepted before.
 """
 
 from __future__ import annotations
@@ -25,12 +25,11 @@ from thingc.targets.mjcf.accepted_models import AcceptedModels, about_meshes, bo
 from thingc.targets.xml_writer import Element, RawValue, XmlText, write
 
 MANY = 20_000_000
-"""Bytes of meshes that MuJoCo is given at once; it takes some fifteen times as many for them."""
+"""Limit of bytes of meshes that MuJoCo gets at once; it needs about fifteen times as much memory for them."""
 
 
 class Candidate(FrozenStruct):
-    """A mode's files: `model` as it was written from the element `root` with `heading`, and the scene that includes it as
-    `file`."""
+    """The files of a mode: `model`, written from the element `root` with `heading`, and the scene that includes it as `file`."""
 
     mode: str
     file: str
@@ -43,12 +42,12 @@ class Candidate(FrozenStruct):
 
     @property
     def texts(self) -> tuple[str, str]:
-        """Both files."""
+        """The texts of both files."""
         return self.model.text, self.scene.text
 
 
 class CompileResult(FrozenStruct):
-    """What MuJoCo said of one text: why it refuses it (None: it compiled), its warnings, and the compiled `MjModel`."""
+    """The result of compiling one text: the error (None: it compiled), the warnings, and the compiled `MjModel`."""
 
     error: str | None
     warnings: tuple[str, ...] = ()
@@ -56,16 +55,18 @@ class CompileResult(FrozenStruct):
 
 
 def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, report: Report, memo: Memo, *, starts: bool = True) -> None:
-    """Compile every candidate's scene, and with it the model in it; errors and warnings go to `report` at their origin. With `starts`
-    the first instant of each is looked at, too (`initial_state_checks.py`); of several that start alike, that of the first.
+    """Compile every candidate's scene, with the model in it, and report errors and warnings at their origin.
 
-    Models that MuJoCo has accepted before are not compiled again (`accepted_models.py`): nor is one of several that start alike where the
-    first of them is accepted, and what it has of its own (names, limits, colours, gravity) was when it was compiled last in this session.
+    With `starts`, the initial state of each is checked, too (`initial_state_checks.py`); of several equal ones only the first.
+
+    Models that MuJoCo has accepted before are not compiled again (`accepted_models.py`). This includes a model whose initial state equals
+    that of an accepted one, if its other contents (names, limits, colours, gravity) were accepted in an earlier compilation of this
+    session.
     """
     known = AcceptedModels(store, mujoco_version(), geometry.meshes)
     waiting = [candidate for candidate in candidates if not known.model(candidate.texts, started=starts)]
     alike: dict[str, Candidate] = {}
-    leaders: dict[str, Candidate] = {}  # whose first instant is looked at, by mode; of the other modes it was in order before
+    leaders: dict[str, Candidate] = {}  # the candidate whose initial state is checked, by mode; other modes have been accepted before
     for one in waiting if starts else ():
         key = initial_state_checks.key(one.model.text, one.robot)
         if key in alike or not known.start(key):
@@ -101,11 +102,14 @@ def _verdicts(
     candidates: Sequence[Candidate], known: AcceptedModels, looked: Collection[str], touching: Collection[str], settled: Collection[str],
     instead: Sequence[Mapping[str, bytes]],
 ) -> Iterator[tuple[Candidate, CompileResult, Any]]:
-    """What MuJoCo says of each scene, which holds all that the model in it does, and the files that it has read. Modes that are `looked` at
-    need the true meshes of what is `touching`, and come first; of the others those that are `settled` by then are left out. As long as
-    nothing is said, what stands `instead` of the true meshes will do (see `_one_by_one`). One after the other, for it keeps what it reads
-    among the files, so that two at once are given each other's models, or end the process. It keeps the meshes of the first, too, and needs
-    threads for these alone; and the textures, which are the same in all scenes, it need not paint again."""
+    """Yield the result of MuJoCo for each scene, which includes its model, and the files that it read.
+
+    Modes in `looked` need the true meshes of those in `touching`, and come first; other modes that are in `settled` by then are left out.
+    As long as there are no messages, the meshes in `instead` are used (see `_one_by_one`). Scenes are compiled one after the other, because
+    MuJoCo caches what it reads by file: in parallel, a scene could get another's model, or the process could crash. MuJoCo caches the
+    meshes of the first scene, too, so only this one needs threads, and textures are the same in all scenes, so later ones need not render
+    them.
+    """
     first, standing = True, [*instead, {}]
     for true in (touching, ()):
         batch = [one for one in candidates if (one.mode in looked) is (true is touching) and one.mode not in settled]
@@ -126,14 +130,16 @@ def _verdicts(
 
 
 def _will_do(verdict: CompileResult, robot: Robot, *, boxes: bool) -> bool:
-    """Whether nothing is said of a scene that has others in the place of its meshes; if these are boxes, nothing may be in another."""
+    """Whether a scene with replaced meshes has no messages and, if the replacements are boxes, no overlaps."""
     return verdict.error is None and not verdict.warnings and not (boxes and initial_state_checks.look(verdict.model, robot).inside)
 
 
 def _one_by_one(known: AcceptedModels, touching: Collection[str]) -> list[Mapping[str, bytes]]:
-    """Where meshes are too many for once, have MuJoCo take each by itself; and what may stand for those of `touching` (names of meshes), by
-    file: boxes around them, of which those that are not in each other hold nothing that is, then the convex hulls that MuJoCo touches. What
-    anything is said against is left to be read with the model."""
+    """If there are too many meshes for one compilation, let MuJoCo read each one separately, else return [].
+
+    Return two replacements for the meshes in `touching` (names of meshes), by file: boxes around them, which overlap if the meshes do, then
+    the convex hulls that MuJoCo uses for contacts. Meshes with messages are left to be read with the model.
+    """
     waiting = known.unread(touching)
     if sum(mesh.stored.size for mesh in waiting) <= MANY:
         return []
@@ -157,7 +163,7 @@ def _one_by_one(known: AcceptedModels, touching: Collection[str]) -> list[Mappin
 
 
 def _hull(model: Any, mesh: MeshAsset) -> tuple[list[list[float]], list[list[int]]]:
-    """Corners, in the numbers of its file, and triangles of the convex hull of the one mesh of a model (`mjModel.mesh_graph`)."""
+    """Return the corners, in the unit of its file, and the triangles of the convex hull of a model's only mesh (`mjModel.mesh_graph`)."""
     import mujoco
     import numpy as np
 
@@ -177,8 +183,9 @@ _NUMBERS = re.compile(r'(?<=[" ])-?[0-9][0-9.e+-]*(?=[" ])')
 
 
 def due(candidates: Sequence[Candidate], share: int, memo: Memo) -> list[Candidate]:
-    """Those of the models that are given to MuJoCo where of so many (`share`) that differ in nothing but numbers one is: the first of each
-    kind that it has not taken yet, and every so many after it."""
+    """Return the models to compile if one of `share` models that only differ in numbers is compiled: the first of each kind, and every
+    `share`-th after it.
+    """
     if share <= 1:
         return list(candidates)
     asked = []
@@ -193,7 +200,7 @@ def due(candidates: Sequence[Candidate], share: int, memo: Memo) -> list[Candida
 
 
 def took(candidates: Sequence[Candidate], share: int, memo: Memo) -> None:
-    """Note that MuJoCo has taken these without a word."""
+    """Record that MuJoCo accepted these without messages."""
     for candidate in candidates if share > 1 else ():
         place = _kind(candidate)
         if memo.last(place, ()) is None:
@@ -201,17 +208,16 @@ def took(candidates: Sequence[Candidate], share: int, memo: Memo) -> None:
 
 
 def _kind(candidate: Candidate) -> tuple[str, str, str]:
-    """Of what kind a model is: its text without numbers."""
+    """Return the key for the kind of a model: its text without numbers."""
     return ("mujoco takes", candidate.mode, hashlib.sha256(_NUMBERS.sub("", candidate.model.text).encode()).hexdigest())
 
 
 def doubtful(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: Store, memo: Memo, *, starts: bool) -> list[Candidate]:
-    """Those of the models that `check` has to look at: of the others MuJoCo takes them without a word, which is found out quickly, for the
-    many models of a session.
+    """Return the models that `check` has to compile. The others are found to be accepted by a faster check, for sessions with many models.
 
-    Only where it has taken the same scene before, but for its numbers, and with `starts` looked at the same first instant. A model is
-    compiled by itself, with tetrahedra in the place of the meshes that MuJoCo has taken before; where anything is said against it, `check`
-    has to find out what and why.
+    The faster check applies if MuJoCo accepted the same scene before, except for its numbers, and with `starts`, the same initial state.
+    The model is compiled without its scene, with tetrahedra in place of the meshes that MuJoCo has accepted. If there are messages, `check`
+    has to find their cause.
     """
     known = [one for one in candidates if memo.last(*_scene(one)) is not None]
     accepted = AcceptedModels(store, mujoco_version(), meshes)
@@ -232,24 +238,26 @@ def doubtful(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store
 
 
 def took_scenes(candidates: Sequence[Candidate], memo: Memo) -> None:
-    """Note that MuJoCo has taken the scenes of these without a word."""
+    """Record that MuJoCo accepted the scenes of these without messages."""
     for candidate in candidates:
         memo.keep(*_scene(candidate), True)
 
 
 def _own(candidate: Candidate) -> tuple[tuple[str, str], tuple[str, tuple[str, ...]]]:
-    """Where it is noted that MuJoCo has taken what a mode has of its own, and what that is: its scene without numbers, and what of its
-    model `start.key` leaves out."""
+    """Return the key and the value under which the contents of a mode that its initial state does not depend on are recorded.
+
+    These are its scene without numbers, and the parts of its model that `initial_state_checks.key` leaves out.
+    """
     return ("mujoco own", candidate.mode), (_NUMBERS.sub("", candidate.scene.text), initial_state_checks.apart(candidate.model.text))
 
 
 def _scene(candidate: Candidate) -> tuple[tuple[str, str], tuple[str]]:
-    """Where it is noted that a scene was taken, and what that holds for: its text without numbers."""
+    """Return the key and the value under which an accepted scene is recorded: its text without numbers."""
     return ("mujoco scene", candidate.mode), (_NUMBERS.sub("", candidate.scene.text),)
 
 
 def in_memory(data: Mapping[str, bytes]) -> Any:
-    """Files for MuJoCo, by name (an `mujoco.MjVfs`)."""
+    """Return files for MuJoCo, by name (an `mujoco.MjVfs`)."""
     import mujoco
 
     files = mujoco.MjVfs()
@@ -259,18 +267,17 @@ def in_memory(data: Mapping[str, bytes]) -> Any:
 
 
 def _without_threads(text: str) -> str:
-    """A model that reads its meshes one after the other: threads take longer where MuJoCo has read them already, or each is a
-    tetrahedron."""
+    """Return a model whose meshes are read without threads, which is faster if MuJoCo has cached them, or they are tetrahedra."""
     return text if " usethread=" in text else text.replace("<compiler ", '<compiler usethread="false" ', 1)
 
 
 def _unpainted(scene: str) -> str:
-    """A scene whose textures are the smallest that there are: a sky is six squares, one above the other."""
+    """Return a scene with the smallest possible textures: a sky is six squares, one above the other."""
     return re.sub(r'(<texture [^>]*) width="\d+" height="\d+"', r'\1 width="1" height="6"', scene)
 
 
 def attempt(text: str, files: Any) -> CompileResult:
-    """Compile one text, with the files that it names (see `in_memory`)."""
+    """Compile a text, with the files that it refers to (see `in_memory`)."""
     import mujoco
 
     with heard() as warnings:
@@ -283,7 +290,7 @@ def attempt(text: str, files: Any) -> CompileResult:
 
 @contextmanager
 def heard() -> Iterator[list[str]]:
-    """MuJoCo's warnings. Left alone it prints them and writes `MUJOCO_LOG.TXT` into the working folder."""
+    """Collect MuJoCo's warnings, which it would otherwise print and write to `MUJOCO_LOG.TXT` in the working folder."""
     import mujoco
 
     heard: list[str] = []
@@ -296,9 +303,9 @@ def heard() -> Iterator[list[str]]:
 
 
 def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: str) -> None:
-    """Report why a model is refused: every raw attribute that is to blame, and one cause beyond them.
+    """Report why a model is refused: every raw attribute that causes an error, and one other cause.
 
-    MuJoCo stops at its first error, so a raw attribute that is to blame is lifted and the rest tried again.
+    MuJoCo stops at its first error, so the raw attribute that causes it is removed, and the rest is tried again.
     """
     written = candidate.model
     while True:
@@ -326,15 +333,15 @@ def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: s
 
 
 def _of_document(element: Element) -> bool:
-    """Whether something that a document names made this element (an `option` is everybody's)."""
+    """Whether something that a document names made this element (an `option` belongs to all)."""
     return bool(element.origin) and "name" in element.attributes
 
 
 def _blame(error: str, place: Element | None, candidate: Candidate, files: Any) -> tuple[Element, str, RawValue] | None:
-    """The raw attribute that an error comes from, lifted, or None when all of them are innocent.
+    """Return the raw attribute that causes an error, after removing it, or None.
 
-    Tried in turn: one of the element that the error names, by name; then each one of that element; then each one of the
-    model. Whichever changes what MuJoCo says when it is taken away is to blame.
+    Attributes are tried in this order: those of the element in the error that the error names, others of that element, then all others of
+    the model. If the error changes when an attribute is removed, the attribute is the cause.
     """
     quoted = set(re.findall(r"[A-Za-z_]\w*", error))
     owned = [(place, name) for name in place.raw] if place is not None else []
@@ -351,7 +358,7 @@ def _say(
     code: Code, verb: str, text: str, candidate: Candidate, written: XmlText, report: Report, *,
     severity: Severity = Severity.ERROR,
 ) -> None:
-    """Report what MuJoCo said at the origin of the element it said it of, or of the raw attribute that it names."""
+    """Report a message of MuJoCo at the origin of its element, or of the raw attribute that it names."""
     place = _element_at(text, written)
     for element in (place,) if place is not None else candidate.root.walk():
         for name, value in element.raw.items():
@@ -367,7 +374,7 @@ def _say(
 
 
 def _element_at(text: str, written: XmlText) -> Element | None:
-    """The element that MuJoCo speaks of: by line, else by its name in the text."""
+    """Return the element in a message of MuJoCo, by line, else by its name in the message, or None."""
     line = re.search(r"\bline (?:number=)?(\d+)", text, re.IGNORECASE)
     if line:
         return written.element_at(int(line[1]))
@@ -381,7 +388,7 @@ def _element_at(text: str, written: XmlText) -> Element | None:
 
 
 def _words(text: str) -> str:
-    """MuJoCo's words without what only makes sense beside the XML."""
+    """Return a message of MuJoCo without the parts that only make sense beside the XML."""
     parser = re.search(r"Error=(XML_\w+)", text)
     if parser is not None:
         deep = " (it reads 500 levels: a chain of links is too long)" if parser[1] == "XML_ELEMENT_DEPTH_EXCEEDED" else ""

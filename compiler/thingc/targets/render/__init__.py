@@ -1,6 +1,6 @@
-"""Pictures of robots: a MuJoCo model in one of its keyframes, photographed in a bright studio, without a screen.
+"""Pictures of robots: a MuJoCo model in one of its keyframes, in the light of a bright studio, without a screen.
 
-    png = picture(xml, assets, pose="home", up=(0, 0, 1), shot=Shot())
+    png = picture(xml, assets, pose="home", gravity=(0.0, 0.0, -9.81), shot=Shot())
 
 MuJoCo, numpy and Pillow are imported when the first picture is made.
 """

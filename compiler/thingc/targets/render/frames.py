@@ -1,6 +1,6 @@
-"""Frames and joint axes over a picture: lines with arrows in the geometry of its camera, and their names beside them.
+"""Frames and joint axes drawn over a picture: arrows, projected by its camera, with their names.
 
-They lie over the robot, so that what is inside of a part is seen as well.
+They are drawn over the robot, so that those inside of parts are visible.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from thingc.targets.render.studio import Array, Camera
 Colour = tuple[int, int, int]
 
 RED, GREEN, BLUE = (206, 32, 41), (22, 138, 52), (28, 84, 214)
-"""x, y and z, as everywhere."""
+"""Colours of x, y and z."""
 JOINT, INK = (214, 98, 0), (24, 28, 36)
 
 LENGTH = 0.075
-"""Of an axis, as a part of the height of what the picture shows."""
+"""Length of an axis, relative to the height of the visible scene."""
 FINER = 3
-"""Lines are drawn so many times larger, and smoothed."""
+"""Supersampling factor for smooth lines."""
 ARC = math.radians(280.0)
-"""How far round the arrow of a joint that turns goes."""
+"""Angle of the arrow of a joint that rotates."""
 
 
 class Stroke(FrozenStruct):
-    """An arrow along points (n, 3) [lengths of an axis] in the frame that it belongs to."""
+    """An arrow along points `(n, 3)` in its frame, in units of the length of an axis."""
 
     colour: Colour
     points: Array
 
 
 class Frame(FrozenStruct):
-    """The axes x, y, z of a frame at `pose` in the frame of the MuJoCo body `body`, `size` times as long as usual."""
+    """The axes x, y, z of a frame at `pose` in the frame of the MuJoCo body `body`, with `size` times the usual length."""
 
     label: str
     body: str
@@ -54,13 +54,14 @@ class Frame(FrozenStruct):
 
     @property
     def ink(self) -> Colour:
-        """Of its name."""
+        """Colour of its name."""
         return INK
 
 
 class JointAxis(FrozenStruct):
-    """The axis of a joint, z at `pose` in the frame of the MuJoCo body `body`: an arrow the way that it slides, or round the way that
-    it turns, for a growing coordinate."""
+    """The axis of a joint, z at `pose` in the frame of the MuJoCo body `body`. The arrow shows the direction of the motion for a growing
+    coordinate.
+    """
 
     label: str
     body: str
@@ -69,7 +70,7 @@ class JointAxis(FrozenStruct):
 
     @property
     def strokes(self) -> tuple[Stroke, ...]:
-        """The line, and round it the arrow of one that turns."""
+        """The line, and the arrow around it of a joint that rotates."""
         line = Stroke(colour=JOINT, points=np.array([[0.0, 0.0, -1.2], [0.0, 0.0, 1.6]]))
         if self.slides:
             return (line,)
@@ -79,7 +80,7 @@ class JointAxis(FrozenStruct):
 
     @property
     def ink(self) -> Colour:
-        """Of its name."""
+        """Colour of its name."""
         return JOINT
 
 
@@ -87,14 +88,14 @@ Mark = Frame | JointAxis
 
 
 def length_of(points: Array, camera: Camera) -> float:
-    """How long an axis is [m] where a camera shows points (n, 3)."""
+    """Return the length of an axis [m] for a camera that shows points `(n, 3)`."""
     up = points @ camera.axes[1]
     across = points @ camera.axes[0]
     return LENGTH * max(float(np.ptp(up)), float(np.ptp(across)) / camera.aspect)
 
 
 def placed(mark: Mark, data: Any, length: float) -> list[Array]:
-    """Its strokes as points (n, 3) [m] in the world."""
+    """Return the strokes of a mark as points `(n, 3)` [m] in the world."""
     body = data.body(mark.body)
     turned = body.xmat.reshape(3, 3)
     rotation, origin = turned @ np.array(mark.pose.rotation), body.xpos + turned @ np.array(mark.pose.translation)
@@ -102,7 +103,7 @@ def placed(mark: Mark, data: Any, length: float) -> list[Array]:
 
 
 def drawn(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: float) -> Any:
-    """The picture (height, width, 3) of bytes with the marks over it, in their order."""
+    """Return the picture (height, width, 3) of bytes with the marks drawn over it, in order."""
     height, width = image.shape[:2]
     scale = FINER * max(1.0, height / 720.0)
     sheet = Image.new("RGBA", (width * FINER, height * FINER), (255, 255, 255, 0))
@@ -136,7 +137,7 @@ def drawn(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: 
 
 
 def _arrow(pen: Any, points: Array, colour: Colour, width: float, scale: float) -> None:
-    """A line with a head; a dot where it points at the camera."""
+    """Draw a line with an arrowhead; a dot if it points at the camera."""
     end = points[-1]
     far = [point for point in points[:-1] if float(np.linalg.norm(point - end)) > 4.0 * scale]
     if not far:
@@ -156,7 +157,7 @@ Box = tuple[float, float, float, float]
 
 
 def _pieces(points: Array) -> Iterator[Array]:
-    """Short pieces of a line, whose boxes hardly hold anything else."""
+    """Yield short pieces of a line, whose boxes contain little else."""
     for start, end in zip(points, points[1:]):
         steps = np.linspace(0.0, 1.0, 7 if len(points) == 2 else 2)[:, None]
         whole = start + steps * (end - start)
@@ -169,8 +170,7 @@ def _box(points: Array, margin: float) -> Box:
 
 
 def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet: tuple[int, int], scale: float) -> Box:
-    """Where a name goes: the nearest place around the origin that nothing has taken yet and that is in the picture; where there is
-    none, the one that covers least."""
+    """Return the place of a name: the nearest box around the origin that is free and within the picture, else the one that covers least."""
     best: tuple[float, Box] | None = None
     others = np.array(taken)
     for ring in range(1, 12):
@@ -190,7 +190,7 @@ def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet:
 
 
 def _shared(box: Box, others: Array) -> float:
-    """The area that a box shares with others (n, 4), summed."""
+    """Return the total area that a box shares with others `(n, 4)`."""
     across = np.minimum(box[2], others[:, 2]) - np.maximum(box[0], others[:, 0])
     down = np.minimum(box[3], others[:, 3]) - np.maximum(box[1], others[:, 1])
     return sum_of((across * down)[(across > 0.0) & (down > 0.0)].tolist())

@@ -1,4 +1,4 @@
-"""One picture: the model, the pose, the camera, the light, the file; and small ones of a series, all by one camera."""
+"""Make one picture: model, pose, camera, light and file; and small pictures of a series with the same camera."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ if TYPE_CHECKING:
     from thingc.targets.render.studio import Array
 
 ANGLE = 18.0
-"""Of view, vertically [deg]: a long lens, so that parallel edges look parallel."""
+"""Vertical field of view [deg]: a long lens, so that parallel edges look parallel."""
 
 MARGIN = 0.12
-"""How much of the half picture stays free around the robot."""
+"""Fraction of the half picture that stays free around the robot."""
 
 AZIMUTH, ELEVATION = 140.0, -22.0
-"""Where a camera looks unless it is told [deg], on a floor and without gravity."""
+"""Default direction of the camera [deg], for a robot on a floor or without gravity."""
 
 WALL_AZIMUTH, CEILING_ELEVATION = 40.0, 16.0
-"""The same where the world's floor is a wall, past which it looks, or a ceiling, at which it looks up."""
+"""The same if the world's floor is a wall, along which the camera looks, or a ceiling, at which it looks up."""
 
 
 class NoGraphics(Exception):
-    """This machine cannot draw: `message` says why, `hint` what to do."""
+    """This machine cannot draw: `message` is the reason, `hint` the help."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -36,8 +36,11 @@ class NoGraphics(Exception):
 
 
 class Shot(FrozenStruct):
-    """How to look: `size` (width, height) in pixels, `azimuth` and `elevation` [deg] of the view (None: a good one; azimuth 90
-    looks along y, elevation -90 straight down)."""
+    """The view of a picture.
+
+    `size` is (width, height) in pixels; `azimuth` and `elevation` are the direction of the camera [deg] (None: a suitable one). With
+    azimuth 90 it looks along y, with elevation -90 straight down.
+    """
 
     size: tuple[int, int] = (1280, 960)
     azimuth: float | None = None
@@ -45,20 +48,20 @@ class Shot(FrozenStruct):
 
 
 def ready() -> None:
-    """Prepare drawing without a screen. To be called before anything imports MuJoCo, which chooses how when it is imported.
+    """Prepare drawing without a screen. Call it before MuJoCo is imported, because MuJoCo chooses its backend then.
 
-    `MUJOCO_GL` counts if it is set, else it becomes `egl`. Raises `NoGraphics` where that does not work.
+    `MUJOCO_GL` is used if it is set, else it becomes `egl`. Raises `NoGraphics` if that does not work.
     """
     backend = os.environ.setdefault("MUJOCO_GL", "egl")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # GLFW only warns where there is no screen
+            warnings.simplefilter("ignore")  # GLFW only warns if there is no screen
             import mujoco
 
             with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8):
                 pass
-    except Exception as fault:  # whatever the loaders of OpenGL raise: ImportError, AttributeError, RuntimeError, their own
-        absent = isinstance(fault, (AttributeError, ImportError, OSError))  # PyOpenGL: None where the library should be
+    except Exception as fault:  # the loaders of OpenGL raise ImportError, AttributeError, RuntimeError or their own
+        absent = isinstance(fault, (AttributeError, ImportError, OSError))  # PyOpenGL: None in place of the library
         words = "its library is not there" if absent else " ".join(str(fault).split()).partition(",")[0] or type(fault).__name__
         raise NoGraphics(f"no picture can be drawn with MUJOCO_GL={backend}: {words}", _hint(backend)) from fault
 
@@ -74,8 +77,11 @@ def _hint(backend: str) -> str:
 def picture(
     xml: str, assets: dict[str, bytes], *, pose: str | None, gravity: tuple[float, float, float], shot: Shot, marks: Sequence[Mark] = (),
 ) -> bytes:
-    """A PNG of the MuJoCo model `xml` with its meshes, in the keyframe `pose` (None: every coordinate 0), and the `marks` over it.
-    `gravity` [m/s^2] says which way is up. The same input gives the same picture on the same machine. Call `ready` first."""
+    """Return a PNG of the MuJoCo model `xml` with its meshes, in the keyframe `pose` (None: every coordinate 0), with `marks` drawn over
+    it.
+
+    `gravity` [m/s^2] decides which way is up. The result is reproducible on the same machine. Call `ready` first.
+    """
     import mujoco
     import numpy as np
 
@@ -101,7 +107,7 @@ def picture(
 
 
 def camera_of(points: Array, gravity: tuple[float, float, float], shot: Shot) -> Any:
-    """The `Camera` of a shot at points (n, 3) [m]."""
+    """Return the `Camera` of a shot that shows points `(n, 3)` [m]."""
     import numpy as np
 
     from thingc.targets.render.studio import directions, fitted, upright
@@ -116,7 +122,7 @@ def camera_of(points: Array, gravity: tuple[float, float, float], shot: Shot) ->
 
 
 def posed(model: Any, pose: str | None) -> Any:
-    """The `mujoco.MjData` of a model in a keyframe, with everything in its place."""
+    """Return the `mujoco.MjData` of a model in a keyframe, after `mj_forward`."""
     import mujoco
 
     data = mujoco.MjData(model)
@@ -127,8 +133,9 @@ def posed(model: Any, pose: str | None) -> Any:
 
 
 def points_of(model: Any, data: Any) -> Array:
-    """Points (n, 3) [m] in the world whose hull is that of everything that is shown: the corners of meshes, and of the boxes
-    around other shapes."""
+    """Return points `(n, 3)` [m] in the world with the same hull as all visible geoms: the vertices of meshes, and the corners of boxes
+    around other shapes.
+    """
     import numpy as np
 
     points = [np.zeros((0, 3))]
@@ -145,7 +152,7 @@ def points_of(model: Any, data: Any) -> Array:
 
 
 def encoded(image: Any) -> bytes:
-    """An image (height, width, 3) of bytes as PNG."""
+    """Encode an image (height, width, 3) of bytes as PNG."""
     import io
 
     from PIL import Image
@@ -158,18 +165,18 @@ def encoded(image: Any) -> bytes:
 SIZE = (240, 180)
 """Width and height [px]."""
 LAMPS = (8, 8)
-"""Of the soft box and of the dome: enough for so small a picture."""
+"""Numbers of lamps of the soft box and of the dome, which suffice for a small picture."""
 SHADOW = 1024
-"""Side of a shadow map [px]."""
+"""Size of a shadow map [px]."""
 
 Point = Sequence[float]
 """x, y and z [m] in the world."""
 
 
 def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[list[float]], tuple[float, float, float]]:
-    """Corner points [m] of the MuJoCo model `xml` with its meshes (none where nothing of it is to be seen), and its gravity [m/s^2].
+    """Return corner points [m] of the MuJoCo model `xml` with its meshes (none if nothing is visible), and its gravity [m/s^2].
 
-    It is in the keyframe `pose` if it has that, else in its first. Raises `ValueError` for what is no model.
+    It is in the keyframe `pose` if it exists, else in its first. Raises `ValueError` if `xml` is not a model.
     """
     import mujoco
 
@@ -180,8 +187,8 @@ def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[l
 
 
 def body_poses(xml: str, assets: dict[str, bytes], pose: str | None) -> dict[str, tuple[list[float], list[float]]]:
-    """Where the bodies of a MuJoCo model stand in the world, by name: position [m] and quaternion (w, x, y, z), in the pose that `extent`
-    takes."""
+    """Return position [m] and quaternion (w, x, y, z) of the bodies of a MuJoCo model in the world, by name, in the same pose as `extent`.
+    """
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(xml, assets)
@@ -192,7 +199,7 @@ def body_poses(xml: str, assets: dict[str, bytes], pose: str | None) -> dict[str
 def small_picture(
     xml: str, assets: dict[str, bytes], pose: str | None, points: Sequence[Point], gravity: Point, size: tuple[int, int] = SIZE,
 ) -> bytes:
-    """A PNG of a model, `size` [px], in the pose that `extent` takes, by the camera that sees all `points`. Call `ready` first."""
+    """Return a PNG of a model, `size` [px], in the same pose as `extent`, by the camera that sees all `points`. Call `ready` first."""
     import numpy as np
 
     from thingc.targets.render import studio
@@ -208,14 +215,16 @@ def small_picture(
 
 
 def _pose_of(model: Any, pose: str | None) -> str | None:
-    """The keyframe to show: the one named if the model has it, else its first; None where it has none."""
+    """Return the keyframe to show: `pose` if the model has it, else its first; None if it has none."""
     names = [model.key(k).name for k in range(model.nkey)]
     return pose if pose in names else next(iter(names), None)
 
 
 def _corners(points: Array, gravity: tuple[float, float, float]) -> list[list[float]]:
-    """The few of points (n, 3) [m] that decide where a camera stands that sees them all: those that touch its picture's edges, the
-    nearest, the lowest, and the two most distant along each axis of the world."""
+    """Return those of the points `(n, 3)` that decide the place of a camera that sees them all.
+
+    These are the points at the edges of its picture, the nearest, the lowest, and the two most distant along each axis of the world.
+    """
     import numpy as np
 
     camera = camera_of(points, gravity, Shot(size=SIZE))

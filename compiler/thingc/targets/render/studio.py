@@ -1,8 +1,8 @@
-"""Light: many pictures, each in the light of one far lamp, averaged.
+"""Light: the average of many pictures, each lit by one distant lamp.
 
-MuJoCo's renderer knows lamps with hard shadows. A picture in the light of a large soft box and of a bright dome is the mean of
-pictures in the light of single lamps spread over them; moving the picture by parts of a pixel from one to the next smooths the
-edges as well. All of it is linear in light, so colours are made linear first and encoded for screens at the end.
+MuJoCo's renderer has lamps with hard shadows. A picture in the light of a large soft box and of a bright dome is the mean of pictures lit
+by single lamps distributed over them. Moving the picture by a fraction of a pixel from one to the next smooths the edges as well. All of it
+is linear in light, so colours are made linear first and encoded for screens at the end.
 """
 
 from __future__ import annotations
@@ -20,12 +20,15 @@ from thingc.base.numeric import sum_of
 Array = NDArray[np.float64]
 
 NEAR = 0.3
-"""Where a camera begins to see, as a part of the way to the nearest point."""
+"""Distance of the near plane, relative to that of the nearest point."""
 
 
 class Camera(FrozenStruct, eq=False):
-    """A pinhole at `position` (3,) [m]; `axes` (3, 3) are its right, up and backward directions by rows; `tangent` is that of
-    half its vertical angle of view, `aspect` width by height; nothing nearer than `near` [m] is seen."""
+    """A pinhole camera at `position` (3,) [m].
+
+    `axes` (3, 3) are its right, up and backward directions by rows; `tangent` is that of half its vertical field of view; `aspect` is width
+    by height; `near` [m] is the distance of the near plane.
+    """
 
     position: Array
     axes: Array
@@ -34,16 +37,16 @@ class Camera(FrozenStruct, eq=False):
     near: float
 
     def project(self, points: Array) -> Array:
-        """Where points (n, 3) [m] are in the picture (n, 2): x to the right and y up, both from -1 to 1 within it."""
+        """Project points `(n, 3)` [m] into the picture `(n, 2)`: x to the right and y up, both from -1 to 1 within it."""
         x, y, back = self.axes @ (points - self.position).T
         return np.stack([x / (-back * self.tangent * self.aspect), y / (-back * self.tangent)], axis=1)
 
 
 def directions(azimuth: float, elevation: float, upright: Array) -> Array:
-    """Right, up and backward directions (3, 3) by rows of a camera that looks along `azimuth` and `elevation` [rad].
+    """Return the right, up and backward directions (3, 3) by rows of a camera that looks along `azimuth` and `elevation` [rad].
 
-    `upright` (3, 3) has by rows the direction of azimuth 0, that of a quarter turn, and up. As in MuJoCo's viewer a negative
-    elevation looks down, and the horizon is level.
+    The rows of `upright` (3, 3) are the direction of azimuth 0, that of a quarter turn, and up. As in MuJoCo's viewer, a negative elevation
+    looks down, and the horizon is level.
     """
     c, s = math.cos(elevation), math.sin(elevation)
     forward = np.array([c * math.cos(azimuth), c * math.sin(azimuth), s]) @ upright
@@ -52,9 +55,9 @@ def directions(azimuth: float, elevation: float, upright: Array) -> Array:
 
 
 def upright(gravity: Array) -> Array:
-    """The directions (3, 3) that azimuths are measured in, by rows, from gravity (3,) in the world, whose floor is z = 0.
+    """Return the reference directions (3, 3) of azimuths, by rows, from gravity (3,) in the world, whose floor is z = 0.
 
-    On a floor they are x, y and z. Where z = 0 is a wall, azimuth 0 looks straight at it; without gravity z is up.
+    On a floor they are x, y and z. If z = 0 is a wall, azimuth 0 looks straight at it; without gravity z is up.
     """
     size = float(np.linalg.norm(gravity))
     up = -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
@@ -65,12 +68,13 @@ def upright(gravity: Array) -> Array:
 
 
 def fitted(points: Array, axes: Array, angle: float, aspect: float, margin: float) -> Camera:
-    """The nearest camera with these axes and this vertical angle of view [rad] that sees all points (n, 3), with `margin` (a part
-    of the half picture) left free; in one direction they touch both margins, in the other they are centred.
+    """Return the nearest camera with these axes and this vertical field of view [rad] that sees all points `(n, 3)`.
 
-    With (x, y, z) of a point along the axes and (X, Y, Z) of the camera, the point is right of the left edge where
-    x - X >= -t (Z - z) and left of the right one where x - X <= t (Z - z). So t Z + X >= max(x + t z) = A and
-    t Z - X >= max(t z - x) = B, and the smallest Z is (A + B) / 2t; up and down likewise.
+    `margin`, a fraction of the half picture, is left free. In one direction the points reach both margins, in the other they are centred.
+
+    With (x, y, z) of a point along the axes and (X, Y, Z) of the camera, the point is right of the left edge where x - X >= -t (Z - z) and
+    left of the right one where x - X <= t (Z - z). So t Z + X >= max(x + t z) = A and t Z - X >= max(t z - x) = B, and the smallest Z is (A
+    + B) / 2t; up and down likewise.
     """
     tangent = math.tan(angle / 2.0) * (1.0 - margin)
     x, y, z = axes @ points.T
@@ -85,49 +89,52 @@ def fitted(points: Array, axes: Array, angle: float, aspect: float, margin: floa
 
 
 KEY, DOME = 32, 36
-"""How many lamps make the soft box and the dome. One costs about 50 ms at 1280 x 960 without a graphics card."""
+"""Numbers of lamps of the soft box and of the dome. One takes about 50 ms at 1280 x 960 without a graphics card."""
 
 SHADOW = 2048
-"""Side of a lamp's shadow map [px]."""
+"""Size of a lamp's shadow map [px]."""
 
 KEY_ANGLE = math.radians(9.0)
-"""How far from its middle the soft box reaches."""
+"""Angular radius of the soft box."""
 
 KEY_AZIMUTH, KEY_ELEVATION = math.radians(-48.0), math.radians(50.0)
-"""Where the soft box is, seen from the camera: to the left behind it, and above the floor."""
+"""Place of the soft box, seen from the camera: behind it to the left, and above the floor."""
 
 KEY_SHARE = 0.52
-"""How much of the light on the floor is the soft box's."""
+"""Fraction of the light on the floor from the soft box."""
 
 BOUNCE = 0.2
-"""How bright the floor lights from below, as a part of what a lamp gives."""
+"""Brightness of the light that the floor reflects, relative to a lamp."""
 
 FLOOR = 0.78
-"""How bright the lit floor is in the picture (linear, white is 1)."""
+"""Brightness of the lit floor in the picture (linear, white is 1)."""
 
 VIGNETTE = 0.16
-"""How much darker the corners are."""
+"""Darkening of the corners."""
 
 HORIZON = 0.15
-"""How high above the floor the dome begins (the sine of the angle)."""
+"""Height of the lower edge of the dome (the sine of the angle)."""
 
 GLOSS = 0.4
-"""How much of a lamp is mirrored by a material's `specular`."""
+"""Fraction of a lamp's light that a material's `specular` reflects."""
 
 GAMMA = 2.2
-"""Of the colours in models."""
+"""Gamma of the colours in models."""
 
 BEYOND = 0.5
-"""How bright it is beyond the floor's end, in the light of one lamp."""
+"""Brightness beyond the end of the floor, in the light of one lamp."""
 
 BACKDROP = "backdrop"
 UNDER, GLASS = 0.5e-3, 0.4
-"""How far [m] a robot may be below the floor before the floor is drawn with this opacity."""
+"""Depth [m] of a robot below the floor from which the floor is transparent, and its opacity then."""
 
 
 def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: float, *, shadow: int = SHADOW) -> Any:
-    """The `mujoco.MjSpec` of a model with the studio around it: two lamps, whose shadows are `shadow` pixels wide, and the floor of its
-    scene at z = 0, which can be seen through if the `lowest` point of the robot [m] is below it."""
+    """Return the `mujoco.MjSpec` of a model with the studio around it.
+
+    It has two lamps, whose shadow maps are `shadow` pixels wide, and the floor of its scene at z = 0, which is transparent if the `lowest`
+    point of the robot [m] is below it.
+    """
     spec = mujoco.MjSpec.from_string(xml, assets=assets)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = size
     spec.visual.quality.shadowsize, spec.visual.quality.offsamples = shadow, 0
@@ -148,8 +155,10 @@ def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: f
 
 
 def lamps(camera: Camera, normal: Array, counts: tuple[int, int] = (KEY, DOME)) -> list[tuple[Array, float]]:
-    """Directions (3,) in which the light of each lamp goes, and its weight; together they light a floor across `normal` by 1.
-    `counts` are those of the soft box and of the dome."""
+    """Return the directions (3,) of the light of each lamp, and its weight. Together they light a floor normal to `normal` by 1.
+
+    `counts` are the numbers of lamps of the soft box and of the dome.
+    """
     key, dome = counts
     side = camera.axes[0] - (camera.axes[0] @ normal) * normal
     side /= np.linalg.norm(side)
@@ -175,7 +184,7 @@ def lamps(camera: Camera, normal: Array, counts: tuple[int, int] = (KEY, DOME)) 
 
 
 def _golden(number: int) -> float:
-    """The angle [rad] of a seed in a sunflower (Vogel, 1979)."""
+    """Return the angle [rad] of a seed in a sunflower (Vogel, 1979)."""
     return number * math.pi * (3.0 - math.sqrt(5.0))
 
 
@@ -183,13 +192,15 @@ def photographed(
     model: Any, data: Any, camera: Camera, size: tuple[int, int], centre: Array, extent: float, *,
     counts: tuple[int, int] = (KEY, DOME),
 ) -> NDArray[np.uint8]:
-    """The picture (height, width, 3) of `data`; shadows reach `extent` [m] around `centre` (3,), and there are as many lamps as
-    `counts` of `lamps` says."""
+    """Return the picture (height, width, 3) of `data`.
+
+    Shadows are computed within `extent` [m] around `centre` (3,); `counts` are the numbers of lamps (see `lamps`).
+    """
     width, height = size
     normal = np.array([0.0, 0.0, 1.0])
     model.stat.extent, model.stat.center[:] = extent, centre
     model.mat_rgba[:, :3] **= GAMMA
-    plain = model.geom_matid < 0  # of the others MuJoCo takes the material's colour as long as their own is untouched
+    plain = model.geom_matid < 0  # for other geoms MuJoCo uses the material's colour unless their own is changed
     model.geom_rgba[plain, :3] **= GAMMA
     options = mujoco.MjvOption()
     options.sitegroup[:] = 0
@@ -208,12 +219,12 @@ def photographed(
 
 
 def developed(light: Array) -> NDArray[np.uint8]:
-    """Light (height, width, 3), where the lit floor is 1, as a picture for screens: darker corners, soft highlights, sRGB."""
+    """Return light (height, width, 3), in which the lit floor is 1, as a picture for screens: darker corners, soft highlights, sRGB."""
     height, width = light.shape[:2]
     y, x = np.mgrid[0:height, 0:width]
     corner = ((2.0 * (x + 0.5) / width - 1.0) ** 2 + (2.0 * (y + 0.5) / height - 1.0) ** 2) / 2.0
     shown = light * FLOOR * (1.0 - VIGNETTE * corner)[..., None]
-    knee = 0.8  # above it brightness bends towards white instead of being cut off
+    knee = 0.8  # above this, brightness approaches white smoothly
     over = np.maximum(shown - knee, 0.0)
     shown = np.minimum(shown, knee) + (1.0 - knee) * (1.0 - np.exp(-over / (1.0 - knee)))
     encoded = np.where(shown <= 0.0031308, 12.92 * shown, 1.055 * np.maximum(shown, 0.0031308) ** (1.0 / 2.4) - 0.055)
@@ -228,7 +239,7 @@ def _light(scene: Any, direction: Array, normal: Array, centre: Array, extent: f
 
 
 def _stand(scene: Any, camera: Camera, number: int, size: tuple[int, int]) -> None:
-    """Put the scene's camera there, moved by a part of a pixel that is another one each time (the R2 sequence)."""
+    """Set the scene's camera, moved by a different fraction of a pixel each time (the R2 sequence)."""
     x, y = (0.5 + 0.7548776662466927 * number) % 1.0 - 0.5, (0.5 + 0.5698402909980532 * number) % 1.0 - 0.5
     half = camera.near * camera.tangent
     pixel = 2.0 * half / size[1]

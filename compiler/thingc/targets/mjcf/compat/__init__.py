@@ -1,5 +1,6 @@
-"""MJCF for more than MuJoCo: of each program that `compat` names, what it will refuse is said before the build is over, and where
-nothing is harmed by it the model is changed so that it is read."""
+"""MJCF for programs besides MuJoCo: for each program in `compat`, models are changed if that does no harm, and what it will refuse is
+reported.
+"""
 
 from __future__ import annotations
 
@@ -18,19 +19,20 @@ from thingc.targets.xml_writer import Element
 __all__ = ["CONSUMERS", "separator", "suited"]
 
 CONSUMERS: tuple[Consumer, ...] = (MJX, WARP, DRAKE, PYMJCF)
-"""In this order: names are changed last."""
+"""In this order, because names are changed last."""
 
 
 def separator(names: Collection[str]) -> str:
-    """What stands between the names of a path in a model for these consumers."""
+    """Return the separator of names in the paths of a model for these consumers."""
     return SEPARATOR if PYMJCF.name in names else "/"
 
 
 def suited(
     names: Collection[str], robots: Sequence[Robot], roots: Sequence[Element], report: Report,
 ) -> tuple[list[Element], dict[Loss, None]]:
-    """The models of some modes as the consumers of these names take them, and what that loses; a warning for each thing that one of them
-    refuses all the same."""
+    """Return the models of some modes, changed for the named consumers, and the resulting losses. Warn of everything that one of them still
+    refuses.
+    """
     losses: dict[Loss, None] = {}
     refused: dict[tuple[str, Refusal], list[str]] = {}
     made = [root.copy() for root in roots] if names else list(roots)

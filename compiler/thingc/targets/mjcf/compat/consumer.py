@@ -1,4 +1,4 @@
-"""What a program that reads MJCF besides MuJoCo is to us, and which of MuJoCo's options it lacks."""
+"""Programs besides MuJoCo that read MJCF, and MuJoCo's options that they do not support."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from thingc.targets.xml_writer import Element
 
 
 class Refusal(FrozenStruct):
-    """What a consumer refuses a model for, and nothing harmless can be done about: `what` it is, in words that follow a colon; the
-    `origin` of what is to blame, its `path` there, and a hint."""
+    """Something for which a consumer refuses a model, and which cannot be changed without harm.
+
+    `what` is the reason, as text that follows a colon; `origin` and `path` are those of the cause; `hint` is the help.
+    """
 
     what: str
     origin: Origin
@@ -22,10 +24,10 @@ class Refusal(FrozenStruct):
 
 
 class Consumer(FrozenStruct):
-    """A program that reads MJCF: its `name` in `compat`, what people call it, and the version of which this was found out.
+    """A program that reads MJCF: its `name` in `compat`, its `label` for people, and the `version` that was examined.
 
-    `suit` changes the tree of a mode's model, which is this consumer's alone, where that does no harm, so that it is read: what
-    then is not as the document has it is a loss. `refuses` is what it will refuse of the tree all the same.
+    `suit` changes the tree of a mode's model, which no other consumer uses, so that it can be read; it yields what differs from the
+    document as losses. `refuses` yields what is still refused.
     """
 
     name: str
@@ -36,25 +38,26 @@ class Consumer(FrozenStruct):
 
 
 def nothing_lost(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Of a consumer for which nothing has to be changed."""
+    """Yield nothing: no change is necessary for the consumer."""
     yield from ()
 
 
 def nothing_refused(robot: Robot, root: Element) -> Iterator[Refusal]:
-    """Of a consumer that refuses nothing which we write."""
+    """Yield nothing: the consumer reads everything that thingc writes."""
     yield from ()
 
 
 class UnsupportedOptions(FrozenStruct):
-    """Solvers that a consumer lacks, and flags that it refuses to have enabled, or disabled, all as MJCF calls them. They come from raw
-    attributes alone."""
+    """Solvers that a consumer lacks, and flags that it does not accept as enabled or disabled, with their names in MJCF. Only raw
+    attributes can set them.
+    """
 
     solvers: Collection[str] = ()
     enabled: Collection[str] = ()
     disabled: Collection[str] = ()
 
     def refusals(self, root: Element) -> Iterator[Refusal]:
-        """What of the options is refused."""
+        """Yield the options that are refused."""
         option = root.find("option")
         if option is None:
             return

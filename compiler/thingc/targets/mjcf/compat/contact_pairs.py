@@ -1,4 +1,6 @@
-"""Which geoms of a model may touch, read from its tree as MuJoCo reads it (the chapter Computation of its documentation, "Selection")."""
+"""Pairs of geoms that may collide, read from the tree of a model as MuJoCo does (the chapter Computation of its documentation,
+"Selection").
+"""
 
 from __future__ import annotations
 
@@ -15,19 +17,19 @@ WORLD = -1
 
 
 class ContactPairs(FrozenStruct):
-    """A geom that may touch something: its element (None: the floor of the scene), and its attributes with those of its class."""
+    """A geom that may collide: its element (None: the floor of the scene), and its attributes including those of its class."""
 
     element: Element | None
     values: Values
 
     @property
     def type(self) -> str:
-        """As MJCF has it."""
+        """The type in MJCF."""
         return self.values.get("type", "sphere")
 
     @property
     def margin(self) -> float:
-        """[m]"""
+        """The margin [m]."""
         return float(self.values.get("margin", "0"))
 
 
@@ -35,8 +37,11 @@ FLOOR = ContactPairs(element=None, values={"type": PLANE})
 
 
 def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
-    """Every two geoms of a model that MuJoCo looks at, one of them perhaps the floor: those of two bodies that are not rigidly one, not
-    parent and child, and not excluded. (Of a held root and the floor, MuJoCo sees later that neither moves.)"""
+    """Yield every pair of geoms that MuJoCo tests for contacts, including those with the floor.
+
+    Excluded are pairs of rigidly connected bodies, of parent and child, and those of `exclude`. (MuJoCo later skips a held root and the
+    floor, since neither moves.)
+    """
     classes = defaults(root, "geom")
     bodies = list(_bodies(root))
     index = {body.get("name"): number for number, (body, _) in enumerate(bodies)}
@@ -44,7 +49,7 @@ def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
         frozenset((index.get(one.get("body1")), index.get(one.get("body2"))))
         for section in [root.find("contact")] if section is not None for one in section.children if one.tag == "exclude"
     }
-    rigid: list[int] = []  # of every body the one that carries it, rigidly: itself, or the world
+    rigid: list[int] = []  # for every body the one that carries it rigidly: itself, or the world
     for number, (body, parent) in enumerate(bodies):
         moves = body.get("mocap") == "true" or any(child.tag in ("joint", "freejoint") for child in body.children)
         rigid.append(number if moves else WORLD if parent is None else rigid[parent])
@@ -63,7 +68,7 @@ def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
 
 
 def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
-    """What the default classes say of elements of a kind, by class, with what they have of those around them."""
+    """Return the attributes of the default classes for a kind of element, by class, including those of outer classes."""
     by_class: dict[str, dict[str, str]] = {}
     waiting = [(child, dict[str, str]()) for child in root.children if child.tag == "default"]
     while waiting:
@@ -76,7 +81,7 @@ def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
 
 
 def _bodies(root: Element) -> Iterator[tuple[Element, int | None]]:
-    """Every body, parents first, each with the number of its parent."""
+    """Yield every body, parents first, with the number of its parent."""
     world = root.find("worldbody")
     waiting: list[tuple[Element, int | None]] = [(child, None) for child in world.children] if world is not None else []
     number = 0
@@ -89,7 +94,7 @@ def _bodies(root: Element) -> Iterator[tuple[Element, int | None]]:
 
 
 def _geoms(body: Element, classes: Mapping[str, Values]) -> Iterator[ContactPairs]:
-    """Those of its geoms that touch at all."""
+    """Yield the geoms of a body that can collide."""
     for one in body.children:
         if one.tag == "geom":
             values = {**classes.get(one.get("class", "main"), {}), **one.texts}

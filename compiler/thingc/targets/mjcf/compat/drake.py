@@ -1,8 +1,8 @@
-"""Drake: its reader takes every file, and leaves out, with a warning of its own at most, what a `MultibodyPlant` has no word for.
+"""Drake: its reader accepts every file, and ignores what a `MultibodyPlant` does not support, with a warning at most.
 
-Of several joints of one body it takes the axes and anchors of all but the last in the axes of the parent. So a body that is turned and has
-several stands in one of its own that is turned in its place, and does not move. The range of what drives are commanded it takes for that of
-their force, so that only motors, of which it is, have one.
+If a body has several joints, Drake reads the axes and anchors of all but the last in the axes of the parent. So a rotated body with several
+joints is put into an additional body, which is rotated instead. Drake reads the `ctrlrange` of a drive as its force range, so that only
+motors, for which it is, have one.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ SECTIONS = {
     ("equality", "joint"): "what it follows", ("equality", "weld"): "what closes it", ("equality", "connect"): "what closes it",
     ("actuator", "adhesion"): "its adhesion", ("keyframe", "key"): "its keyframe",
 }
-"""What it leaves out, by section and tag."""
+"""What Drake ignores, by section and tag."""
 
 ATTRIBUTES = {
     ("joint", "frictionloss"): "its dry friction", ("joint", "actuatorfrcrange"): "its effort limit",
     ("body", "mocap"): "that it is moved at run time",
 }
-"""What it leaves out of an element of the tree."""
+"""What Drake ignores, by tag and attribute."""
 
 
 COMMANDS = "the range of its commands: Drake takes it for that of its force"
-"""What is lost of a drive that is no motor."""
+"""The loss of a drive that is not a motor."""
 
 TURNED = ":turned"
-"""What the name of a body ends with that is turned in place of the one in it."""
+"""Suffix of the name of an additional body that is rotated."""
 
 
 def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Bodies that Drake would read otherwise are wrapped; what it leaves out is lost."""
+    """Wrap bodies that Drake would misread, and yield what it ignores as losses."""
     for parent in list(root.walk()):
         parent.children[:] = [_unturned(child) if _is_misread(child) else child for child in parent.children]
     for section in root.children:
@@ -62,12 +62,12 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
 
 
 def _is_misread(element: Element) -> bool:
-    """Whether it is a body that is turned, and moves by several joints."""
+    """Whether an element is a rotated body with several joints."""
     return element.tag == "body" and "quat" in element.attributes and sum(child.tag == "joint" for child in element.children) > 1
 
 
 def _unturned(body: Element) -> Element:
-    """A body without a mass in place of this one, which stands in it as it is."""
+    """Return a body without mass that has the pose of this one and contains it."""
     outside = {name: value for name, value in body.attributes.items() if name in ("pos", "quat")}
     inside = {name: value for name, value in body.attributes.items() if name not in outside}
     inner = Element(tag="body", attributes=inside, children=body.children, origin=body.origin, raw=body.raw)

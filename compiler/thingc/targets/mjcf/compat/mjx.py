@@ -1,4 +1,4 @@
-"""MJX, MuJoCo in JAX (`mjx.put_model` with its own implementation): what it lacks, from its source.
+"""MJX, MuJoCo in JAX (`mjx.put_model` with its own implementation): what it does not support, according to its source.
 
 Pairs of shapes are those of `collision_driver.py`, options and kinds of actuators those of `types.py`.
 """
@@ -17,12 +17,12 @@ from thingc.targets.mjcf.compat.contact_pairs import ContactPairs, pairs
 from thingc.targets.xml_writer import Element
 
 LACKING = frozenset(map(frozenset, (("cylinder", "box"), ("cylinder", "mesh"), ("ellipsoid", "box"), ("ellipsoid", "mesh"))))
-"""Pairs of shapes that it cannot have touch."""
+"""Pairs of shapes whose contacts it does not support."""
 
 LACKS = UnsupportedOptions(solvers=("PGS",), enabled=("override", "energy", "fwdinv", "diagexact"))
 
 SIDES = 20
-"""Of the prism in a cylinder's place: nowhere further inside than 1.2 % of its radius; MJX warns of faces with more corners."""
+"""Sides of the prism that replaces a cylinder: its error is at most 1.2 % of the radius; MJX warns of faces with more corners."""
 
 FLUID = ("density", "viscosity", "wind")
 
@@ -75,7 +75,7 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
 
 
 def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterator[tuple[str, str]]:
-    """What of a pair it refuses, and the attribute that says so."""
+    """Yield what MJX refuses of a pair, and the attribute that causes it."""
     kinds = sorted((one.type, other.type))
     if frozenset(kinds) in LACKING:
         yield f"it has no contacts of a {kinds[0]} and a {kinds[1]}", "type"
@@ -86,20 +86,20 @@ def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterat
 
 
 def _condim(one: ContactPairs, other: ContactPairs) -> int:
-    """How many dimensions of force a contact has: what the geom of higher priority says, else the larger number."""
+    """Return the dimension of a contact: that of the geom with higher priority, else the larger one."""
     ranked = sorted(((int(geom.values.get("priority", "0")), int(geom.values.get("condim", "3"))) for geom in (one, other)), reverse=True)
     return ranked[0][1] if ranked[0][0] > ranked[1][0] else max(condim for _, condim in ranked)
 
 
 class _Kind(FrozenStruct, kw_only=False):
-    """What of a geom decides whether a pair with it is refused."""
+    """The properties of a geom that decide whether a pair with it is refused."""
 
     values: tuple[str, ...]
     raw: bool
 
 
 def _distinct(meeting: Iterable[tuple[ContactPairs, ContactPairs]]) -> Iterator[tuple[ContactPairs, ContactPairs]]:
-    """One pair for all that are refused for the same reason."""
+    """Yield one pair for all that are refused for the same reason."""
     seen: set[tuple[_Kind, _Kind]] = set()
     for pair in meeting:
         one, other = (
@@ -114,7 +114,7 @@ def _distinct(meeting: Iterable[tuple[ContactPairs, ContactPairs]]) -> Iterator[
             yield pair
 
 
-# --- what does no harm -----------------------------------------------------------------------------------------------------
+# --- harmless changes ------------------------------------------------------------------------------------------------------
 
 
 def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
@@ -126,7 +126,8 @@ def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
 
 
 def _prisms(root: Element) -> Iterator[Loss]:
-    """A prism in the place of every cylinder that may meet a box or a mesh. Prisms are meshes, which other cylinders may meet."""
+    """Replace every cylinder that may collide with a box or a mesh by a prism. Prisms are meshes, with which other cylinders may collide.
+    """
     meeting = [pair for pair in pairs(root) if pair[0].element is not None]
     replaced: dict[int, ContactPairs] = {}
     while True:
@@ -160,13 +161,13 @@ def _prisms(root: Element) -> Iterator[Loss]:
 
 
 def prism(radius: float, half: float) -> tuple[float, ...]:
-    """The corners [m], one coordinate after the other, of a prism inside a cylinder about z."""
+    """Return the corners [m] of a prism inside a cylinder about z, as a flat list of coordinates."""
     turns = [2.0 * math.pi * side / SIDES for side in range(SIDES)]
     return tuple(value for z in (-half, half) for turn in turns for value in (radius * math.cos(turn), radius * math.sin(turn), z))
 
 
 def _margins(root: Element) -> None:
-    """Without the margin of what adheres, where there are meshes: it is for adhesions, which there are none of."""
+    """Remove the margin of adhesive contacts if there are meshes: without adhesions it has no use."""
     if any("mesh" in (one.type, other.type) and one.margin + other.margin for one, other in pairs(root)):
         for element in root.walk():
             geom = element.find("geom") if element.get("class") == adhesion_contacts.CLASS else None
@@ -175,7 +176,7 @@ def _margins(root: Element) -> None:
 
 
 def _cones(root: Element) -> None:
-    """Without elliptic cones where nothing can touch, not even in the scene: there are no contacts for them to be of."""
+    """Remove elliptic cones if nothing can collide, even in the scene: MJX needs contacts to apply them to."""
     option = root.find("option")
     if option is not None and option.get("cone") == "elliptic" and next(pairs(root), None) is None:
         del option.attributes["cone"]
@@ -183,7 +184,7 @@ def _cones(root: Element) -> None:
 
 
 def _needed(robot: Robot) -> list[str]:
-    """The mounts at which an adhesion is on that keeps something where it is: not those of a link that stands still anyway."""
+    """Return the mounts whose active adhesion supports the robot: those of links that are not fixed or held anyway."""
     still = {closure.child for closure in robot.closures if closure.hold} | ({0} if robot.base in ("fixed", "held") else set())
     links = {robot.bodies[body].link for body in still}
     return [
@@ -193,7 +194,7 @@ def _needed(robot: Robot) -> list[str]:
 
 
 def _adhesions(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Without actuators of adhesions, and what keyframes have for them."""
+    """Remove actuators of adhesions, and their controls in keyframes."""
     section, keys = root.find("actuator"), root.find("keyframe")
     if section is None or not robot.assembly.adhesions:
         return

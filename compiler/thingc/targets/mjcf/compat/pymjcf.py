@@ -1,4 +1,4 @@
-"""PyMJCF (`dm_control.mjcf`): `/` in names stands for its own scopes, and it refuses names that have one."""
+"""PyMJCF (`dm_control.mjcf`): it uses `/` in names for its own scopes, and refuses names with one."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from thingc.targets.mjcf.compat.consumer import Consumer, nothing_refused
 from thingc.targets.xml_writer import Element
 
 SEPARATOR = "."
-"""In the place of `/`, as documents write paths; no name in a document has one."""
+"""Replaces `/` in the paths of documents; no name in a document contains it."""
 
 FILES = frozenset({"file", "meshdir", "texturedir", "assetdir"})
-"""Attributes whose `/` are those of paths in a file system. No other attribute has any that is not a name's."""
+"""Attributes that are paths in a file system. In all others, `/` is part of a name."""
 
 
 def _suit(robot: Robot, root: Element) -> Iterator[Loss]:

@@ -1,4 +1,6 @@
-"""MuJoCo Warp: it takes all that we write; what it lacks, from `put_model` of its `io.py`, raw attributes alone can ask for."""
+"""MuJoCo Warp: it reads everything that thingc writes. Only raw attributes can set what it does not support (from `put_model` of its
+`io.py`).
+"""
 
 from __future__ import annotations
 
