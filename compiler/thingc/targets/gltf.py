@@ -1,7 +1,7 @@
 """`glb/<name>_<mode>.glb`: a mode in its start pose, for glTF 2.0 viewers, as a tree of links with movable joints.
 
-  arm_bench:world  ->  base_link  ->  plate:visual (a mesh)
-                                  ->  yaw:joint  ->  bracket  ->  ...
+    arm_bench:world  ->  base_link  ->  plate:visual (a mesh)
+                                    ->  yaw:joint  ->  bracket  ->  ...
 
 A link's node has the frame of the link in MJCF and `modes.json`. A coordinate's node is on its axis, with z along it: to change q, rotate
 or move the node along its z. Lengths are in metres; glTF has y up, and linear colours (glTF 2.0, sections 3.4 and 3.9.2).

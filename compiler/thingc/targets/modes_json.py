@@ -55,26 +55,26 @@ def alone(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
 
 
 def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> dict[str, object]:
-    """One mode as plain data for `jsontext`, lengths in metres and angles in radians; names of links, and those of MuJoCo's joints, have
-    `separator` in them, as the model has.
+    """Return one mode as plain data for JSON, with lengths in metres and angles in radians. Names of links, and of MuJoCo's joints, have
+    `separator` in their paths, as in the model.
 
-    - `root` the path of the site on which the mode stands, `base` `fixed | held | free | planar | ball`, `gravity` [m/s^2] in the world,
-      `X_world_root` where the mode puts its root link, 4 x 4, by rows, and only of a base that is
-      `planar` or `ball` `X_world_at`, the frame in whose x-y plane it moves, or about whose origin it turns;
-    - `links` in the order of the bodies of the model, the root link first; `X_root_link` the pose of the link's frame in
-      the root link's frame at q = 0; `mass` [kg], `centre` [m] and `inertia` [kg m^2, about the centre] in the link's frame;
-    - `joints` in the order of the model: `parent` and `child` are links as this mode's tree has them; `reversed` says that
-      the document has them the other way round. `coordinates` are in the document's order; `in_model` names the joints of MuJoCo that
-      a coordinate is there, with how much each moves per unit of q, `qpos` and `dof` are their addresses in `MjData.qpos` and `.qvel`,
-      behind a free base's 7 and 6; each coordinate of a ball has those of the whole, a quaternion and an angular velocity;
-    - `holds` further mounts held to the world, by their paths: `link` that carries the mount, `anchor` the mocap body that holds it, what
-      the hold `carries` (`force`: the mount's origin is held, and the mount can turn; else `force and torque`), `X_LM` the mount in the
-      link, `X_WM` its pose in the world;
-    - `poses` q by joint path, the mode's own pose first; only where there are such, `bases`, `X_world_root` of the poses in which
-      a free base stands elsewhere, and `standing_on`, the mounts that the mode says it stands on;
-    - only where there are loops `cuts`, the joints that close them (no joints of this model): `X_PA` and `X_CB` are the frames
-      that meet, A on the parent moving by `coordinates` as above, the offsets in `X_PA`; and `residuals`, how far [m, rad] the worst
-      loop is from closed in each pose.
+    - `root` is the path of the site on which the mode stands, `base` is `fixed | held | free | planar | ball`, `gravity` [m/s^2] is in the
+      world, `X_world_root` is the pose of the root link in this mode (4 x 4, by rows). `X_world_at` exists only for a `planar` or `ball`
+      base: the frame in whose x-y plane it moves, or about whose origin it rotates.
+    - `links` are in the order of the bodies of the model, the root link first; `X_root_link` is the pose of the link's frame in the root
+      link's frame at q = 0; `mass` [kg], `centre` [m] and `inertia` [kg m^2, about the centre] are in the link's frame.
+    - `joints` are in the order of the model: `parent` and `child` are links as in this mode's tree; `reversed` means that they are swapped
+      in the document. `coordinates` are in the document's order; `in_model` has the names of a coordinate's joints in MuJoCo, each with its
+      motion per unit of q; `qpos` and `dof` are their addresses in `MjData.qpos` and `.qvel`, after a free base's 7 and 6. Each coordinate
+      of a ball has the addresses of the whole ball, a quaternion and an angular velocity.
+    - `holds` are further mounts held to the world, by path: `link` has the mount, `anchor` is the mocap body that holds it. `carries` is
+      `force` if only the mount's origin is held, so that it can rotate, else `force and torque`. `X_LM` is the mount in the link, `X_WM`
+      its pose in the world.
+    - `poses` are q by joint path, the mode's own pose first. Only if there are any: `bases` are `X_world_root` of the poses in which a free
+      base is elsewhere, and `standing_on` are the mounts on which the mode stands.
+    - If there are loops, `cuts` are the joints that close them (which are not joints of this model): `X_PA` and `X_CB` are the frames that
+      meet, with A on the parent moving by `coordinates` as above, and the offsets in `X_PA`. `residuals` is how far [m, rad] the worst loop
+      is from closed in each pose.
     """
     names = [robot.assembly.links[body.link].name.replace("/", separator) for body in robot.bodies]
     memo = memo or Memo()

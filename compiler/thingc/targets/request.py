@@ -1,4 +1,4 @@
-"""What every emitter is asked with."""
+"""The input of every emitter."""
 
 from __future__ import annotations
 
@@ -19,12 +19,14 @@ if TYPE_CHECKING:
 
 
 class EmitRequest(FrozenStruct, eq=False):
-    """The robot, once without a root (`assembly`) and once per chosen mode (`robots`, document order), and the doors
-    an emitter may need: the store for meshes, the geometry service for a STEP file, the report for diagnostics. `verify`: what
-    another program shall read is given to that program first, of so many models that differ in nothing but numbers one (1: all, 0: none).
-    `compat`: who besides MuJoCo shall read its models, by name. `folder`: the absolute path of the folder that the build will lie in
-    (None: nobody knows). `repeated`: this is one of many requests of a session, and what is learned of its models alone is not worth
-    keeping."""
+    """The robot, without a root (`assembly`) and once per chosen mode (`robots`, in document order), and the services that an emitter may
+    need.
+
+    `store` has the meshes, `geometry` makes STEP files, `report` receives diagnostics. `verify`: MuJoCo compiles every `verify`-th of the
+    models that only differ in numbers (1: all, 0: none). `compat`: names of other programs that will read MuJoCo models. `folder`: the
+    absolute path of the build folder (None: unknown). `repeated`: this is one of many requests of a session, so results for its models
+    alone are not worth caching.
+    """
 
     assembly: Assembly
     robots: tuple[Robot, ...]
@@ -37,6 +39,6 @@ class EmitRequest(FrozenStruct, eq=False):
     folder: str | None = None
     repeated: bool = False
     memo: Memo = field(default_factory=Memo)
-    """What is worked out once for all modes, and in a session for all requests."""
+    """Results computed once for all modes, and in a session for all requests."""
     made: dict[str, Any] = {}
-    """What one target has made that others use, by a name of its own."""
+    """Results of targets that other targets use, by name."""

@@ -1,4 +1,4 @@
-"""Where sensors are in a robot, and what simulators measure there. Of no target."""
+"""Places of sensors in a robot, and what simulators measure there, for any target."""
 
 from __future__ import annotations
 
@@ -7,21 +7,20 @@ from thingc.model.robot.types import Robot
 
 
 def body_of(robot: Robot, sensor: LinkedSensor) -> int:
-    """The index of the body that carries a sensor on a mount."""
+    """Return the index of the body with the mount of a sensor."""
     return next(site.body for site in robot.sites if site.path == sensor.site)
 
 
 def on_free_root(robot: Robot, sensor: LinkedSensor) -> bool:
-    """Whether it is on the root of a base that floats, which nothing carries."""
+    """Whether a sensor is on the root of a floating base, which nothing supports."""
     return robot.base == "free" and body_of(robot, sensor) == 0
 
 
 def elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
-    """Where a force is measured instead of at the mount, in words; None where it is measured there.
+    """Return where a force is measured instead of at the mount, as text; None if it is measured at the mount.
 
-    Simulators give what passes between a body and its parent in the tree. That is what passes through the mount where the mount is
-    the root's, or one of the two of the joint to the parent, or where the body hangs on that joint alone, so that nothing but
-    the world outside can act on it.
+    Simulators measure the force between a body and its parent in the tree. This is the force through the mount if the mount is the root's,
+    or one of the two of the joint to the parent, or if the body has no other joints, so that only external forces act on it.
     """
     index = body_of(robot, sensor)
     body = robot.bodies[index]

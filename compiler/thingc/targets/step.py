@@ -1,4 +1,4 @@
-"""`step/<name>.step`: the whole robot at q = 0 in the base component's frame, for other CAD programs."""
+"""`step/<name>.step`: the whole robot at q = 0 in the base component's frame, for CAD programs."""
 
 from __future__ import annotations
 
@@ -35,23 +35,22 @@ def in_background(work: Callable[[], Value]) -> Future[Value]:
 
 
 class _Begun(FrozenStruct):
-    """A file that the kernel writes: `file` is waited for. `losses` are what it cannot hold."""
+    """A file that the kernel is writing: `file` is its future (None: no file), `losses` are what it cannot contain."""
 
     file: Future[StoredFile] | None
     losses: tuple[Loss, ...]
 
 
 def begin(request: EmitRequest) -> None:
-    """Let the kernel, in a process of its own, write the file while other targets are made; `emit` waits for it."""
+    """Start writing the file in a separate process of the kernel while other targets are made; `emit` waits for it."""
     request.made["step"] = _begun(request)
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """One STEP file: instances named by occurrence path, coloured, their shape shared per definition.
+    """Return one STEP file: instances named by occurrence path, coloured, with one shape per definition.
 
-    The geometry service writes it (that needs the CAD kernel). A part whose geometry has no B-rep (a mesh), and a link, cannot
-    stand in it and is a loss; a robot without any geometry has no file, which is a loss too. What the kernel cannot
-    write is an error of the document.
+    The geometry service writes it with the CAD kernel. A part without B-rep (a mesh) and a link with listed shapes are losses; a robot
+    without any geometry has no file, which is a loss too. A failure of the kernel is reported as an error of the document.
     """
     assembly = request.assembly
     begun = request.made.get("step")
@@ -90,7 +89,7 @@ def _begun(request: EmitRequest) -> _Begun:
         instances.append(
             Placed(
                 path=occurrence.path,
-                # the kernel's own reader stumbles over a quotation mark in a product's name (OCCT 8.0: "Incorrect Syntax")
+                # the kernel's own reader fails at a quotation mark in a product's name (OCCT 8.0: "Incorrect Syntax")
                 definition=occurrence.definition.text.replace("'", ""),
                 brep=record.brep,
                 pose=assembly.rest[occurrence.index],

@@ -1,4 +1,4 @@
-"""`stl/<definition>.stl`: what a slicer takes. Millimetres, z away from the bed, one file per definition that is not bought."""
+"""`stl/<definition>.stl`: files for slicers, in millimetres, z away from the bed, one per definition that is not bought."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from thingc.targets.request import EmitRequest
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """The print mesh of every definition with geometry of which at least one occurrence is not bought, turned as it lies on the printer.
+    """Return the print mesh of every definition with geometry, unless all its occurrences are bought, in its orientation on the printer.
 
-    A mesh that is not closed is written all the same and listed as a loss: a slicer may repair it or refuse it. Two
-    definitions whose names make the same file name (`a/b.step` and `a.b.step`) are an error at the second.
+    A mesh that is not closed is written with a loss: a slicer may repair it or refuse it. Two definitions with the same file name
+    (`a/b.step` and `a.b.step`) are reported at the second.
     """
     files: dict[str, Content] = {}
     losses: list[Loss] = []
@@ -48,17 +48,17 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _up(occurrence: Occurrence) -> Vector:
-    """The direction away from the bed, in the part's frame: as the document says, else as the Thing does."""
+    """Return the direction away from the bed, in the part's frame: that of the document, else of the Thing, else the default."""
     record = occurrence.record
     return occurrence.overrides.up or (record.up if record is not None else None) or UPRIGHT
 
 
 def _turned(stl: bytes, up: Vector) -> bytes:
-    """A binary STL file turned about the origin of the part by the smallest angle that takes `up` to z."""
+    """Rotate a binary STL file about the origin of the part by the smallest angle that takes `up` to z."""
     import numpy as np
 
     x, y, z = up
-    # Rodrigues' formula with the axis up x z; upside down, about x
+    # Rodrigues' formula with the axis up x z; if upside down, about x
     rotation = np.diag([1.0, -1.0, -1.0]) if z < -1.0 + 1e-12 else np.array([
         [1.0 - x * x / (1.0 + z), -x * y / (1.0 + z), -x], [-x * y / (1.0 + z), 1.0 - y * y / (1.0 + z), -y], [x, y, z],
     ])

@@ -1,6 +1,6 @@
-"""XML as data: elements that know their place in the documents, written at full precision with two-space indent.
+"""XML elements with their origin in the documents, written at full precision with an indent of two spaces.
 
-What simulators write themselves has fewer digits (MuJoCo's `to_xml`: six), and knows nothing of documents.
+Simulators' own writers use fewer digits (MuJoCo's `to_xml`: six), and do not know the documents.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from thingc.base.source import Origin
 from thingc.model.resolve.types import RawAttribute
 
 XmlValue = str | float | tuple[float, ...]
-"""What an attribute or an element holds: text, or numbers, which are formatted when the document is written."""
+"""The value of an attribute or an element: text, or numbers, which are formatted when the document is written."""
 
 
 class RawValue(FrozenStruct):
-    """A raw attribute on an element, and the value that it replaces (None: there was none)."""
+    """A raw attribute on an element, and the value that it replaces (None: none)."""
 
     attribute: RawAttribute
     before: XmlValue | None
@@ -28,11 +28,13 @@ class RawValue(FrozenStruct):
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Element:
-    """An XML element. `text` is its content in place of children (empty: it has none); `origin` is what in the documents made it (empty:
-    nothing in particular); `raw` its raw attributes; `opening` its tag with its attributes as text, once that was asked for.
+    """An XML element.
 
-    Not frozen: a tree is grown from the top, and raw attributes are laid over it when every name is known. An element that stands
-    in several trees is never changed: a tree that needs another one takes a `copy`.
+    `text` is its content in place of children (empty: none); `origin` is the place in the documents that it comes from (empty: none); `raw`
+    are its raw attributes; `opening` is cached.
+
+    Not frozen, because a tree is built from the top, and raw attributes are applied when every name is known. An element that is shared by
+    several trees is never changed: a tree that needs another one makes a `copy`.
     """
 
     tag: str
@@ -45,13 +47,13 @@ class Element:
 
     @property
     def opening(self) -> str:
-        """`<joint name="yaw"`: the tag and its attributes, escaped, without what closes it."""
+        """The tag and its attributes, escaped, without the closing bracket: `<joint name="yaw"`."""
         if self._opening is None:
             self._opening = f"<{self.tag}" + "".join([f' {name}="{_escaped(value)}"' for name, value in self.attributes.items()])
         return self._opening
 
     def get(self, name: str, default: str = "") -> str:
-        """An attribute as text."""
+        """Return an attribute as text."""
         return format_value(self.attributes.get(name, default))
 
     @property
@@ -60,7 +62,7 @@ class Element:
         return {name: format_value(value) for name, value in self.attributes.items()}
 
     def copy(self) -> Element:
-        """The same tree, to be changed: of elements that are in no other."""
+        """Return a copy of the tree that can be changed."""
         top = self._alone()
         waiting = [(self, top)]
         while waiting:
@@ -73,21 +75,21 @@ class Element:
         return Element(tag=self.tag, attributes=dict(self.attributes), text=self.text, origin=self.origin, raw=dict(self.raw))
 
     def add(self, tag: str, attributes: Mapping[str, XmlValue] | None = None, origin: Origin = ()) -> Element:
-        """A new last child."""
+        """Add a child and return it."""
         child = Element(tag=tag, attributes=dict(attributes or {}), origin=origin)
         self.children.append(child)
         return child
 
     def say(self, tag: str, text: XmlValue, attributes: Mapping[str, XmlValue] | None = None) -> None:
-        """A new last child that holds a text or numbers."""
+        """Add a child that contains text or numbers."""
         self.children.append(Element(tag=tag, attributes=dict(attributes or {}), text=text))
 
     def find(self, tag: str) -> Element | None:
-        """The first child with this tag."""
+        """Return the first child with this tag, or None."""
         return next((child for child in self.children if child.tag == tag), None)
 
     def walk(self) -> Iterator[Element]:
-        """This element and all below it, in the order written (without recursion: a chain of links may be long)."""
+        """Yield this element and all below it, in the order written. Not recursive, because a chain of links may be long."""
         waiting = [self]
         while waiting:
             element = waiting.pop()
@@ -96,18 +98,18 @@ class Element:
 
     @property
     def label(self) -> str:
-        """What a person would call it: joint `yaw`, or its tag where it has no name."""
+        """The name for people: joint `yaw`, or its tag if it has no name."""
         return f"{self.tag} `{self.get('name')}`" if "name" in self.attributes else f"`{self.tag}`"
 
     def lay(self, name: str, attribute: RawAttribute) -> None:
-        """Set an attribute to what a document's `raw` says; `lift` undoes it."""
+        """Set a raw attribute; `lift` undoes it."""
         before = self.raw[name].before if name in self.raw else self.attributes.get(name)
         self.raw[name] = RawValue(attribute=attribute, before=before)
         self.attributes[name] = attribute.value
         self._opening = None
 
     def lift(self, name: str) -> RawValue:
-        """Undo `lay`: the attribute is again what the compiler wrote."""
+        """Undo `lay`: restore the attribute as the compiler wrote it."""
         value = self.raw.pop(name)
         if value.before is None:
             del self.attributes[name]
@@ -118,13 +120,13 @@ class Element:
 
 
 class XmlText(FrozenStruct):
-    """A document as text. `lines[k]` is the element that opens on line `k + 1` (None: it closes one, or is blank)."""
+    """A document as text. `lines[k]` is the element that opens on line `k + 1` (None: a closing tag or a blank line)."""
 
     text: str
     lines: tuple[Element | None, ...]
 
     def element_at(self, line: int) -> Element | None:
-        """The element whose tag stands on a line, counted from 1 (where one closes: its nearest opening above)."""
+        """Return the element whose tag is on a line, counted from 1; for a line without one the nearest above."""
         for index in range(min(line, len(self.lines)) - 1, -1, -1):
             if self.lines[index] is not None:
                 return self.lines[index]
@@ -133,13 +135,13 @@ class XmlText(FrozenStruct):
 
 @formatter("xml")
 def number(value: float) -> str:
-    """`repr`, but -0.0 is `0` and whole numbers are written without a point."""
+    """Return `repr` of a number, but -0.0 as `0` and whole numbers without a decimal point."""
     whole = int(value) if abs(value) < 1e16 else None
     return str(whole) if whole is not None and whole == value else repr(float(value))
 
 
 def format_value(value: XmlValue) -> str:
-    """A value as text: several numbers with a space between."""
+    """Return a value as text, with a space between several numbers."""
     if isinstance(value, str):
         return value
     return " ".join(map(number, value)) if isinstance(value, tuple) else number(value)
@@ -150,10 +152,10 @@ def _escaped(value: XmlValue) -> str:
 
 
 def write(root: Element, heading: str, *, sections: bool = True) -> XmlText:
-    """The document: one element per line, two spaces per level, blank lines between `sections`; `heading` is a comment."""
+    """Return the document: one element per line, two spaces per level, blank lines between `sections`; `heading` is a comment."""
     text: list[str] = [f"<!-- {_DASHES.sub('-', heading)} -->"]
     lines: list[Element | None] = [None]
-    under_way: list[tuple[Iterator[Element], str, str]] = [(iter((root,)), "", "")]  # a stack: a chain of links may be long
+    under_way: list[tuple[Iterator[Element], str, str]] = [(iter((root,)), "", "")]  # a stack, because a chain of links may be long
     while under_way:
         waiting, indent, closing = under_way[-1]
         for element in waiting:
@@ -176,17 +178,17 @@ def write(root: Element, heading: str, *, sections: bool = True) -> XmlText:
 
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*(?::[A-Za-z_][A-Za-z0-9_.-]*)?")
-"""What elements and attributes may be called; with a prefix before a `:`."""
+"""Valid names of elements and attributes, optionally with a prefix and `:`."""
 
 NAMESPACES = {"drake": "http://drake.mit.edu", "gz": "http://gazebosim.org/schema"}
-"""Of the prefixes of names that readers of URDF and SDF know: what `xmlns:drake` of the whole file is, where one is used."""
+"""Namespaces of the prefixes that readers of URDF and SDF know, declared as `xmlns:drake` in a file that uses them."""
 
 NO_CHARACTER = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What no XML can hold, escaped or not (XML 1.0, `Char`)."""
+"""Characters that XML cannot contain, escaped or not (XML 1.0, `Char`)."""
 
 
 def unwritable(name: str, value: str) -> str | None:
-    """Why an element or attribute of that name, with that value, can stand in no XML; None where it can."""
+    """Return why XML cannot contain an element or attribute with this name and value; None if it can."""
     if NAME.fullmatch(name) is None:
         return f"`{name}` cannot be a name in XML"
     strange = NO_CHARACTER.search(value)
@@ -194,4 +196,4 @@ def unwritable(name: str, value: str) -> str | None:
 
 
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
-_DASHES = re.compile("-{2,}")  # which XML allows in no comment
+_DASHES = re.compile("-{2,}")  # which XML forbids in comments

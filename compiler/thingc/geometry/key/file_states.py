@@ -1,9 +1,9 @@
 """The state of a file as a short text, which results of parts are cached by:
 
-  file:<sha256>     its content
-  folder:<sha256>   the names in a folder that was listed
-  folder            a folder that was only checked for existence
-  absent            nothing there
+    file:<sha256>     its content
+    folder:<sha256>   the names in a folder that was listed
+    folder            a folder that was only checked for existence
+    absent            nothing there
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 In a mode's `bodies` (parents before children), the pose of a link, for q of the coordinates that move it, is
 
-  X_W,link(q) = X_W,parent @ X @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...
+    X_W,link(q) = X_W,parent @ X @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...
 
 or `exp(twist_0 q_0 + ...)` for a ball. Its `loops` are closed if `X_W,parent @ X_PA @ exp(...) == X_W,child @ X_CB` over their own
 coordinates. Poses are 12 numbers, the first three rows of the matrix; a twist is `[angular, linear, anchor]`.

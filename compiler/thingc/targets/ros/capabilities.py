@@ -1,4 +1,4 @@
-"""What a ROS 2 package can say of a robot: what URDF can, and what stands beside it there."""
+"""What a ROS 2 package can express of a robot: what URDF can, and what the other files of the package can."""
 
 from __future__ import annotations
 

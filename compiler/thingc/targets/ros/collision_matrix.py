@@ -1,7 +1,8 @@
-"""Which links meet as the joints move: MuJoCo looks for contacts in the mode's own URDF, at configurations drawn once for all.
+"""Find the links that collide as the joints move: MuJoCo looks for contacts in the mode's own URDF, at random configurations drawn once for
+all.
 
-A link's meshes collide as their convex hulls. Links that their hulls keep apart are apart; where a mesh is not convex, two that are said to
-meet may not.
+A link's meshes collide as their convex hulls. Links whose hulls are apart are apart; if a mesh is not convex, a reported collision may not
+exist.
 """
 
 from __future__ import annotations
@@ -29,17 +30,19 @@ SAMPLES = 10_000
 SEED = 0
 
 MEETING = "links-meeting"
-"""The kind of document in the store."""
+"""Kind of the documents in the store."""
 
 MEMORY = 1 << 26
-"""Of MuJoCo's arena [bytes]: more contacts at once than any robot has that is not folded into itself."""
+"""Size of MuJoCo's arena [bytes], enough for the contacts of any robot that is not folded into itself."""
 
 Pair = tuple[str, str]
 
 
 class CollisionMatrix(FrozenStruct):
-    """In how many of `samples` configurations each pair of links meets (a pair that never does is left out), and which meet in each of the
-    configurations that were asked for, by name. Names within a pair are sorted."""
+    """The number of `samples` configurations in which each pair of links collides; pairs that never collide are left out.
+
+    `at` are the pairs that collide in each of the named configurations. Names in a pair are sorted.
+    """
 
     samples: int
     counts: dict[Pair, int]
@@ -47,14 +50,14 @@ class CollisionMatrix(FrozenStruct):
 
 
 def adjacent(assembly: Assembly) -> frozenset[Pair]:
-    """The pairs of links that a joint connects, also one that closes a loop."""
+    """Return the pairs of links that a joint connects, including joints that close loops."""
     joined = (mate for mate in assembly.mates if mate.joints or mate.loop is not None)
     linked = ((assembly.links[assembly.link_of[end]] for end in (mate.parent, mate.child)) for mate in joined)
     return frozenset(pair_of(*(safe(link.name) for link in links)) for links in linked)
 
 
 def pair_of(one: str, other: str) -> Pair:
-    """Two links as a pair."""
+    """Return two links as a sorted pair."""
     return (one, other) if one < other else (other, one)
 
 
@@ -62,9 +65,11 @@ def meetings(
     tree: Element, meshes: str, assets: Sequence[MeshAsset], starts: Mapping[str, Mapping[str, float]], neighbours: Collection[Pair],
     store: Store,
 ) -> CollisionMatrix:
-    """Of a mode's URDF, `meshes` being the URI of the folder of its `assets`; `starts` are further configurations, q by joint, and
-    `neighbours` pairs that nobody asks for. Remembered in the store by what it depends on. Raises `ValueError` where MuJoCo does not
-    take the links' shapes."""
+    """Return the collision matrix of a mode's URDF, cached in the store.
+
+    `meshes` is the URI of the folder of its `assets`. `starts` are additional configurations, q by joint. `neighbours` are pairs to ignore.
+    Raises `ValueError` if MuJoCo does not accept the links' shapes.
+    """
     bare, needed = _collisions_only(tree, meshes)
     used = {mesh.file: mesh for mesh in assets if mesh.file in needed}
     text = write(bare, "What collides.").text
@@ -92,7 +97,7 @@ def meetings(
 
 
 def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
-    """The links with what they collide with alone, weighing anything, and the joints; and the files of meshes that they name."""
+    """Return the links with only their collision shapes and an arbitrary mass, and the joints; and the mesh files that they use."""
     bare = Element(tag="robot", attributes=tree.attributes)
     compiler = {"fusestatic": "false", "strippath": "false", "meshdir": "", "boundmass": "1", "boundinertia": "1", "balanceinertia": "true"}
     bare.add("mujoco").add("compiler", compiler)
@@ -111,7 +116,7 @@ def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
 
 
 def _renamed(collision: Element, prefix: str, files: set[str]) -> Element:
-    """A shape whose mesh, if it is one, is named by its file alone."""
+    """Return a collision shape whose mesh, if any, is referred to by its file name only."""
     shape = Element(tag="collision")
     for child in collision.children:
         mesh = child.find("mesh") if child.tag == "geometry" else None
@@ -125,7 +130,7 @@ def _renamed(collision: Element, prefix: str, files: set[str]) -> Element:
 
 
 class _Sampler:
-    """MuJoCo, and the joints' coordinates in its state: those of joints by themselves, and those that follow one of them."""
+    """MuJoCo, and the addresses of the joints' coordinates: independent ones, and those that follow them."""
 
     def __init__(self, text: str, assets: Mapping[str, bytes], tree: Element, neighbours: Collection[Pair]) -> None:
         import mujoco
@@ -152,7 +157,7 @@ class _Sampler:
         self.samples = SAMPLES if self.free else 1
 
     def counts(self) -> dict[Pair, int]:
-        """In how many configurations pairs of links meet: joints by themselves are drawn between their limits, others follow them."""
+        """Return the number of configurations in which each pair of links collides. Independent joints are drawn between their limits."""
         import numpy as np
 
         drawn = np.random.Generator(np.random.PCG64(SEED)).random((self.samples, len(self.free)))
@@ -160,13 +165,13 @@ class _Sampler:
         return self._meeting(ends[:, 0] + drawn * (ends[:, 1] - ends[:, 0]))
 
     def at(self, q: Mapping[str, float]) -> Collection[Pair]:
-        """The pairs of links that meet at `q`, by joint."""
+        """Return the pairs of links that collide at `q`, by joint."""
         import numpy as np
 
         return self._meeting(np.array([[q[name] for name in self.free]])).keys()
 
     def _meeting(self, q: NDArray[np.float64]) -> dict[Pair, int]:
-        """Of `q`, (n, joints by themselves), how often links meet."""
+        """Return how often links collide at `q` `(n, independent joints)`."""
         import mujoco
         import numpy as np
 
@@ -186,7 +191,7 @@ class _Sampler:
         return {pair: int(count) for pair, count in zip(named, counts, strict=True)}
 
     def _ends(self, joint: Element) -> tuple[float, float]:
-        """Between which values [rad or m] a joint is drawn: where it has no limit a whole turn, or as far as the robot is large."""
+        """Return the range [rad or m] of a joint. Without limits it is a whole turn, or the size of the robot in both directions."""
         limit = joint.find("limit")
         assert limit is not None
         lower, upper = (float(limit.get(name, str(end))) for name, end in (("lower", -UNBOUNDED), ("upper", UNBOUNDED)))

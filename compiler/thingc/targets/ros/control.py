@@ -1,4 +1,4 @@
-"""ros2_control: the drives of a mode as command interfaces of a mock hardware, and the controllers that command them."""
+"""ros2_control: the drives of a mode as command interfaces of mock hardware, and their controllers."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ CONTROLLERS = {
     "velocity": ("velocity_controller", "forward_command_controller/ForwardCommandController"),
     "effort": ("effort_controller", "forward_command_controller/ForwardCommandController"),
 }
-"""By interface what commands it: the controller's name and type."""
+"""The controller's name and type for each interface."""
 
 RATE = 100
-"""How often controllers are updated [Hz]."""
+"""Update rate of controllers [Hz]."""
 
 
 class Controller(FrozenStruct):
-    """A controller of the joints of one `interface`; `drives` are theirs, by the name of the joint."""
+    """A controller for joints with one `interface`; `drives` are by the name of the joint."""
 
     name: str
     type: str
@@ -36,8 +36,11 @@ class Controller(FrozenStruct):
 
 
 def ros2_control(robot: Robot) -> Element | None:
-    """The `<ros2_control>` block of a mode's URDF; None of a robot in which nothing moves. Every joint has states, those with a drive a
-    command, with its limits; what a drive's gains are, stands beside it for a hardware that closes its own loop."""
+    """Return the `<ros2_control>` block of a mode's URDF, or None for a robot without moving joints.
+
+    Every joint has state interfaces; those with a drive have a command interface with its limits. The gains of a drive are parameters, for
+    hardware that closes its own control loop.
+    """
     moving, at = joints(robot), values(robot, start(robot))
     if not moving:
         return None
@@ -64,8 +67,10 @@ def ros2_control(robot: Robot) -> Element | None:
 
 
 def controllers(robots: Sequence[Robot]) -> dict[str, tuple[Controller, ...]]:
-    """Those of every mode, by its name. Modes whose drives are the same share a controller; of another set of drives it is called by the
-    mode that has it first, too."""
+    """Return the controllers of every mode, by its name.
+
+    Modes with the same drives share a controller. A controller for another set of drives has the name of its first mode added to its name.
+    """
     known: dict[str, list[Controller]] = {}
     of_mode: dict[str, tuple[Controller, ...]] = {}
     for robot in robots:
@@ -86,7 +91,7 @@ def controllers(robots: Sequence[Robot]) -> dict[str, tuple[Controller, ...]]:
 
 
 def controllers_yaml(of_mode: Mapping[str, Sequence[Controller]]) -> str:
-    """The parameters of the controller manager and of all controllers, as ROS reads them: numbers that are no counts have a point."""
+    """Return the parameters of the controller manager and of all controllers. In YAML for ROS, floats need a decimal point."""
     every = {one.name: one for own in of_mode.values() for one in own}
     lines = ["controller_manager:", "  ros__parameters:", f"    update_rate: {RATE}", f"    {BROADCASTER}:"]
     lines.append("      type: joint_state_broadcaster/JointStateBroadcaster")
@@ -116,7 +121,7 @@ def _of_controller(one: Controller) -> Iterator[str]:
 
 
 def _bounds(joint: MovingJoint, interface: str) -> tuple[float | None, float | None]:
-    """Between which values a command may be."""
+    """Return the range of a command."""
     limit = joint.move.joint.limit
     if interface == "position":
         return limit.lower, limit.upper
@@ -125,12 +130,12 @@ def _bounds(joint: MovingJoint, interface: str) -> tuple[float | None, float | N
 
 
 def _quoted(name: str) -> str:
-    """A name as YAML text, also one that YAML would take for something else (`y`, `null`)."""
+    """Return a name as quoted YAML text, so that `y` or `null` is read as a name."""
     return f'"{name}"'
 
 
 @formatter("yaml")
 def _real(value: float) -> str:
-    """A number that every reader of YAML takes for one with a point: `20.0`, `1.0e-05`."""
+    """Return a number that every YAML parser reads as a float: `20.0`, `1.0e-05`."""
     mantissa, e, exponent = repr(float(value)).partition("e")
     return f"{mantissa}{'' if '.' in mantissa else '.0'}{e}{exponent}"

@@ -1,4 +1,4 @@
-"""`ros/<name>_description/`: a ROS 2 package of the chosen modes, which ament_cmake builds."""
+"""`ros/<name>_description/`: a ROS 2 package of the chosen modes, built by ament_cmake."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ RUN = (
     "joint_state_publisher", "joint_state_publisher_gui", "joint_trajectory_controller", "launch", "launch_ros", "robot_state_publisher",
     "rviz2",
 )
-"""The packages that its launch file and its controllers come from."""
+"""Packages that its launch file and its controllers require."""
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """The package: of each mode a URDF with its `<ros2_control>` and an SRDF, and what all of them share."""
+    """Return the package: for each mode a URDF with its `<ros2_control>` and an SRDF, and shared files."""
     assembly, robots = request.assembly, request.robots
     name = package_name(assembly.name)
     folder, uri = f"ros/{name}", f"package://{name}/{MESHES}"
@@ -66,14 +66,16 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _touching(request: EmitRequest, shapes: Geometry) -> frozenset[str]:
-    """The links that have shapes to collide with."""
+    """Return the links that have collision shapes."""
     links, link_of = request.assembly.links, request.assembly.link_of
     return frozenset(safe(links[link_of[index]].name) for index, one in enumerate(shapes.shapes) if one.collision)
 
 
 def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri: str) -> tuple[dict[str, CollisionMatrix], list[Loss]]:
-    """Which links meet, by mode; and what nobody could find out. Where the same joints are cut the root changes nothing of it, so that it
-    is looked for once."""
+    """Return the collision matrix of each mode, and a loss if it could not be computed.
+
+    Modes with the same joints in their trees share a matrix, because it does not depend on the root.
+    """
     alike: dict[frozenset[str], list[tuple[Robot, Element]]] = {}
     for robot, tree in zip(request.robots, trees, strict=True):
         alike.setdefault(frozenset(joint.path for body in robot.bodies for joint in body.joints), []).append((robot, tree))
@@ -93,7 +95,7 @@ def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri:
 
 
 def package_xml(robot: str, description: str, said: PackageInfo, heading: str) -> str:
-    """The manifest of the package of a robot; `description` is what its document says of it."""
+    """Return the manifest of the package of a robot; `description` is from its document."""
     root = Element(tag="package", attributes={"format": "3"})
     root.say("name", package_name(robot))
     root.say("version", said.version)
@@ -110,7 +112,7 @@ def package_xml(robot: str, description: str, said: PackageInfo, heading: str) -
 
 
 def cmake_lists(robot: str, folders: Iterable[str], heading: str) -> str:
-    """Installs the folders, which are all there is to build."""
+    """Return a file that installs the folders, since there is nothing else to build."""
     return f"""\
 # {heading}
 cmake_minimum_required(VERSION 3.8)

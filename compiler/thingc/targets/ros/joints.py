@@ -1,4 +1,4 @@
-"""The joints of a mode's URDF that move, and where a pose puts them."""
+"""The joints of a mode's URDF that move, and their values in a pose."""
 
 from __future__ import annotations
 
@@ -17,12 +17,15 @@ from thingc.targets.ros.capabilities import CAPABILITIES
 from thingc.targets.urdf.chain import Move, moves
 
 INTERFACES: Mapping[DriveType, str] = {"position": "position", "velocity": "velocity", "motor": "effort"}
-"""What ros2_control calls the command that each kind of drive takes."""
+"""The command interface in ros2_control for each kind of drive."""
 
 
 class MovingJoint(FrozenStruct):
-    """A joint of URDF's that moves: its `name` there, the `body` (index) that it leads to, what it does, whether it `follows` another, and
-    the `drive` that commands it in this mode. The three turns of a ball have none: the axes of its drives are not theirs."""
+    """A joint of the URDF that moves.
+
+    `name` is its name there, `body` the index of its child, `move` its motion, `follows` whether it mimics another, and `drive` its drive
+    in this mode. The three rotations of a ball have no drive, because the drives have other axes.
+    """
 
     name: str
     body: int
@@ -32,12 +35,12 @@ class MovingJoint(FrozenStruct):
 
     @property
     def interface(self) -> str | None:
-        """What of it is commanded: `position`, `velocity` or `effort`."""
+        """The command interface, `position`, `velocity` or `effort`, or None."""
         return None if self.drive is None else INTERFACES[self.drive.kind]
 
 
 def joints(robot: Robot) -> tuple[MovingJoint, ...]:
-    """Those of a mode, parents before children; those of a base that moves first."""
+    """Return the moving joints of a mode, parents before children; those of a moving base come first."""
     in_tree = {joint.path for body in robot.bodies for joint in body.joints}
     follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in in_tree)
     moving: list[MovingJoint] = []
@@ -53,7 +56,7 @@ def joints(robot: Robot) -> tuple[MovingJoint, ...]:
 
 
 def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
-    """Where each joint [rad or m], by its name, is at `q` of the document's, by path; a base that moves is where it starts."""
+    """Return the value of each joint [rad or m], by its name, at the document's `q` by path; a moving base is in its start pose."""
     at: dict[str, float] = {}
     for body in robot.bodies:
         lead = _lead(robot, body)
@@ -67,20 +70,20 @@ def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
 
 
 def start(robot: Robot) -> Mapping[str, float]:
-    """q of the document's joints, by path, when the mode starts (0 where it says nothing)."""
+    """Return q of the document's joints, by path, at the start of the mode; joints that are left out are at 0."""
     return robot.start.q if robot.start is not None else {}
 
 
 def _lead(robot: Robot, body: Body) -> tuple[TreeJoint, ...]:
-    """What a body moves by: the root by its base."""
+    """Return the joints that move a body; for the root those of the base."""
     return robot.moves if body.parent is None else body.joints
 
 
 def _turns(ball: tuple[TreeJoint, ...], q: tuple[float, ...]) -> Vector:
-    """The angles [rad] of three turns, one after the other about the axes of a ball, that turn as its rotation vector `q` does.
+    """Return the angles [rad] of three successive rotations about the axes of a ball that equal the rotation by the rotation vector `q`.
 
-    In the frame U of the axes R = U Rx(a) Ry(b) Rz(c) U', so that U' R' U = Rz(-c) Ry(-b) Rx(-a), whose roll, pitch and yaw are -a, -b and
-    -c. Axes of a ball that is crossed backwards are a left-handed frame: about their opposites the angles are the opposite ones.
+    In the frame U of the axes, R = U Rx(a) Ry(b) Rz(c) U', so that U' R' U = Rz(-c) Ry(-b) Rx(-a), whose roll, pitch and yaw are -a, -b and
+    -c. The axes of a reversed ball are a left-handed frame: about their opposites the angles have the opposite sign.
     """
     x, y, z = (joint.twist.axis for joint in ball)
     hand = 1.0 if dot(cross(x, y), z) > 0.0 else -1.0

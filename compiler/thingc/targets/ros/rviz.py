@@ -1,4 +1,4 @@
-"""What shows a mode: a launch file with the choice of the mode, and the settings of RViz."""
+"""Files for showing a mode: a launch file with a choice of the mode, and the settings of RViz."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from thingc.targets.urdf.links import WORLD
 
 
 def frame_of(robot: Robot) -> str:
-    """The link that stands still while a mode is shown: the root of its URDF."""
+    """Return the fixed frame for showing a mode: the root of its URDF."""
     return safe(robot.assembly.links[robot.bodies[0].link].name) if robot.base == "free" else WORLD
 
 
 def launch_file(robots: Sequence[Robot], controllers: Mapping[str, Sequence[Controller]], heading: str) -> str:
-    """`display.launch.py`, in Python as `ros2 launch` runs it."""
+    """Return `display.launch.py`, the Python file for `ros2 launch`."""
     modes = "".join(_mode(robot, [one.name for one in controllers[robot.mode.name]]) for robot in robots)
     name = robots[0].assembly.name
     return _filled(_LAUNCH, HEADING=heading, PACKAGE=package_name(name), ROBOT=name, MODES=modes, BROADCASTER=BROADCASTER)
 
 
 def rviz_config(frame: str, heading: str) -> str:
-    """`display.rviz`: the robot on a grid, with its frames; `frame` stands still unless RViz is told another (`-f`)."""
+    """Return `display.rviz`: the robot on a grid, with its frames. `frame` is fixed unless another one is passed to RViz (`-f`)."""
     return _filled(_RVIZ, HEADING=heading, FRAME=frame)
 
 
 def _filled(template: str, **words: str) -> str:
-    """A template with what its `@WORD@`s stand for: all at once, for a document may be called like one of the words."""
+    """Replace all `@WORD@` in a template in one pass, because a document may contain such a word."""
     return re.sub("@([A-Z]+)@", lambda word: words[word[1]], template)
 
 
 def _mode(robot: Robot, controllers: list[str]) -> str:
-    """A mode's entry: the frame that stands still, where its joints begin [rad or m], what moves them."""
+    """Return a mode's entry: the fixed frame, the start values of its joints [rad or m], and its controllers."""
     joints = "".join(f'            "{name}": {value + 0.0!r},\n' for name, value in values(robot, start(robot)).items())
     begin = f"{{\n{joints}        }}" if joints else "{}"
     named = ", ".join(f'"{name}"' for name in controllers)

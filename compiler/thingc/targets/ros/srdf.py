@@ -1,4 +1,4 @@
-"""SRDF, what MoveIt wants to know besides the URDF: groups, poses, what is not driven, and which links need not be checked."""
+"""SRDF, the additional input of MoveIt: groups, poses, joints without drives, and pairs of links that need no collision check."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from thingc.targets.urdf.links import WORLD
 from thingc.targets.xml_writer import Element
 
 ALWAYS = 0.95
-"""The share of configurations from which on links count as always meeting, as MoveIt's setup assistant has it."""
+"""Fraction of configurations from which links count as always colliding, as in MoveIt's setup assistant."""
 
 
 class Group(FrozenStruct):
-    """A group of joints by its name; `tip` is the mount that its chain leads to, None of that of all joints."""
+    """A named group of joints; `tip` is the mount at the end of its chain, None for the group of all joints."""
 
     name: str
     tip: str | None
@@ -30,8 +30,11 @@ class Group(FrozenStruct):
 
 
 def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None, report: Report) -> Element:
-    """The `<robot>` of a mode's SRDF. `touching` are the links that have shapes to collide with; without `meetings` nobody knows which of
-    them meet. Names of groups that are equal are reported."""
+    """Return the `<robot>` element of a mode's SRDF.
+
+    `touching` are the links with collision shapes. `meetings` is None if it is unknown which of them collide. Duplicate names of groups are
+    reported.
+    """
     root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
     moving = joints(robot)
     own = groups(robot, moving, report)
@@ -61,9 +64,12 @@ def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | Non
 
 
 def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> list[Group]:
-    """All joints, by the name of the robot (first: of states of one name some readers know the first alone); then a chain from the root
-    to every exported mount that moves against it, of several that are the same frame to the first. The joints of a base that moves are
-    of none."""
+    """Return the groups: all joints, with the name of the robot, then a chain from the root to every exported mount that moves relative to
+    it.
+
+    The group of all joints comes first, because some readers only use the first of several states with the same name. If several mounts
+    have the same frame, only the first has a group. The joints of a moving base are in no group.
+    """
     names = MangledNames("be the group", "SRDF", report)
     of_body: dict[int, tuple[MovingJoint, ...]] = {}
     for index, body in enumerate(robot.bodies):
@@ -81,7 +87,7 @@ def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> lis
 
 
 def _exported(robot: Robot) -> Iterator[Site]:
-    """The exported mounts, those of the document itself first; of several that are the same frame the first."""
+    """Yield the exported mounts, those of the document itself first; of several with the same frame only the first."""
     exported = {mount.path for mount in robot.assembly.exported}
     known: set[object] = set()
     for site in sorted((site for site in robot.sites if site.path in exported), key=lambda site: site.path.count("/")):
@@ -91,7 +97,7 @@ def _exported(robot: Robot) -> Iterator[Site]:
 
 
 def _unchecked(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None) -> Iterator[tuple[str, str, str]]:
-    """Pairs of links in the order of the robot, with the reason why MoveIt need not look at them, in the words of its setup assistant."""
+    """Yield pairs of links in the order of the robot that MoveIt need not check, with the reason as in its setup assistant."""
     names, mode = [safe(link.name) for link in robot.assembly.links], robot.mode
     neighbours, own = adjacent(robot.assembly), {pair_of(names[one], names[other]) for one, other in mode.exclude}
     for one, other in combinations([names[body.link] for body in robot.bodies if names[body.link] in touching], 2):

@@ -1,4 +1,4 @@
-"""What SDFormat can say of a robot."""
+"""What SDFormat can express of a robot."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Literal
 from thingc.targets.capabilities import OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
 JointForm = Literal["each", "universal", "ball"]
-"""How a joint is written: one of SDF's for each coordinate, one with two axes, or one without any."""
+"""How a joint is written: an SDF joint for each coordinate, one with two axes, or one without axes."""
 
 DriveForm = Literal["position controller", "velocity controller", "force"]
-"""Which system of Gazebo's drives a joint."""
+"""The system of Gazebo that drives a joint."""
 
 LoopForm = Literal["joint"]
 

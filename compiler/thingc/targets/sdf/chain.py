@@ -1,7 +1,7 @@
-"""Joints as SDF has them: each about, or along, axes through a point that is fixed in its child, and at 0 where the file has the links.
+"""Joints of SDF: each moves about or along axes through a point fixed in its child, and is at 0 in the pose of the file.
 
-Turns, slides, screws, balls, and two turns about axes that meet (`universal`) are there; what else has several coordinates is a chain, with
-almost massless links between. Where a file has a robot, its joints are at 0 and closed, loops and holds among them.
+SDF has rotations, slides, screws, balls, and two rotations about axes that meet (`universal`). Any other joint with several coordinates is
+a chain with almost massless links between. In the pose of the file all joints are at 0, and loops and holds are closed.
 """
 
 from __future__ import annotations
@@ -24,19 +24,20 @@ from thingc.targets.sdf.capabilities import CAPABILITIES
 SdfType = Literal["fixed", "continuous", "revolute", "prismatic", "screw", "universal", "ball"]
 
 LINK = "_link"
-"""What the name of a link between the joints of a chain ends with, behind that of the joint before: components are called like joints."""
+"""Suffix of a link between the joints of a chain, after the name of the joint before, because components have the same names as joints."""
 
 
 class SdfAxis(FrozenStruct):
-    """A coordinate of a joint, and what it does, seen in the child link's frame where the file has it."""
+    """A coordinate of a joint, and its motion in the child link's frame in the pose of the file."""
 
     joint: TreeJoint | JointEdge
     twist: Twist
 
 
 class SdfJoint(FrozenStruct):
-    """A joint of SDF's: `path` names it, `at` is its origin in the child link's frame [m], `axes` are those that it turns about or slides
-    along, none where it is `fixed` or a `ball`."""
+    """A joint of SDF: `path` is its name, `at` its origin in the child link's frame [m], `axes` are its axes; empty if it is `fixed` or a
+    `ball`.
+    """
 
     path: str
     type: SdfType
@@ -45,8 +46,10 @@ class SdfJoint(FrozenStruct):
 
 
 def chain(connection: Connection, q: Mapping[str, float]) -> tuple[SdfJoint, ...]:
-    """The joints of SDF that connect two bodies, one after the other; where the file has them the coordinates are at `q` [rad or m], those
-    of a base, of which it says nothing, at 0."""
+    """Return the successive joints of SDF that connect two bodies.
+
+    In the pose of the file the coordinates are at `q` [rad or m]; those of a base are at 0.
+    """
     path, joints = connection.path, connection.coordinates
     if not joints:
         return (SdfJoint(path=path, type="ball" if connection.turns else "fixed", at=connection.X_1.translation),)
@@ -77,8 +80,10 @@ def _type(axis: SdfAxis) -> SdfType:
 
 
 class ZeroState(FrozenStruct):
-    """`q` [rad or m] of every joint by path, and the pose of the root link in the world; `pose` is the pose of the document that this is
-    (None: all joints at 0), `closed` whether loops and holds are closed there."""
+    """The zero of the file: `q` [rad or m] of every joint by path, and the pose of the root link in the world.
+
+    `pose` is the name of the document's pose (None: all joints at 0), `closed` whether loops and holds are closed.
+    """
 
     q: dict[str, float]
     base: Pose
@@ -87,7 +92,7 @@ class ZeroState(FrozenStruct):
 
 
 def zero_state(robot: Robot) -> ZeroState:
-    """All joints at 0, where loops and holds let them be; else the first pose in which they are closed."""
+    """Return the pose with all joints at 0 if loops and holds are closed then, else the first pose in which they are."""
     q = {joint.path: 0.0 for joint in joints_of(robot.assembly)}
     if not robot.closures:
         return ZeroState(q=q, base=robot.bodies[0].X_PL)
@@ -101,7 +106,7 @@ def zero_state(robot: Robot) -> ZeroState:
 
 
 def _as_held(robot: Robot, q: dict[str, float]) -> Pose:
-    """Where the root is at `q`: of a free base that is held where its first hold wants it."""
+    """Return the pose of the root at `q`. A free base with holds is placed by its first hold."""
     base = robot.bodies[0].X_PL
     hold = next((closure for closure in robot.closures if closure.hold), None)
     if robot.base != "free" or hold is None:

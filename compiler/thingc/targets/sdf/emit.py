@@ -1,4 +1,4 @@
-"""`sdf/<name>_<mode>/`: each chosen mode as a model folder of Gazebo's, and `sdf/world_<mode>.sdf`, a world with it."""
+"""`sdf/<name>_<mode>/`: each chosen mode as a model folder for Gazebo, and `sdf/world_<mode>.sdf`, a world with it."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ from thingc.targets.xml_writer import write
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """A folder and a world for each chosen mode. A model folder holds its own meshes, as Gazebo has it: one can be copied without the
-    others."""
+    """Return a folder and a world for each chosen mode. A folder contains its own meshes, as usual in Gazebo, so that it can be copied
+    alone.
+    """
     assembly = request.assembly
     shapes, flat = solid_geometry(assembly, "sdf", f"sdf/{assembly.name}_MODE/{MESHES}", request.report)
     meshes = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
@@ -46,7 +47,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
-    """Of one mode, whose file has the robot at `zero`; what is lost of every mode alike is of none."""
+    """Yield the losses of one mode, whose file has the robot at `zero`. Losses common to all modes have no mode."""
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"], closed=zero.closed):
         yield from _of_joint(connection, len(chain(connection, zero.q)))
@@ -60,7 +61,7 @@ def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
 
 
 def _of_joint(connection: Connection, number: int) -> Iterator[Loss]:
-    """What a joint of the document loses that is so many here, of which there is none in the base or a hold."""
+    """Yield the losses of a joint of the document that is written as `number` joints; those of bases and holds have none."""
     if number > 1 and connection.joints:
         yield _loss(None, connection.path, "that what it connects never touches", "omitted", connection.origin)
     for joint in (joint for joint in connection.joints[:1] if joint.kind.at_once):

@@ -1,8 +1,8 @@
-"""One mode's robot as an SDF model.
+"""A robot in one mode as an SDF model.
 
-Links have the frames that MJCF and `modes.json` have of them. Joints lie where they are, with the axes of their child. Mounts, `frame`
-components and roots of modes are frames. Loops and holds are joints as well: SDF takes any graph. Drives are systems of Gazebo, because SDF
-has limits of effort and velocity alone.
+Links have the same frames as in MJCF and `modes.json`. Joints are at their own places, with the axes of their child. Mounts, `frame`
+components and roots of modes are frames. Loops and holds are joints as well, because SDF allows any graph. Drives are systems of Gazebo,
+because SDF itself only has limits of effort and velocity.
 """
 
 from __future__ import annotations
@@ -31,40 +31,43 @@ from thingc.targets.sdf.sensors import sensors_of_joint, sensors_of_link
 from thingc.targets.xml_writer import NAMESPACES, Element
 
 UNBOUNDED = 1e9
-"""An effort [N m or N] where the drive has no limit: Gazebo's controllers have one of 1000."""
+"""The limit of an effort [N m or N] if the drive has none, because the default of Gazebo's controllers is 1000."""
 
 SYSTEMS: dict[DriveForm, tuple[str, str]] = {
     "position controller": ("joint-position-controller", "JointPositionController"),
     "velocity controller": ("joint-controller", "JointController"), "force": ("apply-joint-force", "ApplyJointForce"),
 }
-"""The file and the class of each of Gazebo's systems."""
+"""The file and the class of each system of Gazebo."""
 
 Kind = Literal["link", "joint", "frame"]
-"""What of a model has a name, among all others."""
+"""Kinds of named elements in a model, which share one namespace."""
 
 WORLD = "world"
-"""What SDF calls the world. No link or joint has the name, and no robot may."""
+"""The name of the world in SDF, which no link, joint or robot may have."""
 
 PLAIN, NEWER = "1.9", "1.11"
-"""The version of a file, and of one with a mimic or a screw, which no older version has."""
+"""The version of a file, and the version for a mimic or a screw, which older versions lack."""
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
-"""What a link weighs [kg] that has no mass, and its moments of inertia [kg m^2]: SDF takes no link without."""
+"""Mass [kg] and moments of inertia [kg m^2] of a link without mass, because SDF requires them."""
 
 AXES = ("axis", "axis2")
-"""What the axes of a joint are called."""
+"""The tags of the axes of a joint."""
 
 MESHES = "meshes"
 """The folder of meshes beside the file."""
 
 PATCH = 16.0 / (3.0 * math.pi)
-"""The radius [m] of the patch of contact at which a coefficient of 1 gives as much torque as MuJoCo's torsional friction of 1 m: ODE's is
-`3 pi / 16` of the coefficient times the radius times the normal force."""
+"""The radius [m] of the contact patch at which a coefficient of 1 gives the same torque as MuJoCo's torsional friction of 1 m: in ODE it is
+`3 pi / 16` of the coefficient times the radius times the normal force.
+"""
 
 
 def model(robot: Robot, geometry: Geometry, zero: ZeroState, report: Report) -> tuple[Element, tuple[Loss, ...]]:
-    """The whole `<sdf>` element of a mode, whose joints are at `zero`, and a loss for each name that is another one there. Two links of one
-    name, or two joints, are reported."""
+    """Return the `<sdf>` element of a mode, whose joints are at `zero`, and a loss for each name that is changed.
+
+    Two links or two joints with the same name are reported.
+    """
     builder = _Builder(robot, geometry, zero, report)
     return builder.build(), tuple(builder.losses)
 
@@ -90,7 +93,7 @@ class _Builder:
         self.follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in self.axes)
 
     def build(self) -> Element:
-        """Links with what they carry, then joints, frames, and what drives joints in Gazebo."""
+        """Return the element: links with their contents, then joints, frames, and the systems that drive joints in Gazebo."""
         robot, names = self.robot, self.links
         self.robots.take(WORLD, (), "the world")
         name = self.robots.take(self.assembly.name, self.assembly.definition.origin, "the robot")
@@ -113,8 +116,10 @@ class _Builder:
         return self.root
 
     def _name(self, kind: Kind, path: str, origin: Origin, made: str | None = None) -> str:
-        """The name of what stands at a path. Links, joints and frames have one list of them: behind that of what is called like something
-        of another kind stands its kind, as SDFormat itself has it of files older than 1.7."""
+        """Return the name for a path. Links, joints and frames share one namespace.
+
+        If another kind has the name, the kind is added as suffix, as SDFormat itself does with files older than 1.7.
+        """
         name = own = self.names[kind].take(path, origin, made or f"{kind} `{path}`")
         while name in self.taken:
             name = f"{name}_{kind}"
@@ -125,7 +130,7 @@ class _Builder:
         return name
 
     def _lead(self, model: Element, parent: str, child: str, connection: Connection, steps: tuple[SdfJoint, ...]) -> None:
-        """The joints from a link to another, and the links between them, which are where the last is."""
+        """Add the joints from a link to another, and the links between them, which are at the place of the child."""
         *before, last = steps
         for step in before:
             between = self._name("link", f"{step.path}{LINK}", connection.origin, f"the link behind joint `{step.path}`")
@@ -139,7 +144,7 @@ class _Builder:
             sensors_of_joint(self.robot, connection.child, last.at, element, self.parts)
 
     def _joint(self, model: Element, step: SdfJoint, parent: str, child: str, origin: Origin) -> Element:
-        """One joint. What follows another follows the one that moves by itself, as in URDF."""
+        """Add a joint. A joint that mimics a mimic joint follows the independent one, as in URDF."""
         element = model.add("joint", {"name": self.joints[step.path], "type": step.type}, origin)
         _set_pose(element, shifted(*step.at))
         element.say("parent", parent)
@@ -152,7 +157,7 @@ class _Builder:
         return element
 
     def _axis(self, joint: Element, word: str, axis: SdfAxis, *, alone: bool) -> None:
-        """What a coordinate does, between which bounds, how strongly, and what it follows."""
+        """Add the axis of a coordinate, with its limits, dynamics and mimic."""
         own, at_zero = axis.joint, self.zero.q.get(axis.joint.path, 0.0)
         element = joint.add(word)
         element.say("xyz", axis.twist.axis)
@@ -189,7 +194,7 @@ class _Builder:
             joint.add("drake:mimic", {"joint": there, "multiplier": multiplier, "offset": offset})
 
     def _link(self, model: Element, name: str, index: int, pose: Pose, parent: str | None = None) -> None:
-        """A link with all that it holds."""
+        """Add a link with all its contents."""
         link = self._link_of(index)
         element = model.add("link", {"name": name}, link.origin)
         _set_pose(element, pose, parent)
@@ -212,7 +217,7 @@ class _Builder:
 
 
 def _set_pose(element: Element, pose: Pose, relative_to: str | None = None) -> None:
-    """Where something is, if it says anything."""
+    """Set a pose, unless it is the identity."""
     if relative_to is not None or pose != NO_POSE:
         turned = (0.0, 0.0, 0.0) if pose.rotation == IDENTITY else rpy_of(pose.rotation)
         attributes = {} if relative_to is None else {"relative_to": relative_to}
@@ -240,7 +245,7 @@ def _shape(element: Element, shape: Shape, at: Pose) -> None:
 
 
 def _paint(visual: Element, color: str) -> None:
-    """The colour of what is drawn."""
+    """Set the colour of a visual."""
     *_, opacity = channels(color)
     if opacity < 1.0:
         visual.say("transparency", 1.0 - opacity)
@@ -250,7 +255,7 @@ def _paint(visual: Element, color: str) -> None:
 
 
 def _rub(collision: Element, material: Material | None) -> None:
-    """How it rubs, as far as its material says so."""
+    """Set the friction of a collision, if its material specifies any."""
     if material is None or (material.slide is None and material.torsion is None):
         return
     friction = collision.add("surface").add("friction")
@@ -266,7 +271,7 @@ def _rub(collision: Element, material: Material | None) -> None:
 
 
 def _weigh(link: Element, properties: MassProperties) -> None:
-    """Mass [kg], centre [m] and inertia [kg m^2] about it, in the axes of the link; of what has none the least that SDF takes."""
+    """Set mass [kg], centre [m] and inertia [kg m^2] about it, in the axes of the link; the smallest that SDF accepts if there is none."""
     least = LEAST_INERTIA
     fault = physical_fault(properties.inertia) is not None
     i = ((least, 0.0, 0.0), (0.0, least, 0.0), (0.0, 0.0, least)) if fault else within_triangle(properties.inertia)
@@ -279,8 +284,11 @@ def _weigh(link: Element, properties: MassProperties) -> None:
 
 
 def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint], names: Mapping[str, str]) -> Iterator[Element]:
-    """The controllers of what is driven in this mode and has one axis: a PID with the drive's gains as forces, or for a motor what hands
-    them on. `names` are those of joints, by path."""
+    """Yield the controllers of joints with one axis and a drive in this mode: a PID controller with the gains of the drive, or for a motor
+    one that applies forces.
+
+    `names` are those of joints, by path.
+    """
     for step in steps:
         if len(step.axes) == 1 and step.axes[0].joint.path in robot.present:
             joint = step.axes[0].joint

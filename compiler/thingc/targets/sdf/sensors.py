@@ -1,4 +1,4 @@
-"""Sensors that SDF has, on their links; a `force` is a `force_torque` on the joint that carries the link."""
+"""Sensors that SDF supports, on their links; a `force` is a `force_torque` on the joint of the link."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from thingc.targets.sensors import body_of, on_free_root
 from thingc.targets.xml_writer import Element
 
 LOOKING = Pose(rotation=((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
-"""A camera of SDF looks along its x, up its z; ours looks along the mount's z, up the mount's y."""
+"""A camera of SDF looks along its x with z up; one of a document looks along the mount's z, with the mount's y up."""
 
 WIDTH, HEIGHT = 640, 480
-"""Of a camera's picture [pixels], of which a document says nothing."""
+"""Size of a camera's picture [pixels], which documents do not specify."""
 
 NEAR, FAR = 0.01, 100.0
-"""Between which distances [m] a camera sees."""
+"""Near and far plane of a camera [m]."""
 
 RATE = 30.0
-"""How many pictures a camera takes in a second."""
+"""Pictures of a camera per second."""
 
 
 def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames) -> None:
-    """The sensors on a link, whose collisions are in it already: all but those of forces."""
+    """Add all sensors of a link except forces. Its collisions must have been added before."""
     for sensor, site in _on(robot, body):
         form = written(CAPABILITIES["sensors"][sensor.kind])
         match form:
@@ -41,7 +41,7 @@ def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames)
             case "gpu_lidar":
                 _ray(_sensor(link, sensor, form, site.pose @ LOOKING, names), sensor.cutoff.get("distance", numeric.inf))
             case "force_torque" | "contact" | None:
-                pass  # in the joint that carries the link; on no mount
+                pass  # in the joint of the link; not on a mount
             case _:
                 assert_never(form)
     collisions = [child.get("name") for child in link.children if child.tag == "collision"]
@@ -61,7 +61,7 @@ def _sensor(parent: Element, sensor: LinkedSensor, form: SensorForm, pose: Pose 
 
 
 def _camera(element: Element, fovy: float) -> None:
-    """Of the vertical angle of view [rad]."""
+    """Set the camera from the vertical field of view [rad]."""
     element.say("update_rate", RATE)
     camera = element.add("camera")
     camera.say("horizontal_fov", 2.0 * numeric.atan(numeric.tan(fovy / 2.0) * WIDTH / HEIGHT))
@@ -73,7 +73,7 @@ def _camera(element: Element, fovy: float) -> None:
 
 
 def _ray(element: Element, reach: float) -> None:
-    """One ray, that sees as far as `reach` [m]."""
+    """Set a single ray with a range of `reach` [m]."""
     element.say("update_rate", RATE)
     lidar = element.add("lidar")
     scan = lidar.add("scan").add("horizontal")
@@ -86,8 +86,10 @@ def _ray(element: Element, reach: float) -> None:
 
 
 def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names: MangledNames) -> None:
-    """The force sensors on a link, in the joint that carries it, whose origin is `at` in the link's frame [m]. As in MuJoCo it is
-    what the link does to its parent."""
+    """Add the force sensors of a link to its joint, whose origin is `at` in the link's frame [m].
+
+    As in MuJoCo, a sensor measures the force of the link on its parent.
+    """
     for sensor, site in _on(robot, body):
         if written(CAPABILITIES["sensors"][sensor.kind]) == "force_torque" and not on_free_root(robot, sensor):
             element = _sensor(joint, sensor, "force_torque", shifted(*at).inverse() @ site.pose, names)
@@ -97,7 +99,7 @@ def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names:
 
 
 def _on(robot: Robot, body: int) -> Iterator[tuple[LinkedSensor, Site]]:
-    """The sensors on the mounts of a body."""
+    """Yield the sensors on the mounts of a body."""
     sites = {site.path: site for site in robot.sites}
     for sensor in robot.assembly.sensors:
         if sensor.site is not None and body_of(robot, sensor) == body:

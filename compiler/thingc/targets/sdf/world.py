@@ -1,4 +1,4 @@
-"""What stands beside a model: `model.config`, by which Gazebo finds it, and a world with a floor under it."""
+"""Files for a model: `model.config`, by which Gazebo finds it, and a world with a floor."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from thingc.targets.sdf.model_element import PLAIN
 from thingc.targets.xml_writer import Element
 
 GRIP = 100.0
-"""The friction of the floor: Gazebo takes the lesser of two, so that it is the robot's that counts, as in MuJoCo."""
+"""Friction of the floor: Gazebo uses the smaller of two, so that the robot's counts, as in MuJoCo."""
 
 RENDERING = ("gz-sim-sensors-system", "gz::sim::systems::Sensors")
-"""What all sensors that see need of Gazebo's in the world."""
+"""The system of Gazebo that all cameras and rays need in the world."""
 
 SYSTEMS: dict[SensorForm, tuple[str, str]] = {
     "imu": ("gz-sim-imu-system", "gz::sim::systems::Imu"), "force_torque": ("gz-sim-forcetorque-system", "gz::sim::systems::ForceTorque"),
     "magnetometer": ("gz-sim-magnetometer-system", "gz::sim::systems::Magnetometer"),
     "contact": ("gz-sim-contact-system", "gz::sim::systems::Contact"), "camera": RENDERING, "gpu_lidar": RENDERING,
 }
-"""What of Gazebo's a type of sensor needs in the world."""
+"""The system of Gazebo that a type of sensor needs in the world."""
 
 
 def config(name: str, version: str, description: str) -> Element:
-    """`model.config` of the model in a folder of that name."""
+    """Return `model.config` of the model in a folder of that name."""
     root = Element(tag="model")
     root.say("name", name)
     root.say("version", "1.0")
@@ -35,7 +35,7 @@ def config(name: str, version: str, description: str) -> Element:
 
 
 def world(robot: Robot, folder: str) -> Element:
-    """The world of a mode around the model in `folder`: its gravity and time step, a light, and the plane z = 0 as the floor."""
+    """Return the world of a mode with the model in `folder`: its gravity and time step, a light, and the plane z = 0 as floor."""
     root = Element(tag="sdf", attributes={"version": PLAIN}, origin=robot.mode.origin)
     element = root.add("world", {"name": f"{robot.assembly.name}_{robot.mode.name}"}, robot.mode.origin)
     timestep = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep")
@@ -63,7 +63,7 @@ def world(robot: Robot, folder: str) -> Element:
 
 
 def _lift(robot: Robot) -> float:
-    """How much higher [m] than in the mode a robot that floats has to begin, so that it is not in the floor while its joints are at 0."""
+    """Return how far [m] a floating robot must be lifted, so that it is not in the floor while its joints are at 0."""
     box = bounds(*placements(robot)) if robot.base == "free" and not robot.closures else None
     return 0.0 if box is None else numeric.maximum(0.0, -box[0][2])
 

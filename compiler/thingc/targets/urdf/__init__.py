@@ -1,1 +1,1 @@
-"""URDF: one file for each mode, for whatever in ROS and beyond reads URDF 1.0."""
+"""URDF 1.0: one file for each mode, for ROS and other readers."""

@@ -1,4 +1,4 @@
-"""What URDF 1.0 can say of a robot."""
+"""What URDF 1.0 can express of a robot."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Literal, Never
 from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
 JointForm = Literal["each", "threaded"]
-"""How a joint is written: a turn or a slide for each coordinate, or a turn and a slide that follows it."""
+"""How a joint is written: a rotation or a slide for each coordinate, or a rotation and a slide that mimics it."""
 
 DriveForm = Literal["transmission"]
 

@@ -1,7 +1,7 @@
-"""Joints as URDF has them: each turns about, or slides along, an axis through the origin of its child.
+"""Joints of URDF: each rotates about, or slides along, an axis through the origin of its child.
 
-A joint of several coordinates is a chain of such with almost massless links between, a screw a turn that a slide follows, a ball three
-turns.
+A joint with several coordinates is a chain of such joints with almost massless links between; a screw is a rotation that a slide mimics; a
+ball is three rotations.
 """
 
 from __future__ import annotations
@@ -16,12 +16,15 @@ from thingc.targets.capabilities import joint_cell
 from thingc.targets.urdf.capabilities import CAPABILITIES
 
 SLIDE = "_slide"
-"""What the name of a screw's slide ends with."""
+"""Suffix of the name of a screw's slide."""
 
 
 class Move(FrozenStruct):
-    """A joint of URDF's: `path` names it, `type` says how it moves about or along the unit vector `axis`; `origin` is its frame, and its
-    child's, in the frame of the joint or link before it, all at q = 0. `follows` is what a screw's slide follows, by how much [m/rad]."""
+    """A joint of URDF.
+
+    `path` is its name, `type` its motion about or along the unit vector `axis`. `origin` is its frame, and that of its child, in the frame
+    of the joint or link before it, all at q = 0. `follows` is the joint that a screw's slide mimics, and the ratio [m/rad].
+    """
 
     path: str
     type: Literal["turn", "slide"]
@@ -32,13 +35,14 @@ class Move(FrozenStruct):
 
 
 def own_frame(joints: Sequence[TreeJoint]) -> Pose:
-    """The frame of a link as URDF has it, on the last of the `joints` that lead to it, in the link's own."""
+    """Return the frame of a link in URDF, on the last of the `joints` that lead to it, in the link's own frame."""
     return shifted(*joints[-1].twist.anchor) if joints else NO_POSE
 
 
 def moves(joints: Sequence[TreeJoint], X_PL: Pose) -> Iterator[Move]:
-    """The joints of URDF's that lead to a link, which the `joints` move one after the other; `X_PL` is the link's own frame in that of its
-    parent as URDF has it."""
+    """Yield the joints of URDF that lead to a link, one for each motion of `joints`. `X_PL` is the link's own frame in its parent's URDF
+    frame.
+    """
     before = X_PL
     for joint in joints:
         twist, at = joint.twist, shifted(*joint.twist.anchor)

@@ -1,4 +1,4 @@
-"""`urdf/<name>_<mode>.urdf`: URDF 1.0 of each chosen mode, and `urdf/meshes/`, which all of them share."""
+"""`urdf/<name>_<mode>.urdf`: URDF 1.0 of each chosen mode, and their shared `urdf/meshes/`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FOLDER = f"urdf/{MESHES}"
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """A file for each chosen mode."""
+    """Return a file for each chosen mode."""
     assembly = request.assembly
     shapes, flat = solid_geometry(assembly, "urdf", FOLDER, request.report)
     meshes = _uri(request)
@@ -36,7 +36,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _uri(request: EmitRequest) -> str:
-    """The folder of meshes as the workspace wants it named; relative, too, where nobody knows where the files will lie."""
+    """Return the URI of the folder of meshes as set in the workspace; relative if the build folder is unknown."""
     match request.workspace.mesh_uri:
         case "package":
             return f"package://{package_name(request.assembly.name)}/{MESHES}"

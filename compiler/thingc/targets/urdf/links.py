@@ -1,8 +1,8 @@
-"""One mode's robot as an URDF tree.
+"""A robot in one mode as an URDF tree.
 
-A link's frame lies on the joint that leads to it. The frame that MJCF and `modes.json` have of it, the same in every mode, is the massless
-link `<link>_frame` wherever it lies elsewhere; exported mounts, `frame` components and roots of modes are massless links, too. Axes are the
-link's own, so that no frame of an inertia or a joint is turned.
+A link's frame is on the joint that leads to it. If its frame in MJCF and `modes.json`, which is the same in every mode, is elsewhere, it is
+the massless link `<link>_frame`. Exported mounts, `frame` components and roots of modes are massless links, too. All frames have the link's
+own axes, so that no frame of an inertia or a joint is rotated.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ WORLD = "world"
 """The root link of a base that does not float."""
 
 UNBOUNDED = 1e9
-"""A limit [rad, m, N m, N, rad/s or m/s] where the document has none: URDF demands one."""
+"""A limit [rad, m, N m, N, rad/s or m/s] in place of a missing one, because URDF requires it."""
 
 BETWEEN = MassProperties(mass=1e-9, centre=(0.0, 0.0, 0.0), inertia=((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 0.0, 1e-12)))
-"""What a link weighs that moves and has no mass of its own: MuJoCo refuses one of none."""
+"""Mass properties of a moving link without mass, because MuJoCo refuses zero."""
 
 MASSLESS = MassProperties(mass=0.0)
-"""What a link weighs that is fixed and has no mass of its own. Without `<inertial>`, PyBullet gives it 1 kg, unless it is `world`."""
+"""Mass properties of a fixed link without mass. Without `<inertial>`, PyBullet gives it 1 kg, unless it is `world`."""
 
 LINK = "_link"
-"""What the name of a link between the joints of a chain ends with, behind that of the joint before: components are called like joints."""
+"""Suffix of a link between the joints of a chain, after the name of the joint before, because components have the same names as joints."""
 
 MESHES = "meshes"
 """The folder of meshes beside the files."""
@@ -48,16 +48,16 @@ MESHES = "meshes"
 INTERFACES: Mapping[DriveType, str] = {
     "position": "PositionJointInterface", "velocity": "VelocityJointInterface", "motor": "EffortJointInterface",
 }
-"""What a drive takes, as ROS called it."""
+"""The interface of a drive in ROS 1."""
 
 
 def model(robot: Robot, geometry: Geometry, report: Report, meshes: str = MESHES) -> Element:
-    """The whole `<robot>` element of a mode; `meshes` is the URI of their folder. Names that URDF cannot tell apart are reported."""
+    """Return the `<robot>` element of a mode; `meshes` is the URI of their folder. Duplicate names are reported."""
     return _Builder(robot, geometry, report, meshes).build()
 
 
 def mujoco_extension(robot: Robot) -> Element:
-    """The options with which MuJoCo reads the whole file. By default it drops fixed links and what is only drawn."""
+    """Return the options for MuJoCo. By default it drops fixed links and visual shapes."""
     section = Element(tag="mujoco", attributes={}, origin=robot.mode.origin)
     section.add("compiler", {"fusestatic": "false", "discardvisual": "false", "strippath": "false", "meshdir": ""})
     section.add("option", {"gravity": robot.gravity}, robot.mode.origin)
@@ -82,9 +82,9 @@ class _Builder:
         self.followed = {leader for path, (leader, _, _) in self.follows.items() if leader != path}
 
     def build(self) -> Element:
-        """Materials, links and joints from the root on, then joints that follow others, frames, and transmissions.
+        """Return the element: materials, links and joints from the root on, then mimic joints, frames, and transmissions.
 
-        Frames come last because some readers, such as ikpy, go from a link to its first child.
+        Frames come last, because some readers, such as ikpy, follow the first child of a link.
         """
         for name, (color, origin) in materials(self.geometry.shapes).items():
             self.root.add("material", {"name": name}, origin).add("color", {"rgba": channels(color)})
@@ -112,7 +112,7 @@ class _Builder:
         return self.root
 
     def _lead(self, parent: str, child: str, chain: tuple[Move, ...], X_PL: Pose) -> None:
-        """The joints from a link to the next, and the links between them; to a base that stays where it is one that is fixed."""
+        """Add the joints from a link to the next, and the links between them; for a fixed base a fixed joint."""
         if not chain:
             self.root.children.append(self._joint(BASE, "fixed", parent, child, X_PL, self.robot.mode.origin))
             return
@@ -125,7 +125,9 @@ class _Builder:
             parent = end
 
     def _moving(self, move: Move, parent: str, child: str) -> None:
-        """One joint that moves; what follows another follows the one that moves by itself: not every reader goes on from a follower."""
+        """Add a moving joint. A joint that mimics a mimic joint follows the independent one, because not every reader supports chains of
+        mimics.
+        """
         joint = move.joint
         leader, multiplier, offset = self.follows.get(joint.path, (joint.path, 1.0, 0.0))
         if move.follows is not None:
@@ -160,7 +162,7 @@ class _Builder:
                     assert_never(form)
 
     def _ends(self, move: Move) -> tuple[float, float]:
-        """Between which values a joint stays: of one that follows and has no limits between those that its leader's take it to."""
+        """Return the range of a joint. A mimic joint without limits gets the range that its leader's limits give."""
         limit, thread = move.joint.limit, 1.0 if move.follows is None else move.follows[1]
         offset = 0.0
         if not limit.bounded and move.joint.path in self.follows:
@@ -171,7 +173,7 @@ class _Builder:
         return (-UNBOUNDED if lower is None else lower), (UNBOUNDED if upper is None else upper)
 
     def _strength(self, move: Move) -> dict[str, XmlValue]:
-        """How strong and fast a joint may be: of a screw's slide what follows from the turn, which alone is driven."""
+        """Return the limits of effort and velocity. Those of a screw's slide follow from its rotation, which has the drive."""
         joint = move.joint
         if joint.kind.at_once and joint.mate >= 0:
             effort, velocity = self._strength_of_turn(joint)
@@ -186,8 +188,11 @@ class _Builder:
         return joint.limit.effort if joint.limit.effort is not None else UNBOUNDED if driven else 0.0
 
     def _strength_of_turn(self, joint: TreeJoint) -> tuple[float, float | None]:
-        """Of one of the three turns of a ball, at q = 0: the most that its drives, whose axes are their own, give about it together, and
-        how fast the slowest of them lets it go."""
+        """Return the limits of one of the three rotations of a ball, at q = 0.
+
+        The effort is the largest that its drives, which have their own axes, give about it together; the velocity is that of the slowest
+        drive.
+        """
         joints = self.assembly.mates[joint.mate].joints
         about = next(index for index, one in enumerate(joints) if one.path == joint.path)
         drives = [(one, abs(one.actuator.axis[about])) for one in joints if one.actuator is not None and one.actuator.axis is not None]
@@ -203,7 +208,7 @@ class _Builder:
         return element
 
     def _frame(self, link: str, path: str, pose: Pose, origin: Origin, made: str | None = None) -> None:
-        """A massless link for a frame."""
+        """Add a massless link for a frame."""
         if self.links.free(path, origin, made):
             frame = Element(tag="link", attributes={"name": safe(path)}, origin=origin)
             _weigh(frame, MASSLESS)
@@ -211,7 +216,7 @@ class _Builder:
             self.frames += frame, joint
 
     def _link(self, name: str, body: Body, X_CL: Pose) -> None:
-        """A link with all that it holds, in its frame as URDF has it."""
+        """Add a link with all its contents, in its URDF frame."""
         link = self._link_of(body)
         element = self.root.add("link", {"name": name}, link.origin)
         weight = BETWEEN if body.joints else MASSLESS
@@ -247,7 +252,7 @@ class _Builder:
 
 
 def _transmission(joint: str, drive: ActuatorModel) -> Element:
-    """A drive that turns the joint as much as itself, called like it."""
+    """Return a transmission with ratio 1 for a drive, with the name of the joint."""
     element = Element(tag="transmission", attributes={"name": f"{joint}_transmission"}, origin=drive.origin)
     element.say("type", "transmission_interface/SimpleTransmission")
     element.add("joint", {"name": joint}).say("hardwareInterface", f"hardware_interface/{INTERFACES[drive.kind]}")
@@ -256,7 +261,7 @@ def _transmission(joint: str, drive: ActuatorModel) -> Element:
 
 
 def parts(shape: Shape) -> tuple[Shape, ...]:
-    """The shapes of URDF 1.0 that are the same as one: it has no capsules."""
+    """Return the URDF 1.0 shapes that are equal to one shape: URDF has no capsules."""
     form = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
     match form:
         case "itself":
@@ -272,7 +277,7 @@ def parts(shape: Shape) -> tuple[Shape, ...]:
 
 
 def _origin(element: Element, pose: Pose) -> None:
-    """Where something is, if it says anything."""
+    """Set the origin, unless it is the identity."""
     attributes = {"xyz": pose.translation} if any(pose.translation) else {}
     if pose.rotation != IDENTITY:
         attributes["rpy"] = rpy_of(pose.rotation)
@@ -281,7 +286,7 @@ def _origin(element: Element, pose: Pose) -> None:
 
 
 def _weigh(link: Element, properties: MassProperties) -> None:
-    """Mass [kg], centre [m] and inertia [kg m^2] about it, in the axes of the link."""
+    """Set mass [kg], centre [m] and inertia [kg m^2] about it, in the axes of the link."""
     inertial = link.add("inertial")
     _origin(inertial, shifted(*properties.centre))
     inertial.add("mass", {"value": properties.mass})

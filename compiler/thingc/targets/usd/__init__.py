@@ -1,1 +1,1 @@
-"""USD: a stage of UsdPhysics for each mode, for Isaac Sim, Newton and whatever else reads it."""
+"""USD: a UsdPhysics stage for each mode, for Isaac Sim, Newton and other readers."""

@@ -1,4 +1,4 @@
-"""What USD can say of a robot, by UsdPhysics and, for who reads them, Newton's and PhysX's schemas."""
+"""What USD can express of a robot, with UsdPhysics and the additional schemas of Newton and PhysX."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Joints as UsdPhysics has them: a frame on either body, and what may move between the two.
+"""Joints of UsdPhysics: a frame on either body, and the free motions between the two.
 
     X_body1 = X_body0 @ frame0 @ T(trans) @ RotX @ RotY @ RotZ @ inv(frame1)
 
-Turns and slides about and along z of the frame are joints of their own, a ball is one, too; what else has several coordinates is a generic
-joint (D6), which slides first and then turns about x, y as that has turned it, and z. UsdPhysics leaves the order of the turns to
-readers; this is Newton's. What such a joint cannot do is a chain of two, with an almost massless link between. Newton's schema can express
-that a turn follows another turn, and a slide another slide.
+Rotations about and slides along z of the frame have their own types, and so has a ball. Any other joint with several coordinates is a
+generic joint (D6), which slides first and then rotates about x, the rotated y, and z. UsdPhysics leaves the order of the rotations to
+readers; this is Newton's. Motions that such a joint does not support are a chain of two, with an almost massless link between. In Newton's
+schema a rotation can mimic a rotation, and a slide a slide.
 """
 
 from __future__ import annotations
@@ -28,15 +28,18 @@ from thingc.targets.usd.capabilities import CAPABILITIES
 UsdType = Literal["Fixed", "Revolute", "Prismatic", "Spherical", "D6"]
 
 PARALLEL = 1e-9
-"""Axes are parallel, or at right angles, where the cosine is this near to 1, or to 0."""
+"""Tolerance of the cosine for parallel and perpendicular axes."""
 
 LETTERS = {1: ("Z",), 2: ("X", "Y"), 3: ("X", "Y", "Z")}
-"""Along which axes of the frame the directions lie in which a joint moves, by how many there are."""
+"""Axes of the frame along the directions of a joint, by the number of directions."""
 
 
 class Freedom(FrozenStruct):
-    """What may move: `name` is UsdPhysics's (`angular` and `linear` of a joint with one coordinate, else `rotX` or `transX` ..., of a ball
-    `ball`); it moves by `ratio` [1 or m/rad] of the `joint`'s q."""
+    """A free motion.
+
+    `name` is that of UsdPhysics (`angular` or `linear` for a joint with one coordinate, else `rotX` or `transX` ..., for a ball `ball`). It
+    moves by `ratio` [1 or m/rad] of the `joint`'s q.
+    """
 
     name: str
     joint: TreeJoint | JointEdge
@@ -49,8 +52,9 @@ class Freedom(FrozenStruct):
 
 
 class UsdJoint(FrozenStruct):
-    """A joint of UsdPhysics's: `path` names it, `frame` is its frame in the child at q = 0, `freedoms` are its coordinates (of a ball those
-    of the document)."""
+    """A joint of UsdPhysics: `path` is its name, `frame` its frame in the child at q = 0, `freedoms` are its motions (for a ball the
+    document's coordinates).
+    """
 
     path: str
     type: UsdType
@@ -59,13 +63,14 @@ class UsdJoint(FrozenStruct):
 
     @property
     def single(self) -> TreeJoint | JointEdge | None:
-        """The coordinate of one that only turns or only slides."""
+        """The coordinate of a joint that only rotates or only slides, else None."""
         return self.freedoms[0].joint if self.type in ("Revolute", "Prismatic") else None
 
 
 def chain(connection: Connection) -> tuple[UsdJoint, ...]:
-    """The joints that connect two bodies, one after the other; with F the frame of one of them, `X_0 @ F` is it on the parent and `X_1 @ F`
-    on the child."""
+    """Return the successive joints that connect two bodies. With F the frame of one of them, it is `X_0 @ F` on the parent and `X_1 @ F` on
+    the child.
+    """
     path, joints, twists = connection.path, connection.coordinates, connection.twists
     if not joints:
         return (UsdJoint(path=path, type="Spherical" if connection.turns else "Fixed"),)
@@ -82,9 +87,9 @@ def chain(connection: Connection) -> tuple[UsdJoint, ...]:
 
 
 def _spherical(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
-    """A ball."""
+    """Return a ball."""
     backwards = isinstance(joints[0], TreeJoint) and joints[0].reversed
-    # Backwards the tree has the coordinates the other way round, and each of them negated.
+    # A reversed joint has the coordinates in reverse order, and each of them negated.
     axes = [(-x, -y, -z) for x, y, z in (twist.angular for twist in reversed(twists))] if backwards else [one.angular for one in twists]
     ordered = joints[::-1] if backwards else joints
     frame = Pose(rotation=transpose((axes[0], axes[1], axes[2])), translation=twists[0].anchor)
@@ -92,13 +97,13 @@ def _spherical(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Seque
 
 
 def _single(path: str, joint: TreeJoint | JointEdge, twist: Twist) -> UsdJoint:
-    """A turn or a slide."""
+    """Return a rotation or a slide."""
     freedom = Freedom(name="angular" if twist.turns else "linear", joint=joint)
     return UsdJoint(path=path, type="Revolute" if twist.turns else "Prismatic", frame=along(twist.axis, twist.anchor), freedoms=(freedom,))
 
 
 def _generic(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> Iterator[UsdJoint]:
-    """A generic joint, or several where a slide comes after a turn about another axis."""
+    """Yield a generic joint, or several if a slide follows a rotation about another axis."""
     groups: list[list[int]] = [[]]
     for k, twist in enumerate(twists):
         if not twist.turns and any(twists[other].turns and not _parallel(twists[other].axis, twist.axis) for other in groups[-1]):
@@ -112,7 +117,7 @@ def _generic(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequenc
 
 
 def _several(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
-    """One joint with all of the coordinates, whose axes are parallel or at right angles."""
+    """Return one joint with all coordinates, whose axes are parallel or perpendicular."""
     anchor = next((twist.anchor for twist in twists if twist.turns), twists[0].anchor)
     directions: list[Vector] = []
     for twist in twists:
@@ -129,7 +134,7 @@ def _several(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequenc
 
 
 def _frame(directions: Sequence[Vector], anchor: Vector) -> Pose:
-    """The frame whose axes (`LETTERS`) lie in the directions."""
+    """Return the frame whose axes (`LETTERS`) have these directions."""
     if len(directions) == 1:
         return along(directions[0], anchor)
     x, y = directions[:2]
@@ -142,9 +147,12 @@ def _parallel(a: Vector, b: Vector) -> bool:
 
 
 class MimicJoint(FrozenStruct):
-    """A joint at `path` that follows the `leader`, which moves by itself: q = offset + multiplier q(leader) [rad or m]. `said`: both are
-    joints of one coordinate and of one kind, as Newton's schema has them. `reach`: between which values the leader's limits take it, None
-    where that has no two."""
+    """A mimic joint at `path`.
+
+    It follows the independent joint `leader`: q = offset + multiplier q(leader) [rad or m]. `said`: Newton's schema can express it, because
+    both are joints with one coordinate and of the same kind. `reach` is the range that the leader's limits give, None if it does not have
+    both.
+    """
 
     path: str
     leader: str
@@ -157,7 +165,7 @@ class MimicJoint(FrozenStruct):
 
 
 def followers(robot: Robot) -> dict[str, MimicJoint]:
-    """Of every joint that follows another one, by path."""
+    """Return every mimic joint, by path."""
     steps = [step for connection in connections(robot, CAPABILITIES["loops"]) for step in chain(connection)]
     single = {step.single.path: step.type for step in steps if step.single is not None}
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}

@@ -1,8 +1,7 @@
-"""Limits, drives and what else a joint has, in UsdPhysics's units: degrees, and gains per degree. What UsdPhysics has no words for is
-written in Newton's schema, and in PhysX's, which is that of Isaac Sim.
+"""Limits, drives and other properties of joints in the units of UsdPhysics: degrees, and gains per degree.
 
-A reader that does not know the schemas leaves them alone. Both have one axis of a joint in mind: what PhysX has of balls, and both of
-generic joints, is left out.
+Properties that UsdPhysics lacks are written in the schemas of Newton and of PhysX (Isaac Sim), which other readers ignore. Both schemas are
+for joints with one axis: those of PhysX are not written for balls, and neither for generic joints.
 """
 
 from __future__ import annotations
@@ -15,14 +14,14 @@ from thingc.targets.usd.chain import Freedom, MimicJoint, UsdJoint
 from thingc.targets.usd.usda import Prim
 
 LOCKED = (1.0, -1.0)
-"""The limits of what must not move: the lower above the upper (UsdPhysics, `PhysicsLimitAPI`)."""
+"""The limits of a locked motion: the lower above the upper (UsdPhysics, `PhysicsLimitAPI`)."""
 
 GENERIC = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
-"""What of a generic joint may move, or be locked."""
+"""The motions of a generic joint, each free or locked."""
 
 
 def ends(freedom: Freedom) -> tuple[float, float]:
-    """Between which values [deg or m] it stays."""
+    """Return the range of a motion [deg or m]."""
     limit, infinite = freedom.joint.limit, numeric.inf * freedom.ratio
     low = -infinite if limit.lower is None else limit.lower * freedom.ratio
     high = infinite if limit.upper is None else limit.upper * freedom.ratio
@@ -31,7 +30,7 @@ def ends(freedom: Freedom) -> tuple[float, float]:
 
 
 def equip(prim: Prim, joint: UsdJoint, robot: Robot) -> None:
-    """Limits and drives of a joint, and what of its dynamics Newton reads."""
+    """Set the limits and drives of a joint."""
     if joint.type == "D6":
         free = {freedom.name: ends(freedom) for freedom in joint.freedoms}
         for name in GENERIC:
@@ -53,8 +52,10 @@ def equip(prim: Prim, joint: UsdJoint, robot: Robot) -> None:
 
 
 def _drive(prim: Prim, freedom: Freedom) -> None:
-    """A drive with the gains of the joint's; a motor has none, and its force is what whoever simulates asks of it. Its target is q = 0, or
-    the nearest to it that the limits allow."""
+    """Set the drive of a joint with its gains.
+
+    A motor has no gains; the simulator sets its force. The target is q = 0, or the nearest value within the limits.
+    """
     drive = freedom.joint.actuator
     if drive is None or written(CAPABILITIES["drives"][drive_cell(freedom.joint, drive)]) is None:
         return
@@ -75,8 +76,11 @@ def _drive(prim: Prim, freedom: Freedom) -> None:
 
 
 def passive(joint: UsdJoint) -> dict[str, float]:
-    """Armature, damping, friction and the velocity limit of a turn, a slide or a ball, by the names of Newton's schema, which has one value
-    of each for all coordinates of a joint: in degrees where it turns, but for the armature and the friction; without those that are 0."""
+    """Return armature, damping, friction and velocity limit of a rotation, a slide or a ball, by their names in Newton's schema.
+
+    The schema has one value for all coordinates of a joint. Damping and velocity limit are in degrees for a rotation or a ball. Values of 0
+    are left out.
+    """
     if joint.type not in ("Revolute", "Prismatic", "Spherical") or not joint.freedoms:
         return {}
     of, degrees = joint.freedoms[0].joint, 1.0 if joint.type == "Prismatic" else numeric.degrees(1.0)
@@ -89,19 +93,21 @@ def passive(joint: UsdJoint) -> dict[str, float]:
 
 
 AXIS = "rotZ"
-"""What PhysX calls the coordinate of a turn or a slide about or along z where it mimics."""
+"""The name in PhysX of the mimic coordinate of a rotation about, or a slide along z."""
 
 
 def articulation(prim: Prim) -> None:
-    """The root of the articulation: its links touch each other, but for those that are filtered."""
+    """Set the root of the articulation: its links collide with each other, except filtered pairs."""
     prim.schemas.append("PhysxArticulationAPI")
     prim.say("bool physxArticulation:enabledSelfCollisions", "1")
 
 
 def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
-    """Armature, damping, friction and the velocity limit of a joint. PhysX takes them of joints of its articulation alone: armature and
-    limit of the whole joint, and since Isaac Sim 5 all of them by axis, which goes before. (Its `jointFriction` of old is no torque, but a
-    share of what the joint carries.)"""
+    """Set armature, damping, friction and velocity limit of a joint.
+
+    PhysX supports them only for joints of its articulation: armature and limit for the whole joint, and since Isaac Sim 5 all of them by
+    axis, which takes precedence. (Its older `jointFriction` is not a torque, but relative to the load of the joint.)
+    """
     values = passive(joint)
     if values:
         prim.schemas.append("NewtonJointAPI")
@@ -125,8 +131,11 @@ def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
 
 
 def follow(prim: Prim, joint: UsdJoint, follower: MimicJoint, leader: str) -> None:
-    """What follows the joint at the path `leader`, in degrees where it turns. Without limits of its own it has those to which the leader's
-    take it: PhysX takes no turn without, and counts the other way round: q + gearing * q(leader) + offset = 0."""
+    """Make a joint mimic the one at the path `leader`, in degrees if it rotates.
+
+    Without limits of its own it gets the range that the leader's limits give: PhysX requires limits of a rotation, and uses the opposite
+    sign, q + gearing * q(leader) + offset = 0.
+    """
     unit = numeric.degrees(1.0) if follower.turns else 1.0
     offset, own = follower.offset * unit, ends(joint.freedoms[0])
     if follower.reach is not None and own == (-numeric.inf, numeric.inf):

@@ -1,4 +1,4 @@
-"""`usd/<name>_<mode>.usda`: a stage of UsdPhysics for each chosen mode, with its meshes in it."""
+"""`usd/<name>_<mode>.usda`: a UsdPhysics stage for each chosen mode, with its meshes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from thingc.targets.usd.usda import FLOAT_MAX, rendered, write
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """A file for each chosen mode; the meshes, which all of them hold, are put into words once."""
+    """Return a file for each chosen mode. Each contains the meshes, whose text is made once."""
     assembly = request.assembly
     shapes, flat = solid_geometry(assembly, "usd", "usd", request.report)
     scope = f"{assembly.name}_meshes"
@@ -43,7 +43,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
-    """Of one mode, besides what no file of the format says; what is lost of every mode alike is of none."""
+    """Yield the losses of one mode other than those of `CAPABILITIES`. Losses common to all modes have no mode."""
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"]):
         if (number := len(chain(connection))) > 1:
@@ -75,7 +75,7 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
 
 
 def _of_floats(joint: TreeJoint | JointEdge) -> Iterator[Loss]:
-    """What numbers of a joint are too large for USD's floats."""
+    """Yield the numbers of a joint that are too large for USD's floats."""
     turns, drive, dynamics = joint.twist.turns, joint.actuator, joint.dynamics
     q, push = ("rad", "N m") if turns else ("m", "N")
     for what, value, unit in (
@@ -88,14 +88,14 @@ def _of_floats(joint: TreeJoint | JointEdge) -> Iterator[Loss]:
 
 
 def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, degrees: bool = False) -> Iterator[Loss]:
-    """A number that no float holds, where it is one; of angles in degrees."""
+    """Yield a loss if a number is too large for a float; angles are converted to degrees."""
     if value > (numeric.radians(FLOAT_MAX) if degrees else FLOAT_MAX):
         words = f"its {what} of {value:.6g} {unit}: it is infinite here, where numbers go up to {FLOAT_MAX:.2g}"
         yield _loss(None, path, words, "approximated", origin)
 
 
 def _closed(robot: Robot) -> bool:
-    """Whether loops and holds are closed at q = 0, with the base where the mode puts it."""
+    """Whether loops and holds are closed at q = 0, with the base where the mode places it."""
     if not robot.closures:
         return True
     joints, base = joints_of(robot.assembly), robot.bodies[0].X_PL

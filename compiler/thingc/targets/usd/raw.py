@@ -1,10 +1,10 @@
-"""Raw attributes of USD: what `raw: {usd: ...}` lays over the prims of links and joints, and over the scene.
+"""Raw attributes of `raw: {usd: ...}`, applied to the prims of links and joints, and to the scene.
 
-    joint: {crane.swing: {"physics:breakForce": 20.0}}            an attribute of a joint; of a link the same
-    scene: {"token physxScene:solverType": TGS}                   of the scene; with its type, where the value does not tell it
-    link: {crane.boom: {apiSchemas: PhysxRigidBodyAPI}}           schemas that are applied besides ours
+    joint: {crane.swing: {"physics:breakForce": 20.0}}            an attribute of a joint; the same for a link
+    scene: {"token physxScene:solverType": TGS}                   of the scene; with its type, unless the value shows it
+    link: {crane.boom: {apiSchemas: PhysxRigidBodyAPI}}           additional applied schemas
 
-Names, types and values are checked here; what a reader makes of the rest nobody asks.
+Names, types and values are checked here; whether a reader supports them is not.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from thingc.targets.usd.usda import FLOAT_MAX, Prim, listed, quoted, several
 from thingc.targets.xml_writer import NO_CHARACTER, number
 
 KINDS = ("joint", "link", SCENE)
-"""What attributes may be of; links and joints have names."""
+"""Kinds of prims that can have raw attributes; links and joints have names."""
 
 SCHEMAS = "apiSchemas"
-"""The key of the schemas that are applied: no attribute."""
+"""The key of applied schemas, which is not an attribute."""
 
 TYPES = ("bool", "int", "float", "double", "string", "token")
-"""Types of attributes; of each there are arrays (`int[]`), of numbers vectors, too (`float3`)."""
+"""Types of attributes. Each can be an array (`int[]`), and numbers can be vectors, too (`float3`)."""
 
 _NAME = r"[A-Za-z_]\w*(?::[A-Za-z_]\w*)*"
 _KEY = re.compile(rf"(?:(\S+) )?({_NAME})", re.ASCII)
@@ -41,8 +41,9 @@ _INT_MAX = 2**31 - 1
 
 
 def lay(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
-    """Lay the raw attributes over the default prims of the chosen modes. What has no place in any of them, or is no value of its type, is
-    reported where it is written."""
+    """Apply the raw attributes to the default prims of the chosen modes. Report one that has no place in any of them, or a value of the
+    wrong type.
+    """
     for attribute in assembly.raw:
         if attribute.target == "usd":
             fault = _fault(attribute, models) or next(filter(None, (_laid(attribute, prim) for prim in _prims(attribute, models))), None)
@@ -52,7 +53,7 @@ def lay(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
 
 
 def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
-    """What is wrong with what a path names."""
+    """Return the fault of a path, or None."""
     path = attribute.path
     if path[0] not in KINDS:
         return f"raw attributes of `{path[0]}` are not known in `usd`", did_you_mean(path[0], KINDS, what="kinds of prims"), 0
@@ -66,20 +67,20 @@ def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
 
 
 def _prims(attribute: RawAttribute, models: Sequence[Prim]) -> list[Prim]:
-    """The prims that an attribute is of."""
+    """Return the prims of an attribute."""
     kind, name = attribute.path[0], in_files(attribute.path[1])
     return [prim for model in models for prim in _all(kind, model) if kind == SCENE or prim.name == name]
 
 
 def _all(kind: str, model: Prim) -> list[Prim]:
-    """All prims of a kind."""
+    """Return all prims of a kind."""
     if kind == "joint":
         return [joint for holder in model.children if holder.name == JOINTS for joint in holder.children]
     return [child for child in model.children if (child.name == SCENE if kind == SCENE else "PhysicsRigidBodyAPI" in child.schemas)]
 
 
 def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
-    """Lay an attribute over a prim, or say why not."""
+    """Apply an attribute to a prim, or return its fault."""
     key, value, last = attribute.path[-1], json.loads(attribute.value), len(attribute.path)
     strange = NO_CHARACTER.search("".join(one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)))
     if strange is not None:
@@ -115,14 +116,14 @@ def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
 
 
 def _type_of(value: object) -> str:
-    """The type of an attribute that has this value; of a list the first that fits all of it."""
+    """Return the type of an attribute with this value; for a list the first type that fits all items."""
     if isinstance(value, list):
         return next((f"{type}[]" for type in ("bool", "int", "float", "string") if _literal(f"{type}[]", value) is not None), "float[]")
     return {bool: "bool", int: "int", str: "string"}.get(type(value), "float")
 
 
 def _literal(type: str, value: object) -> str | None:
-    """A value as USD writes it; None where it is none of the type."""
+    """Return a value as USD text, or None if it does not have the type."""
     scalar, size = type.removesuffix("[]"), None
     if type == "vector3f":
         scalar, size = "float", 3
@@ -150,7 +151,7 @@ def _scalar(type: str, value: object) -> str | None:
 
 
 def _expected(type: str) -> str:
-    """What to write for a value of a type."""
+    """Return the hint for a value of a type."""
     one = {
         "bool": "true or false", "int": f"a whole number, {_INT_MAX} at most", "string": "text", "token": "text",
         "double": "a number", "float": f"a number, {FLOAT_MAX:.3g} at most",

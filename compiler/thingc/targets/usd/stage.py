@@ -1,15 +1,15 @@
-"""One mode's robot as a stage of UsdPhysics.
+"""A robot in one mode as a UsdPhysics stage.
 
     /arm  ->  scene, materials
-          ->  base_link, bracket, ...       links side by side, in the frames that MJCF and `modes.json` have of them, at q = 0
+          ->  base_link, bracket, ...       links side by side, with the same frames as in MJCF and `modes.json`, at q = 0
                 -> tip                      mounts, `frame` components and roots of modes
                 -> visuals, collisions
           ->  joints
-    /arm_meshes                             prototypes (a class: nothing of it is there by itself)
+    /arm_meshes                             prototypes (a class: not part of the scene by itself)
 
-One articulation, whose root is the base link; one that does not float is carried by the joint `root`. (The schema would have the root of
-such an articulation on that joint: Newton takes either, mujoco-usd no other than a link.) Joints of the tree go from the parent in the tree
-to the child, which Newton insists on; those that close it are excluded from it.
+There is one articulation, whose root is the base link; unless it floats, the joint `root` connects it to the world. (According to the
+schema the root of such an articulation would be that joint: Newton accepts both, mujoco-usd only a link.) Joints of the tree go from the
+parent in the tree to the child, as Newton requires; those that close it are excluded from the articulation.
 """
 
 from __future__ import annotations
@@ -40,28 +40,29 @@ from thingc.targets.usd.usda import Prim, listed, several
 Key = TypeVar("Key")
 
 MESH = "mesh"
-"""What the mesh in a prototype is called: an instance shares what is below it."""
+"""The name of the mesh in a prototype: an instance shares the prims below it."""
 
 SCENE, MATERIALS, JOINTS = "scene", "materials", "joints"
-"""What stands beside the links, so that none of them can be called so."""
+"""Prims beside the links, whose names no link can have."""
 
 LINK = "_link"
-"""What the name of a link between the joints of a chain ends with, behind that of the joint before."""
+"""Suffix of a link between the joints of a chain, after the name of the joint before."""
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
-"""What a link weighs [kg] that has no mass, and its moments of inertia [kg m^2]: UsdPhysics takes none for `not said`."""
+"""Mass [kg] and moments of inertia [kg m^2] of a link without mass, because 0 means `not specified` in UsdPhysics."""
 
 ROUGHNESS = 0.6
-"""Of every surface: what a part is made of says its colour, not how it shines."""
+"""Roughness of all surfaces: documents specify colours, but not gloss."""
 
 ROOM = 2.0**-22
-"""By how large a part of it the largest principal moment is below the sum of the others at least: of a flat body it is that sum, and may be
-above it once the three are floats."""
+"""Relative margin of the largest principal moment below the sum of the others. For a flat body they are equal, and after rounding to floats
+it could be larger.
+"""
 
 
 def model(robot: Robot, geometry: Geometry, meshes: dict[str, str], report: Report) -> Prim:
-    """The default prim of a mode; `meshes` are the paths of the prototypes by the names of the assets. Names that USD cannot tell apart are
-    reported."""
+    """Return the default prim of a mode; `meshes` are the paths of the prototypes by the names of the assets. Duplicate names are reported.
+    """
     return _Builder(robot, geometry, meshes, report).build()
 
 
@@ -81,7 +82,7 @@ class _Builder:
         self.materials = identifiers({**{name: name for name in materials(geometry.shapes)}, **frictions})
 
     def build(self) -> Prim:
-        """The scene, materials, links with what they carry, joints."""
+        """Return the prim with the scene, materials, links with their contents, and joints."""
         robot = self.robot
         for word, what in ((SCENE, "the physics scene"), (MATERIALS, "what holds the materials"), (JOINTS, "what holds the joints")):
             self.names.take(word, (), what)
@@ -113,14 +114,14 @@ class _Builder:
         return self.root
 
     def _scene(self) -> None:
-        """Gravity [m/s^2]."""
+        """Add the scene with gravity [m/s^2]."""
         scene = self.root.add("PhysicsScene", SCENE)
         size = hypot(*self.robot.gravity)
         scene.say("vector3f physics:gravityDirection", several(g / size for g in self.robot.gravity) if size else "(0, 0, -1)")
         scene.say("float physics:gravityMagnitude", size)
 
     def _materials(self) -> None:
-        """What is seen, by its colour, and what is touched, by its friction."""
+        """Add visual materials by colour, and physics materials by friction."""
         holder = self.root.add("Scope", MATERIALS)
         for name, (color, _) in materials(self.geometry.shapes).items():
             red, green, blue, alpha = channels(color)
@@ -146,7 +147,7 @@ class _Builder:
                 material.say(f"float newton:{word}Friction", value)
 
     def _body(self, name: str, properties: MassProperties, pose: Pose) -> Prim:
-        """A rigid body in the world, with its mass [kg], centre [m], and moments of inertia [kg m^2] in principal axes."""
+        """Add a rigid body in the world, with its mass [kg], centre [m], and moments of inertia [kg m^2] in principal axes."""
         prim = self.root.add("Xform", name, "PhysicsRigidBodyAPI", "PhysicsMassAPI")
         moments, axes = moments_of(properties)
         prim.say("float physics:mass", properties.mass or LEAST_MASS)
@@ -157,7 +158,7 @@ class _Builder:
         return prim
 
     def _lead(self, holder: Prim, names: list[str], poses: tuple[Pose, ...], connection: Connection) -> None:
-        """The joints from a link to another, and the links between them, which are where the last is."""
+        """Add the joints from a link to another, and the links between them, which are at the place of the child."""
         parent, X_0 = self.path if connection.parent is None else f"{self.path}/{names[connection.parent]}", connection.X_0
         *before, last = chain(connection)
         for step in before:
@@ -190,7 +191,7 @@ class _Builder:
             follow(prim, joint, follower, f"{self.path}/{JOINTS}/{safe(follower.leader)}")
 
     def _shapes(self, prim: Prim, link: Link) -> None:
-        """What is drawn of a link, and what of it collides, which viewers show on demand."""
+        """Add the visual shapes of a link, and its collision shapes, which viewers show on demand."""
         taken = {child.name for child in prim.children}
         visuals, collisions = (Prim(type="Scope", name=free(word, taken)) for word in ("visuals", "collisions"))
         collisions.say("uniform token purpose", '"guide"')
@@ -203,7 +204,7 @@ class _Builder:
         prim.children += [one for one in (visuals, collisions) if one.children]
 
     def _visual(self, holder: Prim, name: str, shape: Shape, pose: Pose) -> None:
-        """An instance of a mesh, or a primitive, in its colour."""
+        """Add an instance of a mesh, or a primitive, in its colour."""
         kind = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
         if kind is None:
             return
@@ -235,8 +236,10 @@ class _Builder:
 
 
 def moments_of(properties: MassProperties) -> tuple[Vector, Matrix]:
-    """The moments of inertia [kg m^2] about principal axes, the columns of a rotation, that stay those of a body as floats; of what has
-    none that any solid has the least."""
+    """Return the moments of inertia [kg m^2] and the principal axes, the columns of a rotation.
+
+    The moments remain physical after rounding to floats. Without a physical inertia they are the smallest allowed.
+    """
     if properties.mass <= 0.0 or physical_fault(properties.inertia) is not None:
         return (LEAST_INERTIA,) * 3, IDENTITY
     (a, b, c), axes = principal_axes(properties.inertia)
@@ -248,18 +251,18 @@ Friction = tuple[str, float | None, float | None, float | None]
 
 
 def _friction(material: Material) -> Friction:
-    """What tells materials apart that rub: nested documents may have others of the same name."""
+    """Return the values that distinguish physics materials: nested documents may have others of the same name."""
     return material.name, material.slide, material.torsion, material.roll
 
 
 def rubbing(geometry: Geometry) -> dict[Friction, Material]:
-    """The materials of which any friction is said, of what collides."""
+    """Return the collision materials that specify any friction."""
     touching = [shape.material for one in geometry.shapes for shape in one.collision if shape.material is not None]
     return {_friction(one): one for one in touching if (one.slide, one.torsion, one.roll) != (None, None, None)}
 
 
 def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
-    """Say how large a primitive is; the factors by which it is stretched besides (none: it is not). Of a mesh nothing is said."""
+    """Set the size of a primitive, and return the scale factors that it needs in addition (empty: none). A mesh has no size."""
     match shape.kind:
         case "mesh":
             return ()
@@ -291,12 +294,12 @@ def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
 
 
 def _extent(prim: Prim, half: tuple[float, float, float]) -> None:
-    """The box around a primitive, which lies around its origin."""
+    """Set the box around a primitive, which is centred at its origin."""
     prim.say("float3[] extent", f"[{several(-value for value in half)}, {several(half)}]")
 
 
 def identifiers(words: Mapping[Key, str]) -> dict[Key, str]:
-    """Of each word a name that USD takes, `arm_Hand` of `arm.Hand`; where two would be one the second has a number."""
+    """Return a valid USD name for each word, `arm_Hand` for `arm.Hand`; if two are equal, the second has a number."""
     names: dict[Key, str] = {}
     for key, word in words.items():
         plain = re.sub(r"\W", "_", word, flags=re.ASCII)
@@ -305,12 +308,12 @@ def identifiers(words: Mapping[Key, str]) -> dict[Key, str]:
 
 
 def free(word: str, taken: Collection[str]) -> str:
-    """The word, with a number where something is called so."""
+    """Return the word, with a number if it is taken."""
     return next(name for k in range(len(taken) + 1) if (name := f"{word}_{k}" if k else word) not in taken)
 
 
 def prototypes(geometry: Geometry, store: Store, scope: str, names: dict[str, str]) -> Prim:
-    """A class with a prototype for each mesh asset, which is there to be referenced alone."""
+    """Return a class with a prototype for each mesh asset, which only exists to be referenced."""
     prim = Prim(type="Scope", name=scope, specifier="class")
     drawn = {shape.mesh for shapes in geometry.shapes for shape in shapes.visual}
     for asset in geometry.meshes:
@@ -320,7 +323,7 @@ def prototypes(geometry: Geometry, store: Store, scope: str, names: dict[str, st
 
 
 def _mesh(prim: Prim, asset: MeshAsset, text: str, *, drawn: bool) -> None:
-    """The triangles of a mesh of the store (OBJ), as they are."""
+    """Set the triangles of a mesh of the store (OBJ), unchanged."""
     rows = [line.split() for line in text.splitlines()]
     points = [row[1:4] for row in rows if row and row[0] == "v"]
     corners = [int(corner.partition("/")[0]) - 1 for row in rows if row and row[0] == "f" for corner in row[1:4]]

@@ -1,7 +1,7 @@
-"""USD's text, written by us.
+"""A writer for USD text files.
 
 With usd-core's own writer the bytes would depend on its version, a build would need a package of 30 MB, and every number of UsdPhysics,
-whose attributes are floats, would be cut to eight digits. Here all are written as exactly as they are known: a reader rounds them once.
+whose attributes are floats, would be rounded to eight digits. Here all numbers are written exactly, so that a reader rounds them once.
 """
 
 from __future__ import annotations
@@ -15,15 +15,18 @@ from thingc.targets.xml_writer import number
 INDENT = "    "
 
 FLOAT_MAX = 3.4028234663852886e38
-"""The largest number that a `float` holds."""
+"""The largest `float`."""
 
 _ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r"})
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Prim:
-    """A prim: its `type` (`Xform`) and `name`, the API schemas applied to it, other metadata and properties as lines of text, and its
-    children. `specifier` `class` has it and all below it be there to be referenced alone. Not frozen: a tree is grown from the top."""
+    """A prim.
+
+    `type` is for example `Xform`; `schemas` are the applied API schemas; other metadata and properties are lines of text. With `specifier`
+    `class`, it and its children only exist to be referenced. Not frozen, because a tree is built from the top.
+    """
 
     type: str
     name: str
@@ -34,17 +37,17 @@ class Prim:
     children: list[Prim] = field(default_factory=list)
 
     def add(self, type: str, name: str, *schemas: str) -> Prim:
-        """A new last child."""
+        """Add a child and return it."""
         child = Prim(type=type, name=name, schemas=list(schemas))
         self.children.append(child)
         return child
 
     def say(self, property: str, value: str | float) -> None:
-        """A property, `float physics:mass`, and its value: a number, or text as USD has it."""
+        """Add a property, such as `float physics:mass`, with its value: a number, or USD text."""
         self.properties.append(f"{property} = {value if isinstance(value, str) else number(value)}")
 
     def place(self, pose: Pose, scale: tuple[float, ...] = ()) -> None:
-        """Where it is in its parent, if that says anything, and how large [1]."""
+        """Set the pose in the parent, unless it is the identity, and the scale [1]."""
         steps = []
         if any(pose.translation):
             self.say("double3 xformOp:translate", several(pose.translation))
@@ -60,28 +63,30 @@ class Prim:
 
 
 def quoted(text: str) -> str:
-    """A string or a token."""
+    """Return a string or a token."""
     return '"' + text.translate(_ESCAPES) + '"'
 
 
 def several(values: Iterable[float]) -> str:
-    """A vector, a colour or a quaternion (w, x, y, z)."""
+    """Return a vector, a colour or a quaternion (w, x, y, z)."""
     return f"({', '.join(number(value) for value in values)})"
 
 
 def listed(values: Iterable[str]) -> str:
-    """An array of what is text already."""
+    """Return an array of values that are already text."""
     return f"[{', '.join(values)}]"
 
 
 def rendered(prim: Prim) -> str:
-    """A prim and what is below it."""
+    """Return a prim and all below it as text."""
     return "\n".join(_lines(prim, ""))
 
 
 def write(prims: Iterable[str], default: str, heading: str) -> str:
-    """The layer: metres, kilograms, z up; `prims` are rendered (one of nothing is none), `default` names the one that a reference to the
-    file means."""
+    """Return the layer, in metres, kilograms, z up.
+
+    `prims` are rendered; empty ones are left out. `default` is the name of the default prim.
+    """
     lines = [
         "#usda 1.0", "(", f"{INDENT}defaultPrim = {quoted(default)}", f"{INDENT}doc = {quoted(heading)}", f"{INDENT}kilogramsPerUnit = 1",
         f"{INDENT}metersPerUnit = 1", f'{INDENT}upAxis = "Z"', ")",
@@ -92,7 +97,7 @@ def write(prims: Iterable[str], default: str, heading: str) -> str:
 
 
 def _lines(prim: Prim, indent: str) -> Iterator[str]:
-    """A prim and what is below it; prims lie a few levels deep, links side by side."""
+    """Yield the lines of a prim and of all below it. Recursive, because prims are only a few levels deep."""
     schemas = [f"prepend apiSchemas = {listed(quoted(schema) for schema in prim.schemas)}"] if prim.schemas else []
     metadata = [*schemas, *prim.metadata]
     yield f"{indent}{prim.specifier} {prim.type} {quoted(prim.name)}" + (" (" if metadata else "")
