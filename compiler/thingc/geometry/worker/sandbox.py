@@ -1,8 +1,8 @@
 """Confine code of others. Part code may change only its own folder: a change elsewhere, above all in the store, could affect other parts or
 remain. Expressions of an imported robot may, in addition, only read certain folders, and not start programs or open connections.
 
-The audit hook refuses first: its exception has the line, but only sees what Python does. If the system has Landlock (Linux since 5.13), that refuses
-the same to everything that the code loads and starts, and the code cannot undo it.
+The audit hook refuses first, so that the error has a line, but it only sees what Python does. If the system has Landlock (Linux since
+5.13), that refuses the same to everything that the code loads and starts, and the code cannot undo it.
 """
 
 from __future__ import annotations

@@ -58,8 +58,8 @@ class Penetration(FrozenStruct):
 class Gains(FrozenStruct):
     """A drive in one step of a simulation.
 
-    `stiffness` (kp and a spring) [N m/rad or N/m]; `kv` and `damping` [N m s/rad or N s/m]; the `inertia` [kg m^2 or kg] that it moves when
-    all else is free; whether its force has a limit; the time step `dt` [s] and the integrator.
+    `stiffness` (kp and a spring) [N m/rad or N/m]; `kv` and `damping` [N m s/rad or N s/m]; the `inertia` [kg m^2 or kg] that it moves if
+    everything can move; whether its force has a limit; the time step `dt` [s] and the integrator.
     """
 
     stiffness: float
