@@ -1,9 +1,9 @@
-"""Families of robots: one `variants/1` document to hundreds or tens of thousands of builds, each as a single build would be.
+"""Batches: build up to tens of thousands of variants of a robot from one `variants/1` document, each equal to a single build.
 
-    thingc.batch.plan("leg_sweep.yaml")      the variants, in their order
-    thingc.batch.run("leg_sweep.yaml")       builds them
-    thingc.batch.load("build/leg_sweep")     their models and their rows of the table
-    thingc.batch.fields("build/leg_sweep")   one model, and what variants have of their own
+    thingc.batch.plan("leg_sweep.yaml")      return the variants, in order
+    thingc.batch.run("leg_sweep.yaml")       build them
+    thingc.batch.load("build/leg_sweep")     read their models and rows of the table
+    thingc.batch.fields("build/leg_sweep")   return one model, and the arrays in which the variants differ
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Reading a document's axes: every value checked against the parameter that it is for, at its place."""
+"""Read the axes of a `variants/1` document, and check every value against its parameter."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from thingc.geometry.record import Value
 from thingc.model.resolve.parameters import AssemblyParameters
 
 MOST_VALUES = 100_000
-"""Values of one axis."""
+"""Maximum number of values of one axis."""
 MOST_TRIED = 20
-"""Values of one path that are tried in the assembly before the batch begins."""
+"""Maximum number of values of one path that are tried in the assembly before the batch begins."""
 
 
 class Axis(FrozenStruct):
-    """What changes from variant to variant: a parameter (`key` its name) or, with `choice`, what stands at the path `key`.
+    """An axis of the variants: a parameter (`key` is its name) or, with `choice`, a choice at the path `key`.
 
-    `values` are those that it takes, or `range` the interval that it is drawn from (`whole`: only whole numbers, ends included).
+    It has `values`, or a `range` to draw from (`whole`: integers only, including the ends).
     """
 
     key: str
@@ -36,7 +36,7 @@ class Axis(FrozenStruct):
     whole: bool = False
 
     def drawn(self, u: float) -> ExpressionValue:
-        """The value at `u` in [0, 1)."""
+        """Return the value for `u` in [0, 1)."""
         if self.range is None:
             return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
         low, high = self.range
@@ -46,8 +46,11 @@ class Axis(FrozenStruct):
 
 
 class AxisParser:
-    """Reads the values of one `variants/1` document. `parameters` are the assembly's; `fits(path, text, at)`
-    says whether a text may stand at one of the `paths` (reported if not)."""
+    """Reads the values of one `variants/1` document.
+
+    `parameters` are those of the assembly; `fits(path, text, at)` returns whether a text is valid at one of the `paths`, and reports if
+    not.
+    """
 
     def __init__(
         self, document: Document, parameters: AssemblyParameters, report: Report, paths: Paths, fits: Callable[[str, str, Path], bool],
@@ -60,7 +63,7 @@ class AxisParser:
         self.tried: dict[str, int] = {}
 
     def value(self, name: str, raw: Any, path: Path) -> ExpressionValue | None:
-        """A value for a parameter, or for a path; None where it does not fit (reported)."""
+        """Check a value of a parameter or at a path; None, reported, if it is invalid."""
         if isinstance(raw, Expression):
             self._error(
                 Code.VARIANT_VALUE, "a variant states values; an expression stands in the assembly", path,
@@ -83,7 +86,7 @@ class AxisParser:
         return value
 
     def _by_path(self, name: str, value: ExpressionValue, path: Path) -> ExpressionValue | None:
-        """A value at a path: tried there, as many of them as people write out; the others are of the same kind."""
+        """Check a value at a path. The first `MOST_TRIED` are tried in the assembly; the others must be of the same kind."""
         tried = self.tried[name] = self.tried.get(name, 0) + 1
         if tried <= MOST_TRIED and not self.fits(name, self._written(path) or text_of(value), path):
             self.tried[name] = MOST_TRIED if tried == 1 else tried
@@ -97,7 +100,7 @@ class AxisParser:
         return sound
 
     def axis(self, name: str, raw: Any) -> Axis | None:
-        """The axis of a parameter: a list, a range in steps, or a single value; None where nothing of it is sound."""
+        """Return the axis of a parameter: a list, a range in steps, or a single value; None if no value is valid."""
         path: Path = ("parameters", name)
         if isinstance(raw, list):
             if not raw:
@@ -149,7 +152,7 @@ class AxisParser:
         return tuple(written if written is not None else spaced_si(first, last, count))
 
     def range(self, name: str, raw: list[Any]) -> Axis | None:
-        """The interval that a parameter is drawn from."""
+        """Return the axis of a parameter that is drawn from a range; None, reported, if it is invalid."""
         path: Path = ("sample", "ranges", name)
         low, high = (self.value(name, one, (*path, index)) for index, one in enumerate(raw))
         if low is None or high is None:
@@ -172,7 +175,7 @@ class AxisParser:
         return Axis(key=name, range=(low, high), whole=whole)
 
     def count(self, raw: Any, path: Path, *, least: int, most: int = MOST_VALUES) -> int | None:
-        """A whole number within bounds; None where it is none (reported)."""
+        """Check an integer; None, reported, if it is out of bounds."""
         if isinstance(raw, Expression):
             self._error(Code.VARIANT_VALUE, f"`{path[-1]}` is a number here, not an expression", path, help="write the number")
             return None
@@ -188,7 +191,7 @@ class AxisParser:
         return node.text if isinstance(node, ScalarNode) else ""
 
     def _key(self, path: Path) -> Path:
-        """Where the name of a parameter stands, above a value of it."""
+        """Return the path of a parameter, from the path of one of its values."""
         while path and (isinstance(path[-1], int) or path[-1] in ("from", "to")):
             path = path[:-1]
         return path

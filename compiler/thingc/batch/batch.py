@@ -1,4 +1,4 @@
-"""Running a batch: a plan handed out in chunks to an executor, and every variant that is done noted in the journal."""
+"""Run a batch: submit the variants of a plan in chunks to an executor, and record each result in the journal."""
 
 from __future__ import annotations
 
@@ -54,23 +54,23 @@ from thingc.driver.environment import Options, store_of
 from thingc.targets.artifact import HOW
 
 TIMEOUT = 600.0
-"""Longest time [s] for one variant, unless the caller says otherwise."""
+"""Default time limit [s] for one variant."""
 SHARE = 64
-"""Of so many models that differ in nothing but numbers MuJoCo is given one, unless the caller says otherwise."""
+"""Default of `verify`: MuJoCo compiles one of this many models that differ in numbers only."""
 CHUNK_SECONDS = 0.5
-"""How long [s] a chunk should take."""
+"""Target duration [s] of a chunk."""
 CHUNK_MOST = 64
-"""Variants of one chunk."""
+"""Maximum number of variants in a chunk."""
 ANEW = "begin without --resume"
-"""What to do where there is nothing to go on with."""
+"""Help text if there is no batch to resume."""
 ATTEMPTS = 3
-"""How often a variant is handed out that an executor loses."""
+"""Number of attempts for a variant that an executor loses."""
 PIECES = 8
-"""Into how many pieces a chunk is cut that an executor has lost: what loses it again then takes fewer others along."""
+"""Number of chunks into which a lost chunk is split, so that a variant that is lost again takes fewer others along."""
 CHANCE = frozenset((Code.PART_CRASHED.code, Code.PART_HUNG.code))
-"""Errors of a part that may come of the machine."""
+"""Errors of a part that may be caused by the machine."""
 REFRESH = 30.0
-"""How often [s] the tables are written while the batch runs, at least; a long table less often."""
+"""Minimum interval [s] of updates of the tables during a run; longer for long tables."""
 
 
 def run(
@@ -81,19 +81,23 @@ def run(
 ) -> Summary:
     """Build the variants of a `variants/1` document into `<output>/<name>/` (`output` None: the workspace's build folder).
 
-    `executor` is somebody else's engine (`thingc.batch.cluster.connection.connect` makes some); it calls `thingc.batch.engine.evaluate`,
-    and its workers see the documents and the folder under the same paths. With `ship` they see neither: it is a cluster that can carry
-    files (one of dask), the workspace goes to each of its workers, and built variants come back. None: runners on this machine, `jobs`
-    of them (0: one per core; of another's executor: how many chunks are under way at once). `emit` replaces the document's targets,
-    `limit` leaves out all variants but the first ones, `timeout` [s] is for one variant, `verify` says of how many models that differ in
-    nothing but numbers MuJoCo is asked about one (1: each, 0: none), `options` name the store. The batch's page
-    shows pictures of at most so many variants as `pictures` says (`pictures.ALL`: of all; None: of 48, and of none where there are more
-    than 200). `layout` (`folders`: one for each variant, or `packed`: many variants in a file) takes the place of the document's; where
-    neither says it, more than 2000 variants are packed.
+    Args:
+        executor: An engine, such as one of `thingc.batch.cluster.connection.connect`; None: processes on this machine. It calls
+            `thingc.batch.engine.evaluate`. Its workers must see the documents and the folder under the same paths, unless `ship` is set.
+        jobs: Number of processes (0: one per core); with an `executor`, number of chunks at once.
+        emit: Targets, instead of those of the document.
+        limit: Build only the first variants.
+        resume: Continue an interrupted batch.
+        timeout: Time limit [s] for one variant.
+        verify: MuJoCo compiles one of this many models that differ in numbers only (1: each, 0: none).
+        options: Options of the compiler, such as the store.
+        pictures: Maximum number of pictures on the page (`pictures.ALL`: all; None: 48, or none for more than 200 variants).
+        ship: Copy the workspace to the workers, and built variants back. The cluster must support it (dask).
+        retry: With `resume`, also retry variants that failed, or were refused because a part crashed or hung.
+        layout: `folders` or `packed`, instead of that of the document (default: `packed` for more than 2000 variants).
 
-    Raises `PlanError` for a document with errors, `BatchFault` where the batch cannot begin or go on, and `Interrupted` when SIGINT
-    or SIGTERM has come: then `resume` goes on where it was. With `retry` it builds variants again that failed, or that a part refused
-    which crashed or hung: another machine, or more memory, may make them.
+    Raises `PlanError` for a document with errors, `BatchFault` if the batch cannot begin or continue, and `Interrupted` after SIGINT or
+    SIGTERM; then `resume` continues it.
     """
     check(jobs, limit, timeout, verify, pictures, layout)
     if retry and not resume:
@@ -122,18 +126,18 @@ def run(
 
 @dataclass(slots=True)
 class _Chunk:
-    """Variants that are under way together."""
+    """Variants that are submitted together."""
 
     variants: list[Variant]
     attempts: int = 0
 
 
 class _Stopped(Exception):
-    """A signal has come: nothing more is handed out."""
+    """A signal was received: no more variants are submitted."""
 
 
 class _Batch:
-    """One run of a batch. All of it but the engine's threads happens in one thread."""
+    """One run of a batch. It uses one thread, apart from those of the engine."""
 
     def __init__(
         self, plan: Plan, folder: str, asked: RunOptions, transfer: WorkspaceArchive | None, on_progress: OnProgress | None,
@@ -164,7 +168,7 @@ class _Batch:
     # --- the folder -----------------------------------------------------------------------------------------------
 
     def prepare(self, *, resume: bool, retry: bool) -> None:
-        """Make the folder ready, and learn what an earlier run has done. Raises `BatchFault`."""
+        """Prepare the folder, and read the results of an earlier run. Raises `BatchFault`."""
         if not resume:
             begin(self.folder, self.plan.relative, self.plan.assembly_relative)
         else:
@@ -186,14 +190,17 @@ class _Batch:
         return describe(self.plan, layout=self.layout, asked=self.count, finished=finished, wanted=wanted)
 
     def journal(self) -> Journal | PackedWriter:
-        """Where variants are noted that are done."""
+        """Open the journal of finished variants."""
         if self.layout == PACKED:
             return PackedWriter(self.folder, self.done)
         return Journal(os.path.join(self.folder, folder_layout.JOURNAL))
 
     def _remember(self, *, retry: bool) -> None:
-        """What an earlier run has done. A variant that is said to be built and is not there is not, nor, with `retry`, is one
-        that something else than its documents has kept from being built."""
+        """Read the results of an earlier run.
+
+        A variant recorded as built whose files are missing is not done; nor, with `retry`, is one that failed for other reasons than its
+        documents.
+        """
         for index, status, there in outcomes(self.folder, chance=_by_chance if retry else None):
             if index < self.count:
                 self.done[index] = there
@@ -202,7 +209,7 @@ class _Batch:
     # --- the run --------------------------------------------------------------------------------------------------
 
     def run(self, executor: Executor | None, journal: Journal | PackedWriter) -> Summary:
-        """Everything that is left. Raises `BatchFault` and `Interrupted`."""
+        """Build all variants that are left. Raises `BatchFault` and `Interrupted`."""
         own = LocalExecutor(min(self.asked.jobs, max(1, self.count))) if executor is None else None
         engine: Executor = own if own is not None else executor  # type: ignore[assignment]
         cluster = executor if isinstance(executor, Cluster) else None
@@ -218,7 +225,7 @@ class _Batch:
                 self._loop(engine, job, journal, streaming=own is not None)
                 whole = True
             except _Stopped:
-                pass  # it is said when the runners have ended: until then variants are done
+                pass  # raised below, when the runners have ended: until then they finish variants
             finally:
                 if own is not None:
                     own.shutdown(wait=True, cancel_futures=not whole)
@@ -228,12 +235,12 @@ class _Batch:
                     RUNNERS.close()  # an executor of threads has used those of this process
                 if not whole:
                     self._drain(journal)
-                    with contextlib.suppress(OSError):  # of a full disk has been said already
+                    with contextlib.suppress(OSError):  # a full disk was reported already
                         write_page(self.folder, self._described(finished=False), self._columns())
             if not whole:
                 raise Interrupted(self.folder, self._total(), self.count)
             if own is None:
-                folder_layout.sweep(self.folder)  # workers that died left what they were writing
+                folder_layout.sweep(self.folder)  # left by workers that died
             journal.sync()
             write_batch(self.folder, self._described(finished=True, wanted=self._tables()))
         statuses = self.earlier + self.counts
@@ -246,7 +253,7 @@ class _Batch:
         )
 
     def _tables(self) -> tuple[Column, ...]:
-        """Write the tables, unless they are there and nothing is new; their columns."""
+        """Write the tables, unless they are up to date; return their columns."""
         names = folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET
         if not self.counts and self.before.get("finished") and unchanged(self.folder, *names):
             return tuple(Column(name=one["name"], kind=one["kind"], unit=one["unit"]) for one in self.before["columns"])
@@ -255,13 +262,13 @@ class _Batch:
         return wanted
 
     def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[RemoteExecutor | None]:
-        """What stands before a cluster that does not see our files."""
+        """Return the executor that copies files, for a cluster without access to them; None without `ship`."""
         if self.transfer is None or not isinstance(cluster, FileTransferExecutor):
             return contextlib.nullcontext()
         return RemoteExecutor(cluster, self.transfer, self.folder, store_of(self.asked.options))
 
     def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
-        """Pictures and the page of the finished batch; a warning where nothing can be drawn."""
+        """Draw pictures and write the page of the finished batch. Returns a warning if drawing is impossible."""
         return show(
             self.folder, self._described(finished=True), self._columns(), most=usual(self.count) if pictures is None else pictures,
             jobs=os.cpu_count() or 1, on_picture=on_picture,
@@ -294,7 +301,7 @@ class _Batch:
         self._tell(last=True)
 
     def _left(self, journal: Journal | PackedWriter) -> Iterator[Variant]:
-        """The variants to build, in plan order; those that fail a rule on parameters are noted on the way."""
+        """Yield the variants to build, in plan order. Those that fail a rule on parameters are recorded here."""
         if all(self.done):
             return
         for variant in self.plan.besides(self.done):
@@ -302,18 +309,18 @@ class _Batch:
                 return
             if variant.failed is not None:
                 self._note(journal, variant, {"status": "kept_out", "rule": variant.failed})
-                if self.stopping:  # while nothing but rules is decided nobody looks at events
+                if self.stopping:  # no events are handled while only rules are evaluated
                     raise _Stopped
                 self._tell()
                 continue
             yield variant
 
     def _ahead(self, engine: Executor) -> int:
-        """How many chunks may be under way at once."""
+        """Return the maximum number of chunks at once."""
         return engine.ahead if isinstance(engine, Cluster) else 2 * self.asked.jobs
 
     def _size(self, engine: Executor) -> int:
-        """How many variants make a chunk: as many as take about half a second, and few enough for all to have something to do."""
+        """Return the number of variants for the next chunk: for about half a second, but few enough to keep all runners busy."""
         first, seconds, most = 1, CHUNK_SECONDS, CHUNK_MOST
         if isinstance(engine, Cluster):
             first, seconds, most = engine.first, engine.chunk_seconds, engine.chunk_most
@@ -362,7 +369,7 @@ class _Batch:
             })
 
     def _take(self, journal: Journal | PackedWriter, row: Row) -> None:
-        """Note what came of a variant, once."""
+        """Record the result of a variant, once."""
         variant = self.under_way.get(row["index"])
         if variant is None:
             return
@@ -391,11 +398,11 @@ class _Batch:
         self.counts[row["status"]] += 1
 
     def _path(self, variant: Variant) -> str:
-        """Where a built variant lies in the batch's folder."""
+        """Return the path of a built variant in the folder of the batch."""
         return sealed_path(variant.index) if self.layout == PACKED else f"{folder_layout.VARIANTS}/{variant.id}"
 
     def _drain(self, journal: Journal | PackedWriter) -> None:
-        """Note what has been done up to the end of the runners."""
+        """Record the variants that were finished until the runners ended."""
         with contextlib.suppress(BatchFault, OSError):
             while True:
                 try:
@@ -405,21 +412,21 @@ class _Batch:
                 if what == "row" and row["status"] != STOPPED:
                     self._take(journal, row)
 
-    # --- who listens ----------------------------------------------------------------------------------------------
+    # --- progress and signals -----------------------------------------------------------------------------------------
 
     def _tell(self, *, last: bool = False) -> None:
-        """Say how far it is, a few times a second."""
+        """Report the progress, at most five times a second."""
         now = time.monotonic()
         if self.on_progress is not None and (last or now - self.told > 0.2):
             self.told = now
             rate = 0.0
-            if self.first is not None and now > self.first[0]:  # the runners' own start tells nothing of what is left
+            if self.first is not None and now > self.first[0]:  # without the time to start the runners
                 rate = (sum(self.counts.values()) - self.first[1]) / (now - self.first[0])
             self.on_progress(Progress(count=self.count, before=sum(self.earlier.values()), counts=dict(self.counts), rate=rate))
 
     @contextlib.contextmanager
     def _signals(self) -> Iterator[None]:
-        """Let SIGINT and SIGTERM end the batch between two lines of the journal, never within one."""
+        """Handle SIGINT and SIGTERM between two lines of the journal, never within one."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
@@ -440,12 +447,12 @@ class _Batch:
 
 
 def _by_chance(line: Line) -> bool:
-    """Whether another attempt may end otherwise."""
+    """Return whether another attempt may give another result."""
     return bool(line["status"] == "failed" or line["status"] == "refused" and line["code"] in CHANCE)
 
 
 def _answers(engine: Executor) -> None:
-    """Raises `BatchFault` where an engine will not answer any more."""
+    """Raise `BatchFault` if an engine will not answer any more."""
     fault = engine.fault() if isinstance(engine, Cluster) else None
     if fault is not None:
         raise fault

@@ -1,4 +1,4 @@
-"""What a batch has done, read in plan order whichever its layout: the lines of its variants, and their files."""
+"""Read the results of a batch in plan order, in either layout: the lines of its variants, and their files."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from thingc.batch.packed_layout import Chunk, Chunks, numbers, packed
 from thingc.targets.artifact import Content, StoredArtifact
 
 MESHES = "mjcf/assets/"
-"""Where in a variant's folder the meshes of its models lie."""
+"""Folder of the meshes of models in the folder of a variant."""
 
 _ID = re.compile("[0-9a-f]{12}")
 
 File = tuple[Any, ...]
-"""What a file is: equal where it is the same file."""
+"""The identity of a file: equal values are the same file."""
 
 
 def in_order(folder: str) -> Iterator[Line]:
-    """The lines of all variants that are done, by index, each variant once; one line is in memory at a time."""
+    """Yield the lines of all finished variants by index, one at a time."""
     for chunk in _chunks(folder):
         yield from map(chunk.line, chunk.indices)
 
 
 def spread(folder: str, most: int) -> tuple[int, Iterator[Line]]:
-    """How many of these lines there are, and at most so many of them, evenly spread; one is in memory at a time."""
+    """Return the number of lines, and an iterator over at most `most` of them, evenly spread."""
     records = BuildRecords(folder)
     count = len(records.done)
     places = range(count) if count <= most else (k * count // most for k in range(most))
@@ -42,8 +42,10 @@ def spread(folder: str, most: int) -> tuple[int, Iterator[Line]]:
 
 
 def outcomes(folder: str, chance: Callable[[Line], bool] | None = None) -> Iterator[tuple[int, str, bool]]:
-    """Of each variant that is done its place in the plan, its status, and whether that holds: not where it is said to be built and is
-    not there, nor where another attempt has a `chance`."""
+    """Yield the index in the plan of each finished variant, its status, and whether it is final.
+
+    A built variant whose files are missing is not final, and neither is another one if `chance` of its line is true.
+    """
     for chunk in _chunks(folder):
         for index, id, _, status in chunk.heads():
             there = _is_there(folder, id) if status == "built" else chance is None or not chance(chunk.line(index))
@@ -51,12 +53,12 @@ def outcomes(folder: str, chance: Callable[[Line], bool] | None = None) -> Itera
 
 
 def lengths_in(folder: str) -> list[str]:
-    """The results `length.JOINT` that any variant has, sorted."""
+    """Return the results `length.JOINT` of any variant, sorted."""
     return sorted({name for chunk in _chunks(folder) for name in chunk.lengths})
 
 
 def losses(folder: str) -> tuple[int, Counter[str]]:
-    """How many variants have losses, and how many there are in all, by what becomes of them."""
+    """Return the number of variants with losses, and the total number of losses by kind."""
     counts: Counter[str | None] = Counter()
     for chunk in _chunks(folder):
         counts += chunk.losses()
@@ -102,26 +104,29 @@ class BuildRecords:
             return chunk.line(index)
 
     def find(self, key: str) -> int | None:
-        """The variant of this id, or else of this name."""
+        """Return the index of the variant with this id or name; None if there is none."""
         if _ID.fullmatch(key):
             with contextlib.suppress(ValueError):
                 return self.done[self._ids.index(int(key, 16))]
         number = re.search("[0-9]+$", key)
-        index = int(number[0]) if number is not None else -1  # as names are counted, unless the document gives others
+        index = int(number[0]) if number is not None else -1  # as in default names; documents may define others
         if _holds(self.done, index) and self.line(index)["name"] == key:
             return index
         return next((head[0] for chunk in _chunks(self.folder) for head in chunk.heads() if head[2] == key), None)
 
     def files(self, index: int) -> VariantFiles:
-        """Its files, if it is built."""
+        """Return the files of a built variant."""
         if packed(self.folder):
             return _InChunk(self._chunks, index)
         return _InFolder(folder_layout.variant_folder(self.folder, self.line(index)["id"]))
 
 
 class _InFolder:
-    """The files of a variant's folder. `read` gives one, by path in the build folder (raises `FileNotFoundError`), `models` the sorted
-    names of those in `mjcf/`; `meshes` says of each mesh of its models, by name, which file it is, and its path on the disk."""
+    """The files of the folder of a variant.
+
+    `read` returns a file by its path in the build folder, and raises `FileNotFoundError`. `models` are the sorted file names in `mjcf/`.
+    `meshes` are the identity and the path on disk of each mesh, by name.
+    """
 
     def __init__(self, folder: str) -> None:
         self.folder = folder
@@ -134,7 +139,10 @@ class _InFolder:
         return listing(os.path.join(self.folder, "mjcf"))
 
     def meshes(self) -> dict[str, tuple[File, str]]:
-        """Hard links to one mesh are one file (a number of a deleted file is given to another one, which has other times)."""
+        """Return identity and path of each mesh.
+
+        Hard links to one mesh are one file; times are compared, since inode numbers are reused.
+        """
         place = os.path.join(self.folder, MESHES)
         if not os.path.isdir(place):
             return {}
@@ -144,7 +152,7 @@ class _InFolder:
 
 
 class _InChunk:
-    """The files of a packed variant, in the same way."""
+    """The files of a packed variant; see `_InFolder`."""
 
     def __init__(self, of: Chunks, index: int) -> None:
         self.chunks = of
@@ -177,8 +185,10 @@ VariantFiles = _InFolder | _InChunk
 
 
 def unpack(folder: str, index: int) -> str:
-    """Write the folder of a built variant of a packed batch, `variants/<id>/` as of any other batch; the folder's path. Meshes are hard
-    links. Raises `OSError`."""
+    """Write the folder `variants/<id>/` of a built variant of a packed batch, with hard links to meshes; return its path.
+
+    Raises `OSError`.
+    """
     with Chunks(folder).holding(index) as chunk:
         id = str(chunk.line(index)["id"])
         files: dict[str, Content] = {
@@ -190,6 +200,6 @@ def unpack(folder: str, index: int) -> str:
 
 
 def _holds(done: Sequence[int], index: int) -> bool:
-    """Whether an ascending sequence has a number."""
+    """Return whether an ascending sequence contains a number."""
     at = bisect_left(done, index)
     return at < len(done) and done[at] == index

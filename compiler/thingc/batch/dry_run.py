@@ -1,7 +1,7 @@
-"""What a batch would do: counted and said, with nothing modelled and nothing written.
+"""Dry run of a batch: count and check variants without building parts or writing files.
 
-Rules on parameters are decided of every variant. What the documents alone say of one (its values, its limits and its poses, the parts
-that it takes) is worked out as a build does it, with parts of which nothing is known: of very many variants, of some that are drawn.
+Rules on parameters are evaluated for every variant. The documents (values, limits, poses and parts) are resolved as in a build, with
+unknown geometry; of many variants, only for a random sample.
 """
 
 from __future__ import annotations
@@ -20,16 +20,19 @@ from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings, Sources
 
 SHOWN = 5
-"""Variants that a forecast shows."""
+"""Number of variants to show."""
 MOST = 1000
-"""Variants that are worked out: some seconds."""
+"""Maximum number of variants to resolve, which takes some seconds."""
 
 
 @dataclass(slots=True, kw_only=True)
 class DryRun:
-    """`count` variants, of which `failing` do not keep a rule on parameters, by rule. Of the others `looked_at` were worked out: `unsound`
-    of them have errors before any part is modelled, by code, and all take `parts` distinct parts, of which `known` need not be
-    modelled. `first` are the first variants, `examples` the first that has an error of a code, with that."""
+    """The result of a dry run of `count` variants.
+
+    `failing` counts those that violate rules on parameters, by rule. Of the others, `looked_at` were resolved: `unsound` counts those with
+    errors, by code, and `examples` has the first variant and error of each code. They use `parts` distinct parts, of which `known` are in
+    the store. `first` are the first variants.
+    """
 
     count: int = 0
     failing: dict[str, int] = field(default_factory=dict)
@@ -43,12 +46,12 @@ class DryRun:
 
     @property
     def left(self) -> int:
-        """Variants that rules on parameters leave."""
+        """Number of variants that satisfy the rules on parameters."""
         return self.count - sum(self.failing.values())
 
 
 def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
-    """Look at every variant (at the first `limit`) as far as it is known without geometry; of more than `MOST`, at so many of them."""
+    """Check all variants (or the first `limit`) without geometry; if there are more than `MOST`, resolve only a sample."""
     foreseen = DryRun()
     parts: dict[str, PartDefinition] = {}
     count = plan.count if limit is None else min(limit, plan.count)
@@ -71,7 +74,7 @@ def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
 
 
 def _look(environment: Environment, own: Sources, variant: Variant, forecast: DryRun, parts: dict[str, PartDefinition]) -> None:
-    """Work out what the documents say of a variant: its parts, or the first error."""
+    """Resolve a variant, and record its parts or its first error."""
     report = Report()
     model = pipeline.model(environment, own, Settings(parameters=variant.parameters, choices=variant.choices), report)
     if model is not None:

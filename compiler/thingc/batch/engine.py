@@ -1,8 +1,7 @@
-"""The engine: any `concurrent.futures.Executor` may call `evaluate`, which drives isolated runners; the local one does so in threads.
+"""The engine: `evaluate` builds variants in runner processes, and can be called by any `concurrent.futures.Executor`.
 
-A batch hands out chunks of tasks, `executor.submit(evaluate, job, tasks)`. Wherever that runs, in a thread here or on another
-machine, the variants are built by a runner process of their own (`thingc.batch.runner`): when it dies or hangs, the variant that it
-was on is recorded, and a new runner goes on with the one after it.
+A batch submits chunks of tasks, `executor.submit(evaluate, job, tasks)`. Wherever this runs, a separate process (`thingc.batch.runner`)
+builds the variants. If it dies or hangs, its current variant is recorded as failed, and a new runner continues with the next one.
 """
 
 from __future__ import annotations
@@ -21,27 +20,27 @@ from thingc.batch.job import STOPPED, Job, Row, row
 from thingc.batch.planning import Variant
 
 LOADING = 120.0
-"""How long [s] a runner may take until it has read the documents."""
+"""Time limit [s] for a runner to read the documents."""
 STARTS = 3
-"""How often in a row a runner may fail to start."""
+"""Number of attempts to start a runner."""
 
 T = TypeVar("T")
 OnRow = Callable[[Row], None]
 
 
 class Cancelled(Exception):
-    """The runners have been ended by those who wanted their answers."""
+    """The runners were ended by their owner."""
 
 
 class RunnersBroken(Exception):
-    """No runner starts: `detail` has what the last one said."""
+    """No runner starts; `detail` is the output of the last one."""
 
     def __init__(self, message: str, detail: str) -> None:
         super().__init__(message)
         self.detail = detail
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Executors carry it from one process to another."""
+        """Support pickling, for executors in other processes."""
         return RunnersBroken, (str(self), self.detail)
 
 
@@ -55,7 +54,7 @@ class RunnerProcess(JsonLinesProcess):
 
 
 class Runners:
-    """The runners of a process: idle ones are used again, by whoever has the same job. Thread-safe."""
+    """The runners of a process; idle ones are reused for the same job. Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -64,7 +63,7 @@ class Runners:
         self._closed = False
 
     def take(self, job: str) -> RunnerProcess:
-        """An idle runner of the job, or a new one. Raises `RunnersBroken`, and `Cancelled` after `cancel`."""
+        """Return an idle runner of the job, or a new one. Raises `RunnersBroken`, and `Cancelled` after `cancel`."""
         with self._lock:
             if self._closed:
                 raise Cancelled
@@ -74,7 +73,7 @@ class Runners:
                 self._busy.add(known)
                 return known
             others, self._idle = self._idle, []
-        for runner in others:  # of a batch that is over
+        for runner in others:  # runners of a finished batch
             runner.close()
         said = ""
         for _ in range(STARTS):
@@ -88,7 +87,7 @@ class Runners:
                 if self._closed:
                     runner.kill()
             try:
-                runner.answer(LOADING)  # it has read the documents
+                runner.answer(LOADING)  # waits until it has read the documents
                 return runner
             except ProcessLost as fault:
                 said = f"{fault.words}\n{runner.errors()}"
@@ -100,20 +99,20 @@ class Runners:
         raise RunnersBroken(f"a runner does not start: {said.splitlines()[0]}", said)
 
     def give_back(self, runner: RunnerProcess) -> None:
-        """It is idle."""
+        """Return a runner to the idle ones."""
         with self._lock:
             self._busy.discard(runner)
             self._idle.append(runner)
 
     def drop(self, runner: RunnerProcess) -> None:
-        """It is of no more use."""
+        """End a runner that cannot be reused."""
         runner.kill()
         runner.close()
         with self._lock:
             self._busy.discard(runner)
 
     def cancel(self) -> None:
-        """End all at once; whoever waits for an answer gets `Cancelled`."""
+        """End all runners at once; calls waiting for an answer raise `Cancelled`."""
         with self._lock:
             self._closed = True
             busy = [*self._busy, *self._idle]
@@ -121,28 +120,28 @@ class Runners:
             runner.kill()
 
     def close(self) -> None:
-        """End the idle ones in peace."""
+        """End the idle runners gracefully."""
         with self._lock:
             idle, self._idle = self._idle, []
         for runner in idle:
             runner.close()
 
     def raise_if_cancelled(self) -> None:
-        """Raises `Cancelled` where runners die because they have been ended."""
+        """Raise `Cancelled` after `cancel`."""
         with self._lock:
             if self._closed:
                 raise Cancelled
 
 
 RUNNERS = Runners()
-"""Those of executors that know nothing of runners; they end with this process."""
+"""The runners for executors that do not have their own; they end with this process."""
 
 
 def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow | None = None, runners: Runners | None = None) -> list[Row]:
-    """Build the variants of a chunk: a row for each, in their order, handed to `on_row` as soon as it is there.
+    """Build the variants of a chunk; return a row for each, in order, and pass it to `on_row` as soon as it is there.
 
-    `job` is `Job.encode()`, `timeout` [s] the longest time for one variant. When the runner dies or hangs, the variant that it was on
-    is recorded as failed and a new runner goes on. A row of status `stopped` is the last: nothing can be written.
+    `job` is `Job.encode()`, `timeout` [s] the time limit for one variant. If a runner dies or hangs, its current variant is recorded as
+    failed, and a new runner continues. A row with status `stopped` is the last one: files cannot be written.
     """
     pool = runners if runners is not None else RUNNERS
     rows: list[Row] = []
@@ -171,7 +170,7 @@ def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow |
             what = f"its runner was ended: {fault.words}" if fault.hung else f"its runner died: {fault.words}"
             take(row(left.pop(0), "failed", code=code.code, message=what, detail=runner.errors(), pid=runner.pid))
             pool.drop(runner)
-        except BaseException:  # nobody knows what it is at: it answers nobody else
+        except BaseException:  # its state is unknown, so it is not reused
             pool.drop(runner)
             raise
         else:
@@ -180,7 +179,7 @@ def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow |
 
 
 class LocalExecutor(Executor):
-    """The engine of one machine: as many threads as `jobs`, each driving a runner."""
+    """The engine of one machine: `jobs` threads, each with a runner."""
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
@@ -188,13 +187,13 @@ class LocalExecutor(Executor):
         self._threads = ThreadPoolExecutor(max_workers=jobs, thread_name_prefix="thingc-runner")
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Call it in a thread; `evaluate` with the runners of this executor."""
+        """Run a call in a thread; `evaluate` uses the runners of this executor."""
         if fn is evaluate:
             named.setdefault("runners", self.runners)
         return self._threads.submit(fn, *arguments, **named)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the runners: in peace, or with `cancel_futures` at once."""
+        """End the runners: gracefully, or at once with `cancel_futures`."""
         if cancel_futures:
             self.runners.cancel()
         self._threads.shutdown(wait=wait, cancel_futures=cancel_futures)

@@ -1,1 +1,1 @@
-"""Other machines as the executor of a batch: dask and SLURM."""
+"""Build batches on other machines, with dask or SLURM."""

@@ -1,10 +1,10 @@
-"""Somebody else's machines as the engine of a batch: `connect` makes an executor of the address that `--cluster` states.
+"""Connect to a cluster: `connect` returns the executor for the address in `--cluster`.
 
-    tcp://host:8786                          a dask scheduler (`dask_cluster`)
-    slurm  slurm:partition=cpu,cpus=8        jobs of SLURM (`slurm_cluster`)
+    tcp://host:8786                          a dask scheduler (`dask_executor`)
+    slurm  slurm:partition=cpu,cpus=8        jobs of SLURM (`slurm`)
 
-Workers build variants with the same runners as here, and write them into the batch's folder: they see it, and the documents, under
-the same paths. Those of dask need not: the workspace may be shipped to them (`shipping`).
+Workers build variants with the same runners as on this machine. They write into the folder of the batch, and must see it and the documents
+under the same paths; with dask, the workspace can be sent to them instead (`remote_workers`).
 """
 
 from __future__ import annotations
@@ -19,8 +19,11 @@ HELP = "write `tcp://HOST:8786` for the scheduler of dask there, or `slurm:parti
 
 
 def connect(address: str, *, jobs: int = 0, folder: str) -> Cluster:
-    """The executor at an address. `jobs` chunks at once (0: as suits the cluster); `folder` is one that all machines see, for
-    files of the executor's own. Raises `BatchFault` in words for an address that is none, or where nobody answers."""
+    """Return the executor for an address.
+
+    `jobs` is the number of chunks at once (0: default of the cluster); `folder` is for files of the executor, and must be on a shared file
+    system. Raises `BatchFault` for an invalid address, or if the cluster does not answer.
+    """
     if re.fullmatch(r"slurm(:.*)?", address):
         from thingc.batch.cluster.slurm import SlurmCluster, settings_of
 

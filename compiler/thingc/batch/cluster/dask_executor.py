@@ -1,7 +1,6 @@
-"""A dask scheduler as the engine of a batch: its workers are processes on any number of machines, and may come and go.
+"""A dask scheduler as the engine of a batch. Its workers are processes on any number of machines, and may come and go.
 
-A worker that dies takes no variant along: dask gives its chunks to another one, and where dask itself gives up, the driver hands
-them out again.
+If a worker dies, dask gives its chunks to another one; if dask gives up, they are submitted again.
 """
 
 from __future__ import annotations
@@ -26,19 +25,18 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 TIMEOUT = 15.0
-"""How long [s] a scheduler may take to answer, and its first worker to be there."""
+"""Time limit [s] for the scheduler to answer, and for the first worker to appear."""
 LOOK = 5.0
-"""How often [s] the driver looks how many workers there are."""
+"""Interval [s] of polling the number of workers."""
 
 
 def seen(paths: list[str]) -> tuple[dict[str, str], dict[str, str | None]]:
-    """What a worker has installed, and the digests of files and folders (`up_to_date.state_of`; None: it does not see them). Runs on the
-    worker."""
+    """Return the installed versions, and the digests of files and folders (`up_to_date.state_of`; None: missing). Runs on the worker."""
     return dict(versions()), {path: state_of(path) for path in paths}
 
 
 class DaskCluster(FileTransferExecutor):
-    """The workers of the scheduler at `address`. Raises `BatchFault` where nobody answers there, or no worker is."""
+    """The workers of the scheduler at `address`. Raises `BatchFault` if it does not answer, or has no worker."""
 
     def __init__(self, address: str, *, jobs: int = 0) -> None:
         try:
@@ -48,11 +46,11 @@ class DaskCluster(FileTransferExecutor):
         self.address = address
         self._asked = jobs
         for name in logging.root.manager.loggerDict:
-            if name.partition(".")[0] in ("distributed", "tornado"):  # what goes wrong is said in our words
+            if name.partition(".")[0] in ("distributed", "tornado"):  # errors are reported by thingc
                 logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         try:
             self._client = distributed.Client(address, timeout=TIMEOUT, set_as_default=False)
-        except Exception as fault:  # OSError, and whatever a program that is no scheduler makes of the greeting
+        except Exception as fault:  # OSError, and others if the program is not a scheduler
             raise BatchFault(
                 Code.CLUSTER, f"no scheduler of dask answers at `{address}`: {_first_line(fault)}",
                 "start one with `dask scheduler`, which prints its address, or look whether a firewall is between",
@@ -70,12 +68,12 @@ class DaskCluster(FileTransferExecutor):
         self.fault()
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Call it on some worker."""
+        """Run a call on a worker."""
         future: Future[T] = self._executor.submit(fn, *arguments, **named)
         return future
 
     def check(self, files: Mapping[str, str]) -> None:
-        """Ask every worker that is there now. Workers that die meanwhile are left out."""
+        """Check every connected worker. Workers that die meanwhile are ignored. Raises `BatchFault`."""
         mine = dict(versions())
         try:
             answers: dict[str, Any] = self._client.run(seen, list(files), on_error="return")
@@ -106,7 +104,7 @@ class DaskCluster(FileTransferExecutor):
                     )
 
     def fault(self) -> BatchFault | None:
-        """Whether the scheduler has gone, or every worker for a minute. Also learns of workers that have come."""
+        """Return the error if the scheduler is gone, or there was no worker for `PATIENCE`. Also updates the number of workers."""
         if self._client.status != "running":
             return self._lost("the connection ended")
         now = time.monotonic()
@@ -130,7 +128,7 @@ class DaskCluster(FileTransferExecutor):
         return None
 
     def ship(self, name: str, transfer: WorkspaceArchive) -> None:
-        """The scheduler keeps it for workers that come. What drivers that died have left there is removed first."""
+        """Send a workspace to all workers, including later ones. Shipments of dead drivers are removed first."""
         from thingc.batch.cluster.dask_plugin import UnpackedWorkspace
 
         for left in self._left_behind():
@@ -145,13 +143,13 @@ class DaskCluster(FileTransferExecutor):
             ) from None
 
     def unship(self, name: str) -> None:
-        """Workers that cannot be reached remove it when they end."""
+        """Remove a shipment. Workers that cannot be reached remove it when they end."""
         self._unregister(self._plugin(name))
 
     def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:
-        """Beside whatever its threads are at."""
+        """Run a call on a worker, in addition to what its threads do. Raises `WorkerLost`."""
         try:
-            if worker in self._client.nthreads([worker]):  # to reach one that is gone takes half a minute
+            if worker in self._client.nthreads([worker]):  # otherwise, the call fails only after half a minute
                 answer: T = self._client.run(fn, *arguments, workers=[worker])[worker]
                 return answer
         except WorkerLost:
@@ -164,13 +162,13 @@ class DaskCluster(FileTransferExecutor):
         return f"{name}@{self._client.id}"
 
     def _unregister(self, plugin: str) -> None:
-        with contextlib.suppress(Exception):  # the scheduler, or a worker, has gone
+        with contextlib.suppress(Exception):  # the scheduler or a worker is gone
             self._client.unregister_worker_plugin(plugin)
 
     def _left_behind(self) -> list[str]:
-        """The shipments of drivers that are not connected any more."""
+        """Return the shipments of drivers that are no longer connected."""
 
-        def names(dask_scheduler: Any) -> list[str]:  # goes to the scheduler as it is: nothing of thingc need be installed there
+        def names(dask_scheduler: Any) -> list[str]:  # sent as code: thingc need not be installed there
             return [
                 name for name in dask_scheduler.worker_plugins
                 if name.startswith("thingc-") and name.partition("@")[2] not in dask_scheduler.clients
@@ -181,10 +179,10 @@ class DaskCluster(FileTransferExecutor):
         return []
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Leave; the scheduler and its workers stay."""
+        """Disconnect; the scheduler and its workers stay."""
         try:
             self._client.close(5.0)
-        except Exception:  # a scheduler that has gone is left all the same
+        except Exception:  # the scheduler may be gone
             pass
 
     def _lost(self, words: str) -> BatchFault:

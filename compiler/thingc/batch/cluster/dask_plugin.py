@@ -1,4 +1,4 @@
-"""What a worker of dask does with a shipped workspace: unpacks it in its own folder when it comes, removes it when it goes."""
+"""The worker plugin of dask for a shipped workspace: unpack it in the worker's folder, and remove it at the end."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 
 
 class UnpackedWorkspace(WorkerPlugin):
-    """A shipment on its way. dask hands one to each worker, also to those that come later; where it cannot be unpacked, variants are
-    told why (`shipping.evaluate_there`)."""
+    """A shipped workspace. dask installs the plugin on every worker, including later ones.
+
+    If it cannot be unpacked, `remote_workers.evaluate_there` reports why.
+    """
 
     def __init__(self, shipment: str, transfer: WorkspaceArchive) -> None:
         self.shipment = shipment
         self.transfer = transfer
 
     def setup(self, worker: Any) -> None:
-        """Unpack it below the worker's folder, which dask removes when the worker ends."""
+        """Unpack the workspace below the worker's folder, which dask removes when the worker ends."""
         settle(self.shipment, self.transfer, worker.local_directory, worker.address)
-        self.transfer = replace(self.transfer, data=b"")  # the scheduler has it for those that come
+        self.transfer = replace(self.transfer, data=b"")  # the scheduler has the data for later workers
 
     async def teardown(self, worker: Any) -> None:
-        """Remove it; runners that are idle end first, which may take a moment."""
+        """Remove the workspace. Idle runners are ended first, which may take a moment."""
         await asyncio.to_thread(leave, self.shipment)

@@ -1,4 +1,4 @@
-"""What an engine of a batch on other machines is: an executor, and perhaps one that carries files."""
+"""The interface of an engine on other machines: an executor, optionally with file transfer."""
 
 from __future__ import annotations
 
@@ -16,16 +16,19 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 PATIENCE = 60.0
-"""How long [s] a cluster may be without any worker before the batch ends."""
+"""Time [s] that a cluster may be without workers before the batch ends."""
 
 
 class WorkerLost(Exception):
-    """A worker that is gone, or has not, or no longer, what it is asked for. Its variants are handed out again."""
+    """A worker is gone, or does not have the requested data. Its variants are submitted again."""
 
 
 class Cluster(Executor):
-    """An executor on other machines. `ahead` chunks may be under way at once, the first of `first` variants, later ones so large
-    that they take about `chunk_seconds` [s] of one runner, and of at most `chunk_most` variants."""
+    """An executor on other machines.
+
+    Up to `ahead` chunks run at once. The first ones have `first` variants; later ones take about `chunk_seconds` [s] of one runner and have
+    at most `chunk_most` variants.
+    """
 
     ahead = 1
     first = 1
@@ -34,30 +37,31 @@ class Cluster(Executor):
 
     @abstractmethod
     def check(self, files: Mapping[str, str]) -> None:
-        """Raise `BatchFault` unless the workers see these files and folders (absolute path: digest, see `up_to_date.state_of`) and have
-        the same versions installed."""
+        """Raise `BatchFault` unless the workers see these files and folders (digests by absolute path, see `up_to_date.state_of`) and have
+        the same versions installed.
+        """
 
     @abstractmethod
     def fault(self) -> BatchFault | None:
-        """What keeps it from ever answering, and None as long as nothing does."""
+        """Return the error that prevents further answers, None if there is none."""
 
 
 class FileTransferExecutor(Cluster):
-    """A cluster that can carry files, so that its workers need not see those of this machine."""
+    """A cluster that transfers files, so that its workers need no shared file system."""
 
     @abstractmethod
     def ship(self, name: str, transfer: WorkspaceArchive) -> None:
-        """Give a workspace to every worker there is and to those that come, once each. Raises `BatchFault` where one cannot take it."""
+        """Send a workspace once to every worker, including later ones. Raises `BatchFault` if a worker cannot unpack it."""
 
     @abstractmethod
     def unship(self, name: str) -> None:
-        """Let workers remove what they have of that shipment, as far as they can still be reached."""
+        """Remove a shipment from the workers that can be reached."""
 
     @abstractmethod
     def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:
-        """Call `fn` on the worker of that address at once, whatever it is at. Raises `WorkerLost`."""
+        """Call `fn` at once on the worker with this address, even if it is busy. Raises `WorkerLost`."""
 
 
 def missing(package: str) -> BatchFault:
-    """What to say where the library of a cluster is not installed."""
+    """Return the error for a missing package of a cluster."""
     return BatchFault(Code.CLUSTER, f"the package `{package}` is not installed, and `--cluster` needs it", "pip install 'thingc[cluster]'")

@@ -1,14 +1,14 @@
-"""A batch on workers that share no folder with the driver: the workspace goes out once to each, built variants come back as files.
+"""Workers without a shared folder: the workspace is sent once to each, and built variants are fetched.
 
-Here `RemoteExecutor` stands between the batch and a cluster: to the batch it is an executor that writes variants into the batch's folder.
-On a worker `evaluate_there` builds them with the same runners, in the unpacked workspace and into a folder of the worker's own, and says
-which files there are; the driver then fetches those that it has not, a few megabytes at a time, and writes the variant as ever.
-A file that variants share is fetched once, and not at all where the driver's store has it.
+`RemoteExecutor` wraps a cluster, and looks to the batch like an executor that writes variants into its folder. On a worker,
+`evaluate_there` builds them with the same runners, from the unpacked workspace into a folder of the worker, and returns the list of files.
+The driver fetches the missing ones in groups of a few megabytes, and writes the variants. A file that variants share is fetched once, and
+not at all if the driver's store contains it.
 
     <place>/work/                the unpacked workspace
-    <place>/out/variants/<id>/   what has been built and not fetched
+    <place>/out/variants/<id>/   built variants that have not been fetched
     <place>/out/assets/<sha256>  shared files
-    <place>/aside/a/b/c          where runners work if the driver's folder is none of the workspace's
+    <place>/aside/a/b/c          working folder of runners if the driver's is outside of the workspace
 """
 
 from __future__ import annotations
@@ -45,33 +45,33 @@ from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 T = TypeVar("T")
 
 WORK, OUT, ASIDE = "work", "out", os.path.join("aside", "a", "b", "c")
-"""The inner folders of a place. From the last one every path to the others is shown as an absolute one."""
+"""Subfolders. The last one is deep, so that paths to the others are shown as absolute ones."""
 PULL_BYTES = 8_000_000
-"""How much is fetched at once; a larger file by itself."""
+"""Size [bytes] of a group of files to fetch; larger files are fetched alone."""
 CHUNK_SECONDS = 2.0
-"""How long [s] a chunk should take: each is asked after once more than where workers write themselves."""
+"""Target duration [s] of a chunk, longer than without file transfer because each chunk needs one more request."""
 FAREWELL = 30.0
-"""How long [s] to wait at the end for what is being fetched."""
+"""Time [s] to wait at the end for running transfers."""
 
 
 # --- on the worker ----------------------------------------------------------------------------------------------------
 
 
 class WorkerFolder(FrozenStruct):
-    """Where a worker keeps what a batch needs: an absolute folder, links resolved. `worker` is its address."""
+    """The folder of a shipment on a worker (absolute path without symbolic links); `worker` is the address of the worker."""
 
     folder: str
     worker: str
 
 
 _PLACES: dict[str, WorkerFolder] = {}
-"""Those of this process, by the name of the shipment."""
+"""Folders of this process, by the name of the shipment."""
 _REFUSED: dict[str, str] = {}
-"""Why a shipment could not be unpacked."""
+"""Reasons why shipments could not be unpacked."""
 
 
 def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> None:
-    """Unpack a workspace below `folder`, which is the worker's own; it appears as a whole. Raises `OSError` and `ValueError`."""
+    """Unpack a workspace below `folder`, the worker's own; it appears complete or not at all. Raises `OSError` and `ValueError`."""
     place = os.path.join(os.path.realpath(folder), name)
     fresh = f"{place}.new"
     try:
@@ -87,7 +87,7 @@ def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> N
 
 
 def leave(name: str) -> None:
-    """Remove everything of a shipment. Whatever still builds in it fails, and nobody asks for it."""
+    """Remove a shipment. Builds in progress fail; their results are not needed."""
     place = _PLACES.pop(name, None)
     _REFUSED.pop(name, None)
     if place is None:
@@ -96,7 +96,7 @@ def leave(name: str) -> None:
     with contextlib.suppress(OSError):
         os.rename(place.folder, gone)
         shutil.rmtree(gone, ignore_errors=True)
-    RUNNERS.close()  # they have worked in it
+    RUNNERS.close()  # they worked in the folder
 
 
 def _worker_folder(name: str) -> WorkerFolder:
@@ -107,7 +107,7 @@ def _worker_folder(name: str) -> WorkerFolder:
 
 
 class BuiltFile(FrozenStruct):
-    """A file of the variant `id`: path in its folder, bytes, SHA-256 (hex; of the manifest empty), and whether it lies in `assets/`."""
+    """A file of the variant `id`: path in its folder, size [bytes], SHA-256 (empty for the manifest), and whether it is in `assets/`."""
 
     id: str
     path: str
@@ -122,7 +122,7 @@ class BuiltFile(FrozenStruct):
 
 
 class Answer(FrozenStruct):
-    """What came of a chunk: a row for each variant, and the files of those that were built, by id. They lie with `place`."""
+    """The results of a chunk: a row for each variant, and the files of built variants by id, which are in `place`."""
 
     place: WorkerFolder
     rows: list[Row]
@@ -130,13 +130,16 @@ class Answer(FrozenStruct):
 
 
 def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float) -> Answer:
-    """`engine.evaluate` on a worker. `job` is one of `RemoteExecutor`: its paths are in the workspace. Raises `WorkerLost`."""
-    if name in _REFUSED:  # one that came later: it would take chunk after chunk
+    """Run `engine.evaluate` on a worker.
+
+    `job` is one of `RemoteExecutor`, with paths in the workspace. Raises `WorkerLost` and `RunnersBroken`.
+    """
+    if name in _REFUSED:  # otherwise, a worker that came later would fail chunk after chunk
         raise RunnersBroken(f"a worker cannot unpack the workspace: {_REFUSED[name]}", "")
     place = _worker_folder(name)
 
     def still(row: Row) -> None:
-        _worker_folder(name)  # else the batch has ended: so does this chunk
+        _worker_folder(name)  # raises if the batch has ended
 
     rows = evaluate(_settled(job, place), tasks, timeout, still)
     return Answer(place=place, rows=rows, files={row["id"]: _listed(place, row) for row in rows if row["status"] == "built"})
@@ -144,7 +147,7 @@ def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float
 
 @lru_cache(maxsize=4)
 def _settled(job: str, place: WorkerFolder) -> str:
-    """The job with paths of the worker; without a store of the batch's own, the worker's."""
+    """Return the job with paths of the worker, and the store of the worker unless the batch has one."""
     decoded = Job.decode(job)
     work = os.path.join(place.folder, WORK)
     cwd = os.path.join(work, decoded.cwd) if decoded.cwd is not None else ""
@@ -157,7 +160,7 @@ def _settled(job: str, place: WorkerFolder) -> str:
 
 
 def _listed(place: WorkerFolder, row: Row) -> list[BuiltFile]:
-    """The files of a built variant; of a packed one those that do not come with its row."""
+    """Return the files of a built variant; for a packed one, without those in its row."""
     folder = folder_layout.variant_folder(os.path.join(place.folder, OUT), row["id"])
     assets = os.path.join(place.folder, OUT, folder_layout.ASSETS)
     try:
@@ -178,7 +181,7 @@ def _listed(place: WorkerFolder, row: Row) -> list[BuiltFile]:
 
 
 def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[bytes]:
-    """Files of a worker's `out/`. The variants `done` are removed then. Raises `WorkerLost`."""
+    """Read files in `out/` of a worker, then remove the variants `done`. Raises `WorkerLost`."""
     out = os.path.join(_worker_folder(name).folder, OUT)
     contents: list[bytes] = []
     for path in paths:
@@ -192,14 +195,14 @@ def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[byt
     return contents
 
 
-# --- here -------------------------------------------------------------------------------------------------------------
+# --- on the driver ----------------------------------------------------------------------------------------------------
 
 
 class RemoteExecutor(Cluster):
-    """A cluster whose workers share no folder with this machine. A context manager: the cluster is the caller's and stays.
+    """A cluster whose workers share no folder with this machine. A context manager; the cluster stays open.
 
-    `folder` is the batch's, `store` the driver's own, `name` that of the shipment. `submit` takes `evaluate` alone; its future is done
-    when the variants are written. Entering raises `BatchFault` where a worker cannot take the transfer.
+    `folder` is that of the batch, `store` the driver's, `name` that of the shipment. `submit` accepts only `evaluate`; its future is done
+    when the variants are written. Entering raises `BatchFault` if a worker cannot unpack the workspace.
     """
 
     chunk_seconds = CHUNK_SECONDS
@@ -222,19 +225,19 @@ class RemoteExecutor(Cluster):
 
     @property
     def ahead(self) -> int:  # type: ignore[override]
-        """As of the cluster."""
+        """That of the cluster."""
         return self.cluster.ahead
 
     def check(self, files: Mapping[str, str]) -> None:
-        """As of the cluster."""
+        """See `Cluster`."""
         self.cluster.check(files)
 
     def fault(self) -> BatchFault | None:
-        """As of the cluster."""
+        """See `Cluster`."""
         return self.cluster.fault()
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Build a chunk on some worker, and write it here."""
+        """Build a chunk on a worker, and write its variants here."""
         if fn is not evaluate or named:
             raise TypeError("shipped workspaces evaluate chunks, and nothing else")
         job, tasks, timeout = arguments
@@ -245,7 +248,7 @@ class RemoteExecutor(Cluster):
         return outer
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Let workers remove what they have of the batch. Nothing is written here afterwards."""
+        """Remove the shipment from the workers. Nothing is written here afterwards."""
         self._stopping = True
         self._arrived.put(None)
         if self._thread.is_alive():
@@ -253,7 +256,7 @@ class RemoteExecutor(Cluster):
         self.cluster.unship(self.name)
 
     def _packed(self, text: str) -> str:
-        """A job whose paths are in the workspace; a store that is a folder is one of this machine."""
+        """Return the job with paths relative to the workspace. A store in a folder of this machine is left out."""
         job = Job.decode(text)
         root, here = os.path.realpath(self.transfer.root), os.path.realpath(os.getcwd())
         inside = os.path.join(here, "").startswith(os.path.join(root, ""))
@@ -263,7 +266,7 @@ class RemoteExecutor(Cluster):
             store=job.store if job.store is not None and "://" in job.store else None,
         ).encode()
 
-    # --- what comes back, all in one thread ------------------------------------------------------------------------
+    # --- results, all in one thread ---------------------------------------------------------------------------------
 
     def _receive(self) -> None:
         while (arrived := self._arrived.get()) is not None:
@@ -278,7 +281,7 @@ class RemoteExecutor(Cluster):
                 outer.set_exception(fault)
 
     def _taken(self, answer: Answer) -> list[Row]:
-        """Write what was built; the rows as a runner here would have them. Raises `WorkerLost`."""
+        """Write the built variants; return the rows as a local runner would. Raises `WorkerLost`."""
         blobs = _Blobs(self, answer)
         rows: list[Row] = []
         for given in answer.rows:
@@ -300,7 +303,7 @@ class RemoteExecutor(Cluster):
         return rows
 
     def _keep(self, row: Row, blobs: _Blobs) -> None:
-        """Write a variant; of a packed one what it shares. Raises as `write_variant` does."""
+        """Write a variant; for a packed batch, only its shared files. Raises as `write_variant` does."""
         files = blobs.files(row["id"])
         if SHARED not in row:
             write_variant(self.folder, row["id"], files, blobs)
@@ -309,7 +312,7 @@ class RemoteExecutor(Cluster):
             keep_asset(self.folder, sha256, blobs)
 
     def _mapped(self, said: Any, work: str, key: str = "") -> Any:
-        """What a row says, with the paths that files have here."""
+        """Replace the paths of the worker in a row by those of this machine."""
         if isinstance(said, dict):
             return {name: value if name == FILES else self._mapped(value, work, name) for name, value in said.items()}
         if isinstance(said, list):
@@ -325,7 +328,7 @@ def _stopped(row: Row, message: str) -> Row:
 
 
 class _Blobs:
-    """The files of an answer: from the driver's store, or fetched, some megabytes at a time in the order in which they are needed."""
+    """The files of an answer: from the driver's store, or fetched in groups, in the order in which they are needed."""
 
     def __init__(self, shipping: RemoteExecutor, answer: Answer) -> None:
         self.shipping = shipping
@@ -335,7 +338,7 @@ class _Blobs:
         self._waiting: deque[BuiltFile] | None = None
 
     def files(self, id: str) -> dict[str, Content]:
-        """The files of a variant, which come in the order of the rows. Raises `WorkerLost` and `StoreUnusable`."""
+        """Return the files of a variant. Call it in the order of the rows. Raises `WorkerLost` and `StoreUnusable`."""
         if self._waiting is None:
             self._waiting = deque(self._wanted())
         self.shared.clear()
@@ -352,7 +355,7 @@ class _Blobs:
         return contents
 
     def read(self, sha256: str) -> bytes:
-        """A shared file's bytes. Raises `WorkerLost` and `StoreUnusable`."""
+        """Return the bytes of a shared file. Raises `WorkerLost` and `StoreUnusable`."""
         if sha256 in self.shared:
             return self.shared[sha256]
         with contextlib.suppress(BlobMissing):
@@ -360,7 +363,7 @@ class _Blobs:
         return self._asked([BuiltFile(id="", path="", size=0, sha256=sha256, shared=True)], ())[0]
 
     def _next_is(self, id: str) -> bool:
-        """Whether a file of this variant is to come; it is fetched then."""
+        """Return whether the next file is one of this variant; fetch it if necessary."""
         assert self._waiting is not None
         if not self._ahead and self._waiting and self._waiting[0].id == id:
             group = [self._waiting.popleft()]
@@ -372,7 +375,7 @@ class _Blobs:
         return bool(self._ahead) and self._ahead[0][0].id == id
 
     def _wanted(self) -> Iterator[BuiltFile]:
-        """What is to be fetched: the own files of variants, and shared ones that are nowhere here."""
+        """Yield the files to fetch: own files of variants, and shared ones that are not available here."""
         known: set[str] = set()
         for row in self.answer.rows:
             for one in self.answer.files.get(row["id"], ()):

@@ -1,6 +1,6 @@
-"""SLURM as the engine of a batch, through submitit: each chunk is a job, large enough to be worth queueing for.
+"""SLURM as the engine of a batch, through submitit. Each chunk is a job, large enough to be worth its time in the queue.
 
-`slurm:partition=cpu,cpus=8,time=2 h`. With `cluster=local` the jobs are processes of this machine, which needs no SLURM.
+`slurm:partition=cpu,cpus=8,time=2 h`. With `cluster=local`, the jobs are processes of this machine, which needs no SLURM.
 """
 
 from __future__ import annotations
@@ -27,16 +27,19 @@ from thingc.batch.planning import Variant
 T = TypeVar("T")
 
 JOB_SECONDS = 300.0
-"""How long [s] a job should take: long against the time that it waits in a queue."""
+"""Target duration [s] of a job, long compared to its time in the queue."""
 JOBS = 16
-"""Jobs at once, unless `--jobs` says otherwise."""
+"""Default number of jobs at once."""
 POLL = 0.5
-"""How often [s] the driver looks for results. SLURM itself is asked once a minute by submitit."""
+"""Polling interval [s] for results. submitit asks SLURM once a minute."""
 
 
 class SlurmSettings(FrozenStruct):
-    """What follows `slurm:`. `cpus` of each job, which builds as many variants at once; `minutes` is its time limit; `cluster` is
-    submitit's name of the engine (`slurm`, `local`); `more` are further parameters of submitit."""
+    """The settings after `slurm:`.
+
+    `cpus` is the number of cores of a job, which builds as many variants at once; `minutes` is its time limit; `cluster` is submitit's name
+    of the engine (`slurm` or `local`); `more` are further parameters of submitit.
+    """
 
     cpus: int = 1
     minutes: int = 120
@@ -47,11 +50,11 @@ class SlurmSettings(FrozenStruct):
 _MORE = {
     "partition": "slurm_partition", "account": "slurm_account", "qos": "slurm_qos", "constraint": "slurm_constraint", "memory": "mem_gb",
 }
-"""submitit's names of those settings that it takes as they are."""
+"""submitit's names of settings that are passed on unchanged."""
 
 
 def settings_of(text: str) -> SlurmSettings:
-    """The settings `partition=cpu,cpus=8,time=2 h`. Raises `BatchFault` for others."""
+    """Parse settings such as `partition=cpu,cpus=8,time=2 h`. Raises `BatchFault`."""
     settings: dict[str, Any] = {}
     more: dict[str, str] = {}
     known = ("partition", "cpus", "time", "account", "qos", "constraint", "memory", "cluster")
@@ -88,8 +91,10 @@ def _minutes(text: str) -> int:
 
 
 def spread(width: int, job: str, tasks: Sequence[Variant], timeout: float) -> dict[str, Any]:
-    """Build the variants of a chunk with `width` runners at once. Runs in the job. `{"rows": [...]}`, or `{"broken": words, ...}`
-    where no runner starts."""
+    """Build the variants of a chunk with `width` runners. Runs in the job.
+
+    Returns `{"rows": [...]}`, or `{"broken": message, "detail": ...}` if no runner starts.
+    """
     size = max(1, len(tasks) // (4 * width))
     with LocalExecutor(width) as executor:
         futures = [executor.submit(evaluate, job, tasks[k : k + size], timeout) for k in range(0, len(tasks), size)]
@@ -101,8 +106,10 @@ def spread(width: int, job: str, tasks: Sequence[Variant], timeout: float) -> di
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """Processes that are started meanwhile have no standard error: those that submitit starts for jobs of this machine end with a traceback
-    when they are cancelled, or when somebody interrupts the batch at the terminal."""
+    """Redirect standard error of processes started meanwhile to nowhere.
+
+    submitit starts processes for local jobs, which print a traceback when they are cancelled or interrupted.
+    """
     sys.stderr.flush()
     kept = os.dup(2)
     try:
@@ -115,9 +122,9 @@ def _silent() -> Iterator[None]:
 
 
 class SlurmCluster(Cluster):
-    """Jobs of SLURM, at most `jobs` in the queue at once (0: `JOBS`). `folder` is where submitit keeps theirs; all nodes see it.
+    """Jobs of SLURM, at most `jobs` in the queue at once (0: `JOBS`). `folder` is for submitit, on a shared file system.
 
-    Raises `BatchFault` where there is no SLURM.
+    Raises `BatchFault` if there is no SLURM.
     """
 
     def __init__(self, settings: SlurmSettings, *, jobs: int = 0, folder: str) -> None:
@@ -151,14 +158,14 @@ class SlurmCluster(Cluster):
         threading.Thread(target=self._watch, daemon=True, name="thingc-slurm").start()
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Queue a job for `evaluate`; nothing else."""
+        """Submit a job for `evaluate`; other functions raise `TypeError`."""
         if fn is not evaluate or named:
             raise TypeError("jobs of SLURM evaluate chunks, and nothing else")
         future: Future[T] = Future()
         try:
             with _silent() if self.settings.cluster == "local" else contextlib.nullcontext():
                 job = self._executor.submit(spread, self.settings.cpus, *arguments)
-        except Exception as fault:  # what sbatch says of a partition that is not there, or of too many jobs
+        except Exception as fault:  # for example, an unknown partition or too many jobs
             words = " ".join(str(fault).split())
             self._fault = BatchFault(Code.CLUSTER, f"SLURM takes no job: {words}", "mend that, and go on with --resume")
             future.set_exception(fault)
@@ -169,14 +176,14 @@ class SlurmCluster(Cluster):
         return future
 
     def check(self, files: Mapping[str, str]) -> None:
-        """Nobody can be asked before a job runs; a job that does not see the files says so."""
+        """Do nothing: workers exist only while a job runs. A job that does not see the files reports it."""
 
     def fault(self) -> BatchFault | None:
-        """What SLURM said against the last job."""
+        """Return the error of the last submission, None if there was none."""
         return self._fault
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Cancel what is still queued or running, and remove submitit's files."""
+        """Cancel queued and running jobs, and remove the files of submitit."""
         with self._lock:
             left = list(self._jobs)
         for future in left:
@@ -188,7 +195,7 @@ class SlurmCluster(Cluster):
         with self._lock:
             job = self._jobs.pop(future, None)
         if job is not None and future.cancelled():
-            with contextlib.suppress(Exception):  # it may have ended meanwhile
+            with contextlib.suppress(Exception):  # it may have ended
                 job.cancel(check=False)
 
     def _watch(self) -> None:

@@ -1,12 +1,11 @@
-"""A workspace as one piece of bytes, for machines that do not see its folder: the same files give the same bytes.
+"""A workspace as an archive, for machines that do not see its folder. The same files give the same bytes.
 
-Nobody knows which files part code will open, so everything in the workspace's folder goes along, except
+The files that part code opens are not known in advance, so the archive contains the whole folder of the workspace, except
+- hidden files and folders, `__pycache__`, `node_modules`, `*.pyc`, and virtual environments;
+- the build folder of the workspace, and the folder of any batch.
 
-- what begins with a dot, `__pycache__`, `node_modules`, `*.pyc`, and virtual environments;
-- the workspace's build folder, and the folder of any batch.
-
-Part folders, documents and part code that the plan was made of go along wherever they lie in the workspace. Links stay links; one
-that leads out of the workspace is refused, for nobody knows what would be found there elsewhere.
+Part folders, documents and part code of the plan are always included. Links stay links; a link out of the workspace is an error, since its
+target may differ on another machine.
 """
 
 from __future__ import annotations
@@ -29,18 +28,21 @@ from thingc.batch.planning import OUTSIDE, Plan
 from thingc.documents.workspace import OWN_FILE, Workspace
 
 MOST_BYTES = 100_000_000
-"""What the files of a transfer may have together."""
+"""Maximum total size [bytes] of the files."""
 MOST_FILES = 20_000
-"""How many files, folders and links a transfer may have."""
+"""Maximum number of files, folders and links."""
 NAMES = frozenset(("__pycache__", "node_modules"))
-"""Folders that hold nothing of a workspace; those whose names begin with a dot do not either."""
+"""Names of folders to leave out, in addition to hidden ones."""
 MODIFIED = 946_684_800
-"""The modification time [s] of everything in a transfer (2000-01-01)."""
+"""Modification time [s] of all entries (2000-01-01)."""
 
 
 class WorkspaceArchive(FrozenStruct):
-    """A packed workspace. `root` is its absolute folder here, `sha256` (hex) that of the tar archive which `data` is when it is
-    inflated (zlib), `names` how many files, folders and links are in it."""
+    """A packed workspace.
+
+    `root` is its absolute path here; `data` is a tar archive compressed with zlib, `sha256` (hex) that of the uncompressed archive; `names`
+    is the number of entries.
+    """
 
     root: str
     sha256: str
@@ -48,9 +50,9 @@ class WorkspaceArchive(FrozenStruct):
     names: int
 
     def unpack(self, folder: str) -> None:
-        """Write the workspace into a folder, which is made. Nothing is written outside of it.
+        """Write the workspace into a new folder, and nothing outside of it.
 
-        Raises `OSError` where the system refuses, `ValueError` where this is not what was packed.
+        Raises `OSError`, and `ValueError` if the data is damaged or unsafe.
         """
         if not hasattr(tarfile, "data_filter"):
             raise ValueError("this Python unpacks archives without looking where files go: 3.11.4 or newer is needed")
@@ -70,16 +72,15 @@ class WorkspaceArchive(FrozenStruct):
 
 
 def pack(plan: Plan, batch: str) -> WorkspaceArchive:
-    """The workspace of a plan whose batch is written to the folder `batch`.
+    """Pack the workspace of a plan; `batch` is the folder of the batch.
 
-    Raises `BatchFault` for one that is too large, has a link that leads out of it or a file that cannot be read, or has changed since
-    it was planned.
+    Raises `BatchFault` if the workspace is too large, has a link out of it or an unreadable file, or has changed since it was planned.
     """
     workspace = plan.workspace
     names = _Search(workspace, (workspace.build, batch)).names(plan)
     stream = io.BytesIO()
     with tarfile.open(fileobj=stream, mode="w", format=tarfile.PAX_FORMAT) as archive:
-        if workspace.origin is None:  # else a workspace file above the place where it is unpacked would hold
+        if workspace.origin is None:  # otherwise, a workspace file above the unpacked folder would apply
             _add(archive, OWN_FILE, b'thingc = "workspace/1"\n', 0o644)
         for name in sorted(names):
             _put(archive, workspace, name, plan.inputs.get(name))
@@ -88,7 +89,7 @@ def pack(plan: Plan, batch: str) -> WorkspaceArchive:
 
 
 class _Search:
-    """What goes along. `without` are absolute folders that do not."""
+    """Collects the files to pack. `without` are absolute paths of folders to leave out."""
 
     def __init__(self, workspace: Workspace, without: tuple[str, ...]) -> None:
         self.workspace = workspace
@@ -98,7 +99,7 @@ class _Search:
         self.found: set[str] = set()
 
     def names(self, plan: Plan) -> set[str]:
-        """Paths in the workspace, with `/`."""
+        """Return paths in the workspace, with `/`."""
         self._folder(self.root)
         for folder in self.workspace.parts:
             if folder != self.root:
@@ -129,7 +130,7 @@ class _Search:
 
     def _add(self, path: str) -> None:
         folder, own = os.path.split(path)
-        if self.workspace.contains(folder):  # a file behind a link goes along where it is
+        if self.workspace.contains(folder):  # a file behind a linked folder is packed at its target
             path = os.path.join(os.path.realpath(folder), own)
         name = os.path.relpath(path, os.path.realpath(self.root)).replace(os.sep, "/")
         if name in self.found:
@@ -139,7 +140,7 @@ class _Search:
         except OSError as fault:
             raise _unreadable(path, fault) from fault
         if not (stat.S_ISREG(state.st_mode) or stat.S_ISDIR(state.st_mode) or stat.S_ISLNK(state.st_mode)):
-            return  # nobody reads a pipe or a socket to build a robot
+            return  # pipes and sockets
         self.found.add(name)
         if stat.S_ISREG(state.st_mode):
             self.sizes[name.partition("/")[0]] += state.st_size
@@ -169,7 +170,7 @@ def _unreadable(path: str, fault: OSError) -> BatchFault:
 
 
 def _put(archive: tarfile.TarFile, workspace: Workspace, name: str, sha256: str | None) -> None:
-    """Add a file, folder or link of the workspace; a file must have the `sha256` with which it was planned, if any."""
+    """Add a file, folder or link. Raises `BatchFault` if a file differs from its `sha256` in the plan."""
     path = os.path.join(workspace.root, name)
     try:
         state = os.lstat(path)
@@ -188,10 +189,10 @@ def _put(archive: tarfile.TarFile, workspace: Workspace, name: str, sha256: str 
 
 
 def _link(archive: tarfile.TarFile, workspace: Workspace, name: str, target: str) -> None:
-    """Add a link, as a relative one."""
+    """Add a link as a relative one."""
     place = os.path.realpath(os.path.dirname(os.path.join(workspace.root, name)))
     path = os.path.join(place, target)
-    first = os.path.join(os.path.realpath(os.path.dirname(path)), os.path.basename(path))  # of a chain of links the first step
+    first = os.path.join(os.path.realpath(os.path.dirname(path)), os.path.basename(path))  # the first step of a chain of links
     if not workspace.contains(path) or not os.path.join(first, "").startswith(os.path.join(os.path.realpath(workspace.root), "")):
         raise BatchFault(
             Code.OUTSIDE_WORKSPACE, f"`{name}` is a link out of the workspace, to `{target}`, and cannot be shipped",

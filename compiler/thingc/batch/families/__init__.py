@@ -1,4 +1,4 @@
-"""One document, or one of variants, as a family of robots in memory: results and models of any settings, quickly.
+"""A document as a family of robots in memory: fast results and models for any settings.
 
     family = thingc.family("assemblies/arm.yaml")
     family.evaluate({"reach": "120 mm"})["mass"]

@@ -1,4 +1,4 @@
-"""Many settings as a few models and arrays: for simulators that step many worlds of one model at once."""
+"""Convert many settings to few models and arrays, for simulators that step many worlds of one model at once."""
 
 from __future__ import annotations
 
@@ -22,10 +22,13 @@ if TYPE_CHECKING:
 
 
 class Batched(OneLineRepr, FrozenStruct, eq=False):
-    """Settings that one model stands for. `fields` are the arrays in which they differ, by the name of the field of `MjModel` (`body_mass`;
-    `opt.gravity` for an option), each (settings, *shape of the field), as `thingc.batch.apply` takes them; of `bvh_aabb` and its like
-    the rows of bodies. `indices` are their places in what was given. `model` is that of the first; where they differ in meshes it has those
-    of all, and `geom_dataid` says which of them each geom has."""
+    """Settings that share one model.
+
+    `fields` are the arrays in which they differ, by the name of the field of `MjModel` (`body_mass`; `opt.gravity` for an option), with
+    shape (settings, *shape of the field), for `thingc.batch.apply`; for the fields of `LEADING`, only the rows of bodies. `indices` are the
+    indices of the settings in the input. `model` is that of the first settings; if they have different meshes, it contains all of them, and
+    `geom_dataid` selects the mesh of each geom.
+    """
 
     model: mujoco.MjModel
     fields: Mapping[str, Array]
@@ -33,17 +36,19 @@ class Batched(OneLineRepr, FrozenStruct, eq=False):
 
 
 class Batches(OneLineRepr, FrozenStruct):
-    """What became of a list of settings: the groups that one model stands for, in the order of their first settings, and by their places
-    those that are refused."""
+    """The result for a list of settings: groups that share a model, ordered by their first settings, and refused settings by index."""
 
     groups: tuple[Batched, ...]
     refused: Mapping[int, NoModel]
 
 
 def batched(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[int], ModelSource] | None) -> Batches:
-    """The models of settings, which may be lent, as groups. Models are of one group where they differ in nothing but numbers that a
-    simulation reads afresh (`thingc.batch.shared_model`), and in meshes where `source` says what the model at a place is made from: the
-    same elements, limited and touching alike."""
+    """Group the models of settings; the models may be lent.
+
+    Models in a group differ only in numbers that a simulation reads at every step (`thingc.batch.shared_model`). If `source` is given,
+    which returns the source of the model at an index, they may also differ in meshes; then they must have the same elements, limits and
+    contacts.
+    """
     groups: dict[bytes, _Group] = {}
     refused: dict[int, NoModel] = {}
     last: tuple[Any, _Group] | None = None
@@ -79,14 +84,14 @@ class _Group:
         self.rows: dict[str, dict[int, Array]] = {}
 
     def value(self, model: mujoco.MjModel, name: str) -> Array:
-        """A field of a model; of boxes the rows of bodies."""
+        """Return a field of a model; for fields of `LEADING`, only the rows of bodies."""
         import numpy as np
 
         value = np.asarray(getattr(*owner_of(model, name)))
         return value[: self.bodies] if name in LEADING else value
 
     def add(self, index: int, model: mujoco.MjModel) -> None:
-        """Another one, of the settings at a place."""
+        """Add the model of the settings at an index."""
         for name, first in self._bytes.items():
             value = self.value(model, name)
             if value.tobytes() != first:
@@ -94,7 +99,7 @@ class _Group:
         self.indices.append(index)
 
     def stack(self, name: str) -> Array:
-        """A field of all of them."""
+        """Return a field of all models, shape (models, *shape of the field)."""
         import numpy as np
 
         first = self.first[name]
@@ -106,7 +111,7 @@ class _Group:
 
 
 def _stacked(groups: Sequence[_Group], model: mujoco.MjModel, more: Mapping[str, Array]) -> Batched:
-    """Groups as one, in the order of their settings."""
+    """Combine groups, in the order of their settings."""
     import numpy as np
 
     first = groups[0]
@@ -122,7 +127,7 @@ def _stacked(groups: Sequence[_Group], model: mujoco.MjModel, more: Mapping[str,
 
 
 def _united(groups: Sequence[_Group], source: Callable[[int], ModelSource]) -> Batched | None:
-    """Groups whose meshes are other ones as one; None where that cannot be."""
+    """Combine groups with different meshes; None if this is impossible."""
     import numpy as np
 
     together = united([source(group.indices[0]) for group in groups], [group.model for group in groups])
@@ -134,7 +139,7 @@ def _united(groups: Sequence[_Group], source: Callable[[int], ModelSource]) -> B
 
 
 def _kind(model: mujoco.MjModel) -> bytes:
-    """A digest of all that makes models of different groups: sizes, names, and arrays that are no numbers."""
+    """Return a digest of everything that must be equal in a group: sizes, names, and arrays that are not changeable."""
     digest = hashlib.sha256()
     for name in names(model):
         if name not in changeable_fields():

@@ -1,4 +1,4 @@
-"""Results of many settings of one family."""
+"""Compute the results of many settings of a family."""
 
 from __future__ import annotations
 
@@ -27,8 +27,7 @@ Item = tuple[Mapping[str, Any], ParsedSettings]
 
 
 class Evaluation:
-    """Results of one mode, in the pose, with the reach and judged by the rules of `plan`, if there is one. `verify` as that of
-    `ModelsOfMode`."""
+    """Computes the results of one mode; pose, reach and rules are those of `plan`, if any. `verify` is as in `ModelsOfMode`."""
 
     def __init__(self, session: Session, reader: SettingsReader, mode: str, plan: Plan | None, *, verify: int | None) -> None:
         self.session = session
@@ -42,7 +41,7 @@ class Evaluation:
         self.forms: PlanCaches[_Shape] = PlanCaches()
 
     def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
-        """What comes of each, in order."""
+        """Yield the result for each of the settings, in order."""
         for settings, read in many:
             planned = None if tests else self.forms.planned(read, self._plan)
             if planned is None:
@@ -59,7 +58,7 @@ class Evaluation:
             yield self._judged(settings, read, results, plan.made.problems)
 
     def _plan(self, read: ParsedSettings, form: PlanCache[_Shape]) -> NumericPlan[_Shape] | None:
-        """A plan that gives what compilations do; None, and the reason in `form`, where there is none."""
+        """Return a plan that gives the same results as compilations; None, with the reason in `form`, if there is none."""
         first = self._measured(read)
         if not first[0]:
             return None
@@ -98,7 +97,7 @@ class Evaluation:
         return results, tuple(report.ordered())
 
     def _compiled(self, read: ParsedSettings) -> tuple[Results, Report, Compilation | None]:
-        """The results, none where the settings are refused; all that was said."""
+        """Compile settings; return the results (empty if refused), the report, and the compilation (None after errors)."""
         if read.report is not None:
             return {}, read.report, None
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
@@ -122,7 +121,7 @@ class Evaluation:
             if not report.failed:
                 said = len(report.diagnostics)
                 done = tuple(run(pipeline.request_of(self.session.environment, whole), Selection()))
-                del report.diagnostics[said:]  # what fails is in the tests' results
+                del report.diagnostics[said:]  # failures are in the results of the tests
         return self._judged(settings, read, results, tuple(report.ordered()), done)
 
     def _judged(
@@ -136,8 +135,8 @@ class Evaluation:
         return Evaluated(settings=settings, results=results, problems=problems, broken=broken, tests=tests)
 
     def _broken(self, read: ParsedSettings, results: Results) -> tuple[str | None, tuple[Diagnostic, ...]]:
-        """The first rule that is not kept, and what is wrong with rules."""
-        has_texts = any(name in self.reader.parameters for name, _ in read.texts)  # flags and expressions
+        """Return the first violated rule (None: none), and the errors in rules."""
+        has_texts = any(name in self.reader.parameters for name, _ in read.texts)  # not only numbers: flags, texts or expressions
         given: Mapping[str, ExpressionValue] = self.reader.values(read) if has_texts else self.reader.quantities(read)
         undecided: list[Diagnostic] = []
         for rule, wrong in unkept(self.rules, self.values(given), results, self.mode):
@@ -148,7 +147,7 @@ class Evaluation:
 
 
 class _Shape(TracedResults):
-    """The results of one plan. `problems` is what is said of each."""
+    """The results of one plan; `problems` are the diagnostics that all of them have."""
 
     def __init__(self, results: Mapping[str, Any], problems: tuple[Diagnostic, ...]) -> None:
         super().__init__(results)

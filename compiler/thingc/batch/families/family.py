@@ -1,4 +1,4 @@
-"""`thingc.family(document)`."""
+"""`thingc.family(document)` and its result, `RobotFamily`."""
 
 from __future__ import annotations
 
@@ -43,37 +43,42 @@ if TYPE_CHECKING:
 
 
 class ModeNames(tuple[str, ...]):
-    """The names of the modes of a family. Called with settings, it gives their `thingc.modes.Modes`, to switch between at run time (those
-    named after them, else all); `NoModel`, which is false, if the settings are refused. Raises `UnknownChoice` for another mode."""
+    """The names of the modes of a family.
+
+    A call with settings returns their `thingc.modes.Modes`, for switching between these modes (default: all) at run time; or `NoModel`,
+    which is false, if the settings are refused. Raises `UnknownChoice` for an unknown mode.
+    """
 
     of: Callable[[Mapping[str, Any] | Variant, Sequence[str]], Modes | NoModel]
 
     def __call__(self, settings: Mapping[str, Any] | Variant, *modes: str) -> Modes | NoModel:
-        """The modes of settings."""
+        """Return the modes of the settings."""
         return self.of(settings, modes)
 
 
 class RobotFamily:
-    """A document as a family of robots, kept in memory. A context manager: leaving it ends the worker that models parts.
+    """A document as a family of robots in memory. A context manager that ends the worker for parts on exit.
 
-    Settings are mappings from the name of a parameter, or the path of anything in the document (`joints.elbow.limit.upper`,
-    `components.bus_board.mass`, `joints.*.dynamics.damping`), to a number in SI or a text as documents have it; or a `Variant` of a plan.
-    They are checked as those of `thingc build -p` are, and what is wrong with them is in the answers. The documents are read once: later
-    changes are not seen.
+    Settings are mappings from names of parameters, or paths in the document (`joints.elbow.limit.upper`, `components.bus_board.mass`,
+    `joints.*.dynamics.damping`), to numbers in SI units or texts as in documents; or a `Variant` of a plan. They are checked like those of
+    `thingc build -p`, and errors are part of the results. The documents are read once; later changes have no effect.
 
-    `verify`: of the models and results that are made alike without a compilation, as most are that set the same names, the first and then
-    one in so many is compared with one (0: none is; None: the first, the second, the fourth, the eighth ...).
+    Most models and results are computed without a compilation. `verify` controls how often one of them is compared with a compilation: the
+    first, then one in `verify` (0: never; None: the first, second, fourth, eighth ...).
 
-    Not for several threads at once; after a fork, or pickled, each process has a family of its own.
-    Whatever models parts, or takes their meshes, raises `StoreUnusable` where the folder of modelled parts cannot be used or has lost them.
+    Not thread-safe; after a fork or when pickled, each process has its own family. All methods that build parts or read their meshes raise
+    `StoreUnusable` if the store cannot be used or has lost them.
     """
 
     def __init__(
         self, document: str | os.PathLike[str], *, store: str | None = None, jobs: int = 0, mode: str | None = None,
         verify: int | None = None, compat: Iterable[str] | str | None = None,
     ) -> None:
-        """Raises `CompileError` where the document has errors, `UnknownChoice` for a mode or a program that does not exist, and
-        `FamilyError` if `jobs` or `verify` is not a whole number from 0 on."""
+        """Read a document.
+
+        Raises `CompileError` for a document with errors, `UnknownChoice` for an unknown mode or program, and `FamilyError` if `jobs` or
+        `verify` is not an integer of at least 0.
+        """
         at_least(0, jobs=jobs)
         if verify is not None and not is_whole(verify, 0):
             raise FamilyError(f"expected `verify` to be None, 0 (nothing is compared), 1 (all is) or N (one in N is), found `{verify}`")
@@ -112,51 +117,61 @@ class RobotFamily:
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A copy, in another process as well, is a family of its own, which reads the documents as they are then."""
+        """Support copying and pickling: the copy reads the documents again."""
         return self._again, ()
 
     def close(self) -> None:
-        """End the worker that models parts, if there is one."""
+        """End the worker for parts, if any."""
         self._session.__exit__()
 
     def __repr__(self) -> str:
         return f"RobotFamily({self.name!r}, modes=[{', '.join(self.modes)}])"
 
-    # --- what it gives --------------------------------------------------------------------------------------------------
+    # --- results and models ---------------------------------------------------------------------------------------------
 
     @overload
     def evaluate(self, settings: Mapping[str, Any] | Variant, *, tests: bool = False) -> Evaluated: ...
     @overload
     def evaluate(self, settings: Iterable[Mapping[str, Any] | Variant], *, tests: bool = False) -> list[Evaluated]: ...
     def evaluate(self, settings: Any, *, tests: bool = False) -> Evaluated | list[Evaluated]:
-        """The results of settings, of a list of them a list: in the mode and the pose of the document of variants, else in the family's
-        mode. With `tests` those of the assembly's document are run as well. Nothing is raised for what is wrong with settings."""
+        """Return the results of settings; for a list of settings, a list.
+
+        The mode and the pose are those of the variants document, else the mode of the family in its pose. With `tests`, those of the
+        assembly document are run, too. Errors in settings are not raised, but part of the results.
+        """
         found = list(self._evaluation.each(map(self._read, as_many(settings)), tests=tests))
         return found[0] if is_single(settings) else found
 
     def model(
         self, settings: Mapping[str, Any] | Variant, *, mode: str | None = None, visual: bool = True, floor: bool = False,
     ) -> mujoco.MjModel | NoModel:
-        """The compiled model of settings in a mode, of its own; `NoModel`, which is false, where they are refused. Without `visual` what
-        is only drawn is left out; with `floor` it stands on that of its scene. Raises `UnknownChoice` for a mode that is not there."""
+        """Return the compiled model of settings in a mode, a new object; `NoModel`, which is false, if they are refused.
+
+        Without `visual`, visual geometry is left out; with `floor`, the model includes the floor of its scene. Raises `UnknownChoice` for
+        an unknown mode.
+        """
         return next(self._of(mode, visual, floor).each([self._read(settings)], share=False))
 
     def models(
         self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, share: bool = False, visual: bool = False,
         floor: bool = False,
     ) -> Iterator[mujoco.MjModel | NoModel]:
-        """The models of many settings, in their order, made as they are asked for (up to 128 settings are read ahead). With `share` one
-        model is lent: it is that of the settings until the next one is asked for; an `MjData` of it goes on being usable as long as it is
-        the same object. What is written into a lent model may stay in the next one that is lent, and is in no other. `NoModel` stands in
-        place of a model that there is none of. Raises `UnknownChoice` for a mode that is not there."""
+        """Yield the models of many settings, in order (up to 128 settings are read ahead).
+
+        With `share`, one model object is lent: it is valid until the next one is requested. An `MjData` of it stays valid as long as the
+        model is the same object. Changes of a lent model may persist in the next lent one, but not in others. `NoModel` replaces the model
+        of refused settings. Raises `UnknownChoice` for an unknown mode.
+        """
         return self._of(mode, visual, floor).each(map(self._read, as_many(many)), share=share)
 
     def batched(
         self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, union: bool = True, floor: bool = False,
     ) -> Batches:
-        """Many settings as few models without what is only drawn, and arrays of what each has of its own. With `union` variants of other
-        geometry are of one model, too, which has the meshes of all; with `floor` they stand on that of their scenes. Raises
-        `UnknownChoice` for a mode that is not there."""
+        """Convert many settings to few models, without visual geometry, and arrays in which the settings differ.
+
+        With `union`, variants with different geometry share a model, too, which contains the meshes of all. With `floor`, models include
+        the floor of their scenes. Raises `UnknownChoice` for an unknown mode.
+        """
         models, read = self._of(mode, False, floor), [self._read(one) for one in as_many(many)]
         models.take_back()
         return batched(models.each(read, share=True), (lambda index: models.source(read[index][1])) if union else None)
@@ -164,11 +179,13 @@ class RobotFamily:
     def write(
         self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str], *, emit: Sequence[str] | str = (),
     ) -> tuple[Diagnostic, ...]:
-        """Write what `thingc build` does with these settings into `folder`, byte for byte; all that was said. With errors nothing is
-        written. `emit` are the targets, or a text as `--emit` takes it; unless named those of the document of variants, else those of a
-        build. What comes without a compilation (of other targets than `hag`, `glb` and `html`) MuJoCo is not asked about, unless it is
-        compared with one. Raises `UnknownChoice` for a target that is not there, `OutputError` where the system refuses, and
-        `UnexpectedFilesError` for a folder that holds anything but such a build."""
+        """Write the build of these settings into `folder`, with the same bytes as `thingc build`; return the diagnostics.
+
+        Nothing is written if there are errors. `emit` are the targets, or a text as for `--emit`; by default, those of the variants
+        document, else those of a build. Files computed without a compilation (for targets other than `hag`, `glb` and `html`) are not
+        checked by MuJoCo, unless compared with a compilation. Raises `UnknownChoice` for an unknown target, `OutputError` if the system
+        refuses, and `UnexpectedFilesError` if the folder contains other files.
+        """
         from thingc.driver.output import OutputError, write_build
         from thingc.geometry.store.local import BlobMissing
 
@@ -192,7 +209,7 @@ class RobotFamily:
         return problems
 
     def _switching(self, settings: Mapping[str, Any] | Variant, modes: Sequence[str]) -> Modes | NoModel:
-        """See `ModeNames`."""
+        """Return the modes of settings; see `ModeNames`."""
         from thingc.modes import Modes
 
         given, read = self._read(settings)
@@ -208,9 +225,11 @@ class RobotFamily:
         return Modes.parse(described) if isinstance(described, bytes) else NoModel(settings=given, problems=problems)
 
     def adopt(self, settings: Mapping[str, Any] | Variant) -> tuple[Diagnostic, ...]:
-        """Make settings what the document of the assembly says, as `thingc set` does: comments and layout stay, and values are in the units
-        in which documents write them. All that was said; with errors nothing is written. This family goes on with the documents as it has
-        read them. Raises `OSError` where the document cannot be read."""
+        """Write settings into the assembly document, as `thingc set` does; return the diagnostics.
+
+        Comments and layout are preserved, and values are in the units of the document. Nothing is written if there are errors. This family
+        is not changed. Raises `OSError` if the document cannot be read.
+        """
         from thingc.driver.edit_document import write_values
 
         _, read = self._read(settings)
@@ -223,17 +242,18 @@ class RobotFamily:
 
     @cached_property
     def space(self) -> SearchSpace:
-        """What may be set: the axes of the document of variants, else the parameters of the assembly."""
+        """The dimensions of the settings: the axes of the variants document, else the parameters of the assembly."""
         if self._plan is not None:
             return of_axes(self._plan.axes, {**self._plan.own, **self._plan.paths.own})
         return of_parameters(self._spec, self._reader.parameters, self._bound)
 
     def numbers(self, settings: Mapping[str, Any] | Variant) -> dict[str, float]:
-        """The numbers [SI] and flags (0 or 1) of settings, by name, with those that hold for the whole family, and those that follow from
-        them; not what the documents say anyway."""
+        """Return the numbers [SI] and flags (0 or 1) of settings by name, including fixed values of the family and values computed from
+        them, without those that equal the documents.
+        """
         _, read = self._read(settings)
         values, own = self._reader.values(read), self._reader.parameters
-        if self._plan is not None:  # which knows what stands at its paths
+        if self._plan is not None:  # which reads the values at its paths
             values.update((name, value) for name, value in self._plan.values(values).items() if "." in name)
             own = {**own, **self._plan.paths.own}
         given = {*read.names, *dict(read.texts)}
@@ -242,12 +262,14 @@ class RobotFamily:
 
     @property
     def variants(self) -> Iterator[Variant]:
-        """Those that the document of variants plans, in their order; none of an assembly."""
+        """The variants of the variants document, in order; empty for an assembly."""
         return iter(self._plan or ())
 
     def explain(self, name: str, value: Any = None, *, mode: str | None = None) -> Explanation | NoModel:
-        """Which way a number goes into the models of a mode, by parameter or path: found out by setting it to `value` (None: what stands
-        in the document) and to numbers near it. `NoModel` where it cannot be set to that."""
+        """Explain how a number enters the models of a mode, by parameter or path.
+
+        This sets it to `value` (None: the value in the document) and to numbers near it. Returns `NoModel` if it cannot be set to `value`.
+        """
         models = self._of(mode, False)
         settings: dict[str, Any] = {one: self._stated(one) if value is None else value for one in self._reader.meant(str(name))}
         read = self._reader.read(settings or {name: ""})
@@ -262,7 +284,7 @@ class RobotFamily:
             return Explanation(name=name, mode=models.mode, way="text" if plan.exchange is None else "parts", why=plan.made.why)
         return Explanation(name=name, mode=models.mode, way="arrays", fields=tuple(sorted(plan.made.written)))
 
-    # --- how ------------------------------------------------------------------------------------------------------------
+    # --- implementation -------------------------------------------------------------------------------------------------
 
     def _read(self, settings: Any) -> tuple[Mapping[str, Any], ParsedSettings]:
         if isinstance(settings, Variant):
@@ -270,7 +292,7 @@ class RobotFamily:
         return settings if isinstance(settings, Mapping) else {}, self._reader.read(settings)
 
     def _stated(self, name: str) -> Any:
-        """What stands in the document [SI]; an empty text where nothing does."""
+        """Return the value in the document [SI], an empty text if there is none."""
         kind = self._reader.kind(name)
         return kind.value if isinstance(kind, Quantity) else "" if kind is None else kind
 
@@ -313,7 +335,7 @@ class RobotFamily:
         return self._plan.written_in if self._plan is not None else {}
 
     def _written_units(self, names: Iterable[str]) -> dict[str, str]:
-        """The units in which the document writes numbers: not those that it does not write, or that are expressions."""
+        """Return the units in which the document writes numbers, by name, without expressions and values that it does not contain."""
         from thingc.driver.edit_document import keys_of
 
         root = self._sources.documents.root
@@ -321,7 +343,7 @@ class RobotFamily:
         return {name: unit_in(node.text) for name, node in nodes.items() if isinstance(node, ScalarNode) and not node.text.startswith("=")}
 
     def _bound(self, name: str, key: str) -> float | None:
-        """A bound of a parameter [SI]."""
+        """Return a bound of a parameter [SI], None if there is none."""
         entry = self._spec.parameters[name]
         raw: Any = getattr(entry, key) if isinstance(entry, ParameterSpec) else None
         if isinstance(raw, Expression):
@@ -333,7 +355,7 @@ class RobotFamily:
 
 
 def _planned(path: str, options: Options) -> Plan | None:
-    """The plan of a document of variants; None of another document. Raises `CompileError` where it has errors."""
+    """Return the plan of a variants document; None for other documents. Raises `CompileError`."""
     from thingc.batch.variants_document import read_plan
     from thingc.documents.workspace import Workspace
 
@@ -356,12 +378,12 @@ def _of_variants(path: str, workspace: Any) -> bool:
 
 
 def is_single(settings: Any) -> bool:
-    """Whether these are settings, or something in their place, and not many of them."""
+    """Return whether this is one set of settings (or an invalid value), not several."""
     return isinstance(settings, (Mapping, str, bytes)) or not isinstance(settings, Iterable)
 
 
 def as_many(settings: Any) -> Iterable[Any]:
-    """Settings where many are expected: one is a list of one."""
+    """Return settings as an iterable of several."""
     return [settings] if is_single(settings) else settings
 
 
@@ -373,10 +395,13 @@ def family(
     document: str | os.PathLike[str], *, store: str | None = None, jobs: int = 0, mode: str | None = None, verify: int | None = None,
     compat: Iterable[str] | str | None = None,
 ) -> RobotFamily:
-    """A document of an assembly, or of variants, as a family of robots in memory: see `RobotFamily`.
+    """Open an assembly or variants document as a family of robots in memory; see `RobotFamily`.
 
-    `store` is the folder of modelled parts (None: the user's cache), `jobs` how many parts are modelled at once, `mode` the
-    default mode (None: the first), `verify` how often a result without a compilation is compared with a compilation, `compat` the
-    programs besides MuJoCo that read its models (`["mjx"]`; None: those of the workspace).
+    Args:
+        store: The folder of cached parts (None: the user's cache).
+        jobs: Number of parts to build at once.
+        mode: The default mode (None: the first).
+        verify: How often a result is compared with a compilation.
+        compat: Programs besides MuJoCo that read the models (`["mjx"]`; None: those of the workspace).
     """
     return RobotFamily(document, store=store, jobs=jobs, mode=mode, verify=verify, compat=compat)

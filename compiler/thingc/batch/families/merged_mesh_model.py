@@ -1,4 +1,4 @@
-"""One model for variants of other geometry: all their meshes in it, and in an array which of them each geom has."""
+"""Merge models with different meshes into one model that contains all meshes, and an array that selects the mesh of each geom."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ if TYPE_CHECKING:
     import mujoco
 
 _OF_MESHES = ("mesh_", "nmesh", "bvh_", "nbvh", "oct_", "names", "name_", "paths", "mat_", "tex_", "geom_matid", "stat.")
-"""What the names of fields of meshes begin with, and of those that follow from them or from what is drawn."""
+"""Prefixes of fields of meshes, and of fields that depend on them or on visual geometry."""
 _FOLLOWING = frozenset(("noct", "nnames", "nnames_map", "npaths", "nbuffer", "narena", "nmat", "geom_dataid"))
 
 
 class ModelSource(FrozenStruct, eq=False):
-    """What a model is made from: its text, and its meshes by file."""
+    """The source of a model: its XML text, and its meshes by file name."""
 
     text: str
     assets: Mapping[str, bytes]
 
 
 def likeness(model: mujoco.MjModel) -> bytes:
-    """A digest of all in which models differ that cannot be one: everything but numbers and meshes."""
+    """Return a digest of everything that must be equal to merge two models: all but changeable numbers and meshes."""
     digest = hashlib.sha256()
     for name in names(model):
         if name not in changeable_fields() and name not in _FOLLOWING and not name.startswith(_OF_MESHES):
@@ -38,8 +38,10 @@ def likeness(model: mujoco.MjModel) -> bytes:
 
 
 def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> tuple[mujoco.MjModel, list[list[int]]] | None:
-    """A model with the meshes of all of these, without what is only drawn, and of each the mesh of every geom (-1: none), by its number in
-    that model. None where that model has not the geoms that they have."""
+    """Merge models, without visual geometry; return the model, and for each source the mesh number of every geom (-1: none).
+
+    None if the geoms of the merged model differ from theirs.
+    """
     root = ElementTree.fromstring(sources[0].text)
     for body in root.iter("body"):
         for geom in body.findall("geom"):
@@ -86,8 +88,10 @@ def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> 
 
 
 def _with_hulls(text: str, files: dict[str, bytes], meshes: Sequence[str]) -> mujoco.MjModel:
-    """The model of a text, in which every mesh has a convex hull: MuJoCo makes none for a mesh that no geom touches with, and a geom that
-    is given such a mesh later would touch otherwise. A hull that was made once, for a geom that is gone, stays."""
+    """Compile a text so that every mesh has a convex hull.
+
+    MuJoCo computes a hull only for meshes of colliding geoms, but any geom may get any mesh later. A hull stays after its geom is deleted.
+    """
     import mujoco
 
     spec = mujoco.MjSpec.from_string(text, assets=files)

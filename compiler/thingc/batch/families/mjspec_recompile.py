@@ -1,5 +1,6 @@
-"""The text of a model with slots for the numbers of a tape, and an `MjSpec` made of it that is kept: numbers and meshes in it are
-exchanged, and MuJoCo compiles it anew without reading a text."""
+"""The text of a model with slots for numbers of a tape, and an `MjSpec` of it in which numbers and meshes are replaced, so that MuJoCo
+recompiles it without parsing.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +18,12 @@ if TYPE_CHECKING:
 
 
 class ModelTemplate:
-    """The text of a model with slots. `outputs` are the numbers for them, in the order in which `text` takes their values; `why` it is not
-    `Arrays`. Where parts are exchanged there are slots for the names of their `meshes`, too, which change from model to model. `slotted` is
-    the text with the slots, and `places` says which of the values one is for; `plain` is the text with the numbers of the rehearsal."""
+    """The text of a model with slots.
+
+    `outputs` are the numbers for the slots, in the order of the values for `text`. `why` is the reason why `Arrays` cannot be used. If
+    parts are exchanged, the names of their `meshes` are slots, too. `slotted` is the text with slots, `places` maps a slot to the index of
+    its value, and `plain` is the text with the numbers of the rehearsal.
+    """
 
     def __init__(self, rehearsal: TraceResult, why: str = "", meshes: Sequence[str] = ()) -> None:
         self.why = why
@@ -35,24 +39,26 @@ class ModelTemplate:
         self.plain = self.text([number.value for number in self.outputs], meshes)
 
     def text(self, values: Sequence[float], meshes: Sequence[str] = ()) -> str:
-        """The text with these values, written as the compiler writes numbers, and these names."""
+        """Return the text with these values, formatted as by the compiler, and these names."""
         return self._template.fill({**self._numbers.words(values), **dict(zip(self._meshes.values(), meshes, strict=True))})
 
 
 _INERTIAL = {"pos": "ipos", "mass": "mass", "fullinertia": "fullinertia"}
-"""What a body's spec calls what its `inertial` says."""
+"""Names in `MjsBody` of attributes of `inertial`."""
 _KINDS = ("body", "geom", "site", "joint", "key")
-"""Elements whose attributes a spec calls what the text does, and which it finds by their names."""
+"""Elements whose attributes have the same names in `MjSpec`, and that can be found by name."""
 
 
 class NotInMjSpec(Exception):
-    """Something that differs has no place in a spec, or stands there otherwise than in the text."""
+    """A slot has no equivalent in `MjSpec`, or the spec has another value than the text."""
 
 
 class RecompiledSpec:
-    """What a template gives, as a spec. `text` is the template's with some `values` and names of `meshes`, and `files` has these meshes.
-    Raises `NotInMjSpec` where a gap has no place in a spec in which the number stands as it is written, and `ValueError` where MuJoCo does
-    not take the text."""
+    """A template as an `MjSpec`.
+
+    `text` is the text of the template with some values and names of `meshes`, whose files are in `files`. Raises `NotInMjSpec` if the
+    number of a slot does not appear unchanged in the spec, and `ValueError` if MuJoCo rejects the text.
+    """
 
     def __init__(self, template: ModelTemplate, text: str, meshes: Sequence[str], files: mujoco.MjVfs) -> None:
         import mujoco
@@ -62,7 +68,7 @@ class RecompiledSpec:
             (kind, name, attribute, self._entries(kind, name, attribute, stated, gaps))
             for kind, name, attribute, stated, gaps in _gaps(template, ElementTree.fromstring(text))
         ]
-        self._spec.compile(files)  # what is only drawn may be gone from it then
+        self._spec.compile(files)  # this may remove visual elements
         found = ((getattr(self._spec, kind)(name), attribute, entries) for kind, name, attribute, entries in places)
         self._places = [(one, attribute, entries) for one, attribute, entries in found if one is not None]
         order = {name: k for k, name in enumerate(meshes)}
@@ -70,7 +76,7 @@ class RecompiledSpec:
         self._geoms = [(geom, order[geom.meshname]) for geom in self._spec.geoms if geom.meshname in order]
 
     def _entries(self, kind: str, name: str, attribute: str, stated: Sequence[str], gaps: Sequence[int | None]) -> list[int | float]:
-        """The numbers of an attribute: a number of the template where there is a gap (an `int`), and else what it is."""
+        """Return the entries of an attribute: the index of a value (an `int`) for slots, and numbers (`float`) for the rest."""
         one = getattr(self._spec, kind)(name)
         value: Any = getattr(one, attribute, None) if one is not None else None
         try:
@@ -83,7 +89,7 @@ class RecompiledSpec:
         return [*(number if gap is None else gap for number, gap in zip(words, gaps, strict=True)), *numbers[len(words):]]
 
     def model(self, values: Sequence[float], meshes: Sequence[str], files: mujoco.MjVfs) -> mujoco.MjModel:
-        """The model with these values and meshes. Raises `ValueError` where MuJoCo refuses it."""
+        """Return the model with these values and meshes. Raises `ValueError` if MuJoCo rejects it."""
         for one, attribute, entries in self._places:
             numbers = [values[entry] + 0.0 if type(entry) is int else entry for entry in entries]
             setattr(one, attribute, numbers if len(numbers) > 1 else numbers[0])
@@ -97,8 +103,9 @@ class RecompiledSpec:
 
 
 def _gaps(template: ModelTemplate, root: ElementTree.Element) -> list[tuple[str, str, str, list[str], list[int | None]]]:
-    """Where a template has gaps for numbers: the element's kind and name, the attribute, its words in the text whose `root` this is, and of
-    each of them its number in the template."""
+    """Return the slots for numbers: kind and name of the element, the attribute, its words in the text with the root `root`, and the index
+    of the value of each word (None if it is not a slot).
+    """
     found = []
     for (element, above), (own, _) in zip(_walk(ElementTree.fromstring(template.slotted)), _walk(root), strict=True):
         for attribute, value in element.attrib.items():
@@ -114,5 +121,5 @@ def _gaps(template: ModelTemplate, root: ElementTree.Element) -> list[tuple[str,
 
 
 def _walk(root: ElementTree.Element) -> list[tuple[ElementTree.Element, ElementTree.Element]]:
-    """Every element and the one around it, in the order of the text."""
+    """Return all elements with their parents, in a fixed order."""
     return [(element, above) for above in root.iter() for element in above]

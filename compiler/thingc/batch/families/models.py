@@ -1,4 +1,4 @@
-"""Models of one mode, each by the quickest way that gives the very model that a build would."""
+"""Compute models of one mode, each by the fastest way that gives the same model as a build."""
 
 from __future__ import annotations
 
@@ -31,17 +31,19 @@ if TYPE_CHECKING:
     from thingc.targets.artifact import StoredArtifact
 
 MESH_BYTES = 256_000_000
-"""How much of meshes MuJoCo is handed at once; when there is more, all is handed anew."""
+"""Maximum size [bytes] of the meshes in MuJoCo's file system; above it, it is filled again."""
 
 KEPT = 32
-"""Compiled models that are kept: a learner comes back to the morphologies that it has seen."""
+"""Number of compiled models to cache, since training uses the same morphologies again."""
 
 Item = tuple[Mapping[str, Any], ParsedSettings]
 
 
 class ModelsOfMode:
-    """Of one mode, with or without what is only drawn and a floor. Of each plan the first model and then one in `verify` is compared with a
-    compilation; None: the first, the second, the fourth, the eighth ..."""
+    """The models of one mode, with or without visual geometry and floor.
+
+    For each plan, the first model and then one in `verify` is compared with a compilation (None: the first, second, fourth, eighth ...).
+    """
 
     def __init__(self, session: Session, reader: SettingsReader, mode: str, *, visual: bool, floor: bool, verify: int | None) -> None:
         self.session = session
@@ -57,7 +59,7 @@ class ModelsOfMode:
         self._kept: OrderedDict[tuple[ParsedSettings, bool], mujoco.MjModel] = OrderedDict()
 
     def each(self, many: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
-        """The models, in order; shared ones are lent until the next."""
+        """Yield the models, in order; shared ones are lent until the next."""
         waiting: list[tuple[Item, NumericPlan[Any], tuple[float, ...]]] = []
         for item in many:
             planned = None if self._is_kept(item[1], share) else self.forms.planned(item[1], self.plan)
@@ -71,7 +73,7 @@ class ModelsOfMode:
         yield from self._together(waiting, share)
 
     def take_back(self) -> None:
-        """See to it that nothing of what borrowers have written into their models is in the next ones."""
+        """Ensure that changes of lent models do not persist in later ones."""
         for form in self.forms.kept.values():
             for plan in form.plans:
                 if isinstance(plan.made, Arrays):
@@ -79,13 +81,13 @@ class ModelsOfMode:
         self._kept = OrderedDict((key, model) for key, model in self._kept.items() if not key[1])
 
     def _is_kept(self, read: ParsedSettings, share: bool) -> bool:
-        """Whether a compiled model is at hand, and none that only needs its arrays written."""
+        """Return whether the compiled model is cached and cannot be computed faster by writing arrays."""
         return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
 
     def plan(self, read: ParsedSettings, form: PlanCache[Arrays | ModelTemplate]) -> NumericPlan[Arrays | ModelTemplate] | None:
-        """A plan that gives what compilations do; None, and the reason in `form`, where there is none."""
+        """Return a plan that gives the same models as compilations; None, with the reason in `form`, if there is none."""
         first = self._compiled(read)
-        if isinstance(first, tuple):  # they are refused, which says nothing of others
+        if isinstance(first, tuple):  # refused settings, which do not show that others have no plan
             return None
 
         def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> TraceResult:
@@ -126,8 +128,10 @@ class ModelsOfMode:
             slower = f"a plan by arrays gave another `{wrong}`"
 
     def _compared(self, plan: NumericPlan[Arrays | ModelTemplate], samples: Sequence[ParsedSettings], first: mujoco.MjModel) -> str:
-        """The first field in which models of a plan differ from compiled ones, of which `first` is that of the first sample; empty where
-        none does."""
+        """Return the first field in which models of a plan differ from compiled ones, empty if there is none.
+
+        `first` is the compiled model of the first sample.
+        """
         for read in samples:
             outputs = plan.outputs(read.values)
             whole = first if read is samples[0] else self._compiled(read)
@@ -156,7 +160,7 @@ class ModelsOfMode:
         if spec is not None:
             try:
                 return spec.model(outputs, meshes, self._files)
-            except ValueError:  # whatever is wrong is said of the text
+            except ValueError:  # compile the text to report the error
                 self._specs[template] = None
         text = template.text(outputs, meshes)
         model = self._load(text)
@@ -167,7 +171,7 @@ class ModelsOfMode:
     def _kept_spec(
         self, template: ModelTemplate, text: str, outputs: tuple[float, ...], meshes: Sequence[str], model: mujoco.MjModel,
     ) -> RecompiledSpec | None:
-        """A spec that gives the `model` of the text; None where there is none."""
+        """Return a spec that gives the same `model` as the text; None if there is none."""
         try:
             spec = RecompiledSpec(template, self._asked(text), meshes, self._files)
             return None if different_fields(spec.model(outputs, meshes, self._files), model) else spec
@@ -177,7 +181,7 @@ class ModelsOfMode:
     def _together(
         self, waiting: Sequence[tuple[Item, NumericPlan[Any], tuple[float, ...]]], share: bool,
     ) -> Iterator[mujoco.MjModel | NoModel]:
-        """The models of settings that one plan is of."""
+        """Yield the models of settings that have the same plan."""
         if not waiting:
             return
         plan = waiting[0][1]
@@ -185,7 +189,7 @@ class ModelsOfMode:
         if isinstance(plan.made, Arrays):
             try:
                 prepared = plan.made.prepare([outputs for _, _, outputs in waiting])
-            except ValueError:  # one of them MuJoCo refuses
+            except ValueError:  # MuJoCo rejects one of them
                 for item, _, _ in waiting:
                     yield self._passed(item, share)
                 return
@@ -207,7 +211,7 @@ class ModelsOfMode:
             yield model if share or prepared is None else copy.copy(model)
 
     def _right(self, read: ParsedSettings, plan: NumericPlan[Any], model: mujoco.MjModel) -> bool:
-        """Whether the model of a plan is the compiled one; a plan whose model is another one is given up."""
+        """Return whether the model of a plan equals the compiled one; if not, stop using plans for its settings."""
         whole = self._compiled(read)
         wrong = ["refused"] if isinstance(whole, tuple) else different_fields(model, whole)
         if wrong:
@@ -215,7 +219,7 @@ class ModelsOfMode:
         return not wrong
 
     def _passed(self, item: Item, share: bool) -> mujoco.MjModel | NoModel:
-        """The model by every pass, or as it was kept."""
+        """Return the cached model, or compile it."""
         settings, read = item
         known = self._kept.get((read, share)) if read.report is None else None
         if known is None:
@@ -227,7 +231,7 @@ class ModelsOfMode:
         return known if share else copy.copy(known)
 
     def _keep(self, read: ParsedSettings, share: bool, model: mujoco.MjModel) -> None:
-        """Note a model: one that is lent, which its borrowers may have changed, apart from one that copies are made of."""
+        """Cache a model. Lent models, which may be changed, are separate from those that are copied."""
         self._kept[read, share] = model
         self._kept.move_to_end((read, share))
         if len(self._kept) > KEPT:
@@ -236,7 +240,7 @@ class ModelsOfMode:
     # --- through every pass ---------------------------------------------------------------------------------------------
 
     def _compiled(self, read: ParsedSettings) -> mujoco.MjModel | tuple[Diagnostic, ...]:
-        """The model by every pass; else what is wrong."""
+        """Compile settings; return the model, or the diagnostics if there is none."""
         if read.report is not None:
             return tuple(read.report.ordered())
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
@@ -250,16 +254,16 @@ class ModelsOfMode:
         try:
             return self._load(texts[self.mode])
         except ValueError:
-            self.session.emit(compilation, ["mjcf"])  # which says what it is about
+            self.session.emit(compilation, ["mjcf"])  # report it with the reason
             return tuple(report.ordered())
 
     def problems(self, read: ParsedSettings) -> tuple[Diagnostic, ...]:
-        """Why there is no model of settings; empty where there is one."""
+        """Return why there is no model of settings; empty if there is one."""
         outcome = self._compiled(read)
         return outcome if isinstance(outcome, tuple) else ()
 
     def source(self, read: ParsedSettings) -> ModelSource:
-        """What the model of settings that are not refused is made from."""
+        """Return the source of the model of valid settings."""
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
         texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False), floor=self.floor)
         self._mount(assets)
@@ -278,7 +282,7 @@ class ModelsOfMode:
                 self._held[file] = stored
 
     def _bytes(self, stored: StoredArtifact) -> bytes:
-        """A mesh. Raises `StoreUnusable` where the store has lost it since its part was modelled."""
+        """Read a mesh. Raises `StoreUnusable` if the store has lost it."""
         store = self.session.environment.store
         try:
             return store.read(stored.sha256)
@@ -292,6 +296,6 @@ class ModelsOfMode:
         return mujoco.MjModel.from_xml_string(self._asked(text), vfs=self._files)
 
     def _asked(self, text: str) -> str:
-        # MuJoCo has most meshes from before: threads for them cost more than they save.
+        # Most meshes are cached by MuJoCo: starting threads for them would take longer.
         asked = 'usethread="false"' if self.visual else 'usethread="false" discardvisual="true"'
         return text.replace("<compiler ", f"<compiler {asked} ", 1)

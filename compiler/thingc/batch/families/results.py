@@ -1,4 +1,4 @@
-"""What a family says of settings."""
+"""Results of a family for settings."""
 
 from __future__ import annotations
 
@@ -16,9 +16,12 @@ if TYPE_CHECKING:
 
 
 class Evaluated(OneLineRepr, FrozenStruct):
-    """What is worked out of one variant. `results` as in the table of a batch, SI: `mass`, `centre.x`, `reach`, `length.elbow`,
-    `torque_margin`; empty where the settings are refused. `problems` are all diagnostics, warnings too. `broken` is the rule of the
-    document of variants that is not kept (None: all are). `tests` are those of the assembly's document, where they were asked for."""
+    """The results of one set of settings.
+
+    `results` are those in the table of a batch, SI: `mass`, `centre.x`, `reach`, `length.elbow`, `torque_margin`; empty if the settings are
+    refused. `problems` are all diagnostics, including warnings. `broken` is the violated rule of the variants document (None: none).
+    `tests` are the results of the tests in the assembly document, if requested.
+    """
 
     settings: Mapping[str, Any]
     results: Mapping[str, float | None]
@@ -28,16 +31,16 @@ class Evaluated(OneLineRepr, FrozenStruct):
 
     @property
     def sound(self) -> bool:
-        """Whether nothing is wrong with it: no error."""
+        """Whether there are no errors."""
         return not any(one.severity is Severity.ERROR for one in self.problems)
 
     @property
     def kept(self) -> bool:
-        """Whether it is sound, keeps every rule, and passes every test that was asked for."""
+        """Whether there are no errors, all rules are satisfied, and all requested tests have passed."""
         return self.sound and self.broken is None and all(one.passed for one in self.tests)
 
     def __getitem__(self, name: str) -> float | None:
-        """A result by its name. Raises `UnknownVariant`, a `KeyError`, for one that it has not, with the reason where it has none."""
+        """Return a result by name. Raises `UnknownVariant`, a `KeyError`, with the reason if there is none."""
         if name in self.results:
             return self.results[name]
         refused = next((one.message for one in self.problems if one.severity is Severity.ERROR), None)
@@ -47,7 +50,7 @@ class Evaluated(OneLineRepr, FrozenStruct):
 
 
 class NoModel(OneLineRepr, FrozenStruct):
-    """Settings of which there is no model, and why: `problems` are all diagnostics. It is false where a model is true."""
+    """Settings without a model; `problems` are all diagnostics. It is false, while models are true."""
 
     settings: Mapping[str, Any]
     problems: tuple[Diagnostic, ...]
@@ -65,9 +68,12 @@ class NoModel(OneLineRepr, FrozenStruct):
 
 
 class Explanation(OneLineRepr, FrozenStruct):
-    """How a number goes into the models of a mode: `way` is `arrays` (into the arrays of one compiled model, `fields`), `text` (into the
-    text of one model, which MuJoCo compiles anew), `parts` (the same, with the meshes and numbers of other parts) or `passes` (everything
-    is compiled anew); `why` says in words why it is not the quicker one."""
+    """How a number enters the models of a mode.
+
+    `way` is `arrays` (it is written into arrays of one compiled model, `fields`), `text` (into the text of one model, which MuJoCo
+    recompiles), `parts` (the same, with other parts) or `passes` (everything is recompiled). `why` is the reason why no faster way is
+    possible.
+    """
 
     name: str
     mode: str

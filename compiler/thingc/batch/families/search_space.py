@@ -1,4 +1,4 @@
-"""What may be set of a family, for those who search."""
+"""The search space of a family, for optimization."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 
 
 class SpaceDimension(OneLineRepr, FrozenStruct):
-    """One thing that may be set: a number between `low` and `high` (SI, in `unit`; None: no bound; `whole`: whole numbers only), or one of
-    `choices`. `value` is what the document says itself."""
+    """One dimension: a number between `low` and `high` (SI, in `unit`; None: unbounded; `whole`: integers only), or one of `choices`.
+
+    `value` is the value in the document.
+    """
 
     name: str
     unit: str = ""
@@ -29,7 +31,7 @@ class SpaceDimension(OneLineRepr, FrozenStruct):
 
     @property
     def bounded(self) -> bool:
-        """Whether it can be drawn."""
+        """Whether values can be drawn."""
         return bool(self.choices) or (self.low is not None and self.high is not None)
 
 
@@ -43,7 +45,7 @@ class SearchSpace(Sequence[SpaceDimension]):
         return len(self._dimensions)
 
     def __getitem__(self, key: Any) -> Any:
-        """By place, or by name. Raises `UnknownVariant`, a `KeyError`, for a name, `IndexError` for a place, that is not there."""
+        """Return a dimension by index or name. Raises `UnknownVariant`, a `KeyError`, for an unknown name, and `IndexError`."""
         if isinstance(key, str):
             for dimension in self:
                 if dimension.name == key:
@@ -56,14 +58,14 @@ class SearchSpace(Sequence[SpaceDimension]):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Their names."""
+        """The names of the dimensions."""
         return tuple(dimension.name for dimension in self)
 
     def _drawn(self) -> Iterator[SpaceDimension]:
         return (dimension for dimension in self if dimension.bounded)
 
     def suggest(self, trial: Any) -> dict[str, Any]:
-        """Settings that an `optuna.Trial` chooses: of every dimension that is bounded."""
+        """Return settings chosen by an `optuna.Trial`, for all bounded dimensions."""
         settings: dict[str, Any] = {}
         for one in self._drawn():
             if one.choices:
@@ -75,8 +77,11 @@ class SearchSpace(Sequence[SpaceDimension]):
         return settings
 
     def gymnasium(self) -> Any:
-        """A `gymnasium.spaces.Dict` of every dimension that is bounded: a `Box` of one number, or a `Discrete` of the choices' places.
-        `settings` turns a point of it into settings."""
+        """Return a `gymnasium.spaces.Dict` of all bounded dimensions: a `Box` for a number, a `Discrete` for integers or indices of
+        choices.
+
+        `settings` converts a point of it to settings.
+        """
         import numpy as np
         from gymnasium import spaces
 
@@ -91,8 +96,10 @@ class SearchSpace(Sequence[SpaceDimension]):
         return spaces.Dict(made)
 
     def settings(self, point: Mapping[str, Any]) -> dict[str, Any]:
-        """A point of `gymnasium()` as settings. Raises `UnknownVariant`, a `KeyError`, for a name that is not there, and `ValueError` for
-        what is no such point."""
+        """Convert a point of `gymnasium()` to settings.
+
+        Raises `UnknownVariant`, a `KeyError`, for an unknown name, and `ValueError` for an invalid point.
+        """
         if not isinstance(point, Mapping):
             raise ValueError(f"expected a point of `gymnasium()`, found `{point}`")
         dimensions = {name: self[name] for name in point}
@@ -105,12 +112,14 @@ class SearchSpace(Sequence[SpaceDimension]):
             raise ValueError(f"expected a point of `gymnasium()`, found `{point}`") from None
 
     def bounds(self) -> tuple[tuple[float, float], ...]:
-        """Lower and upper bounds of all numbers that are bounded, as `scipy.optimize` takes them; `at` reads such a vector."""
+        """Return the bounds of all bounded numbers, as for `scipy.optimize`; `at` converts such a vector to settings."""
         return tuple((one.low, one.high) for one in self._drawn() if one.low is not None and one.high is not None)
 
     def at(self, vector: Sequence[float]) -> dict[str, float]:
-        """The settings of a vector of the numbers that are bounded, in their order; whole numbers are rounded. Raises `ValueError` for a
-        vector of another length, and for what is none."""
+        """Convert a vector of the bounded numbers to settings; integers are rounded.
+
+        Raises `ValueError` for a vector of another length, or if it is not a vector of numbers.
+        """
         numbers = [one for one in self._drawn() if not one.choices]
         try:
             if len(vector) == len(numbers):
@@ -122,7 +131,7 @@ class SearchSpace(Sequence[SpaceDimension]):
 
 
 def of_axes(axes: Sequence[Axis], own: Mapping[str, ExpressionValue]) -> SearchSpace:
-    """The dimensions of a document of variants."""
+    """Return the dimensions of a variants document."""
     return SearchSpace([_of_axis(axis, own.get(axis.key)) for axis in axes])
 
 
@@ -136,7 +145,7 @@ def _of_axis(axis: Axis, own: ExpressionValue | None) -> SpaceDimension:
 
 
 def of_parameters(spec: AssemblySpec, values: Mapping[str, ExpressionValue], bound: Any) -> SearchSpace:
-    """The dimensions of an assembly: its parameters. `bound(name, key)` is the value [SI] of a bound of one."""
+    """Return the dimensions of an assembly, its parameters. `bound(name, key)` returns a bound [SI]."""
     dimensions: list[SpaceDimension] = []
     for name, own in values.items():
         entry = spec.parameters[name]
