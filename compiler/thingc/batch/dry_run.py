@@ -29,9 +29,9 @@ MOST = 1000
 class DryRun:
     """The result of a dry run of `count` variants.
 
-    `failing` counts those that violate rules on parameters, by rule. Of the others, `looked_at` were resolved: `unsound` counts those with
-    errors, by code, and `examples` has the first variant and error of each code. They use `parts` distinct parts, of which `known` are in
-    the store. `first` are the first variants.
+    `failing` counts those that violate rules on parameters, by rule. `looked_at` variants that satisfy them were resolved:
+    `unsound` counts those with errors, by code, and `examples` has the first variant and error of each code. They use `parts` distinct
+    parts, of which `known` are in the store. `first` are the first variants.
     """
 
     count: int = 0

@@ -1,4 +1,4 @@
-"""A batch's folder: one batch at a time, nothing of anybody else deleted, and what has been begun can be gone on with."""
+"""The folder of a batch: lock it, protect other files, and check whether a batch can be resumed."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ _ASSET = re.compile(r"[0-9a-f]{64}")
 _PICTURE = re.compile(r"[0-9a-f]{12}\.png")
 _OLD = re.compile(r"\.old-[0-9]+-[0-9a-f]{8}")
 INNER = (folder_layout.VARIANTS, folder_layout.CHUNKS, folder_layout.ASSETS, folder_layout.PICTURES)
-"""The folders in a batch's folder."""
+"""Subfolders of the folder of a batch."""
 FOLDERS, PACKED = "folders", "packed"
-"""The layouts: a folder for each variant, or many variants in a file."""
+"""The layouts: one folder per variant, or many variants in a file."""
 MANY = 2000
-"""Variants of a batch; more of them are packed unless the caller says otherwise."""
+"""Number of variants above which a batch is packed by default."""
 
 
 class BatchFault(Exception):
-    """A batch that cannot begin or go on: `diagnostic` says why. What has been built stays as it is."""
+    """A batch cannot begin or continue; `diagnostic` is the reason. Built variants stay."""
 
     def __init__(self, code: Code, message: str, help: str | None = None, detail: str | None = None) -> None:
         super().__init__(f"{message}: {help}" if help else message)
@@ -47,13 +47,13 @@ class BatchFault(Exception):
 
 @contextlib.contextmanager
 def locked(folder: str) -> Iterator[None]:
-    """Hold the folder for one batch. Raises `BatchFault` where another one does."""
+    """Lock the folder for one batch. Raises `BatchFault` if another one has the lock."""
     parent, name = os.path.split(folder)
     os.makedirs(parent, exist_ok=True)
     path = os.path.join(parent, f".{name}.thingc-lock")
     with contextlib.ExitStack() as leaving:
         descriptor = -1
-        while descriptor < 0 or not same_file(descriptor, path):  # a batch that ended meanwhile took its file away with it
+        while descriptor < 0 or not same_file(descriptor, path):  # a batch that has just ended deleted its lock file
             leaving.close()
             descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
             leaving.callback(os.close, descriptor)
@@ -72,7 +72,7 @@ def locked(folder: str) -> Iterator[None]:
 
 
 def read_batch(folder: str) -> dict[str, Any] | None:
-    """What `batch.json` says; None where there is none of ours."""
+    """Read `batch.json`; None if there is none of thingc."""
     try:
         with open(os.path.join(folder, folder_layout.BATCH), encoding="utf-8") as stream:
             described = json.load(stream)
@@ -82,7 +82,7 @@ def read_batch(folder: str) -> dict[str, Any] | None:
 
 
 def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
-    """What `batch.json` says of the batch of this document. Raises `BatchFault` with a hint where there is none."""
+    """Return the content of `batch.json` for the batch of this document. Raises `BatchFault`, with `hint` as help, if there is none."""
     before = read_batch(folder)
     if before is None or before.get("document") != document:
         raise BatchFault(Code.NO_BATCH, f"there is no batch of `{document}` in `{shown_path(folder)}`", hint)
@@ -90,13 +90,13 @@ def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
 
 
 def whole(folder: str, described: Mapping[str, Any]) -> None:
-    """Raises `MissingChunk` where a file of a packed batch is gone, of which `batch.json` says this."""
+    """Raise `MissingChunk` if a file of a packed batch is missing; `described` is the content of `batch.json`."""
     if described["layout"] == PACKED:
         complete(folder, described.get("asked", 0) if described["finished"] else 0)
 
 
 def write_batch(folder: str, batch: Mapping[str, Any]) -> None:
-    """Write `batch.json`; it appears as a whole."""
+    """Write `batch.json` atomically."""
     _write(os.path.join(folder, folder_layout.BATCH), json.dumps({"thingc": KIND, **batch}, indent=2, sort_keys=True, ensure_ascii=False))
 
 
@@ -107,12 +107,12 @@ def _write(path: str, text: str) -> None:
 
 
 def remember(folder: str, *names: str) -> None:
-    """Note in `shown.json` what files hold that people open, and may save again: so the next batch sees whether one was edited."""
+    """Store the states of files that users open and may save, so that the next batch can detect edits."""
     _note(folder, {name: state_of(os.path.join(folder, name)) for name in names})
 
 
 def forget(folder: str, name: str) -> None:
-    """Note that such a file is being written."""
+    """Delete the stored state of a file that will be written."""
     _note(folder, {name: None})
 
 
@@ -122,7 +122,7 @@ def _note(folder: str, states: Mapping[str, str | None]) -> None:
 
 
 def _noted(folder: str) -> dict[str, str]:
-    """What has been noted of files; nothing where the note is gone or damaged."""
+    """Return the stored states of files, empty if they are missing or damaged."""
     try:
         with open(os.path.join(folder, folder_layout.SHOWN), encoding="utf-8") as stream:
             states = json.load(stream)
@@ -132,22 +132,22 @@ def _noted(folder: str) -> dict[str, str]:
 
 
 def unchanged(folder: str, *names: str) -> bool:
-    """Whether these files hold what was noted of them."""
+    """Return whether these files are unchanged since their state was stored."""
     known = _noted(folder)
     return all(name in known and state_of(os.path.join(folder, name)) == known[name] for name in names)
 
 
 def _edited(folder: str) -> list[str]:
-    """The files that people open which are others than those that were written; one that is gone, or empty, is nothing to lose."""
+    """Return the files that the user has edited, without deleted and empty ones."""
     known = _noted(folder)
     mine = (folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE)
     return [name for name in mine if name in known and state_of(os.path.join(folder, name)) not in (known[name], None, NOTHING)]
 
 
 def begin(folder: str, document: str, assembly: str) -> None:
-    """Make the folder ready for a new batch of `document`; a finished batch of the same document is set aside for `cleared`.
+    """Prepare the folder for a new batch of `document`. A finished batch of this document is set aside, to be deleted by `cleared`.
 
-    Raises `BatchFault` where it holds anything else.
+    Raises `BatchFault` if the folder contains anything else.
     """
     if not os.path.lexists(folder):
         os.makedirs(folder)
@@ -179,13 +179,13 @@ def begin(folder: str, document: str, assembly: str) -> None:
 
 
 def lay_out(folder: str, layout: str) -> None:
-    """Make the inner folders that a batch of this layout needs. Its `batch.json` is there: a kill before this costs nothing."""
+    """Create the subfolders for a layout. `batch.json` must exist, so that an interrupted run can be resumed."""
     for inner in (folder_layout.CHUNKS if layout == PACKED else folder_layout.VARIANTS, folder_layout.ASSETS):
         os.makedirs(os.path.join(folder, inner), exist_ok=True)
 
 
 def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
-    """Take a finished batch out of the way. A kill on the way leaves one that has not finished and can be gone on with."""
+    """Set a finished batch aside. If this is interrupted, the batch counts as unfinished and can be resumed."""
     write_batch(folder, {**{key: value for key, value in before.items() if key != "thingc"}, "finished": False})
     for name in (folder_layout.JOURNAL, folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE):
         with contextlib.suppress(FileNotFoundError):
@@ -199,8 +199,10 @@ def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
 
 @contextlib.contextmanager
 def cleared(folder: str) -> Iterator[None]:
-    """Delete what has been set aside while the body runs: of thousands of variants that takes seconds. Leaving waits for it; where
-    an exception leaves, the rest stays for the next batch."""
+    """Delete, in the background, what was set aside; deleting thousands of variants takes seconds.
+
+    Leaving the context waits for it; after an exception, the rest is left for the next batch.
+    """
     stopped = threading.Event()
     old = [os.path.join(folder, name) for name in os.listdir(folder) if _OLD.fullmatch(name)]
     thread = threading.Thread(target=_delete, args=(old, stopped), name="thingc-clearing", daemon=True)
@@ -215,7 +217,7 @@ def cleared(folder: str) -> Iterator[None]:
 
 
 def _delete(folders: list[str], stopped: threading.Event) -> None:
-    """Delete folders that have been set aside, one variant after the other, until it is `stopped`."""
+    """Delete folders that were set aside, one variant at a time, until `stopped` is set."""
     for folder in folders:
         for inner in INNER:
             place = os.path.join(folder, inner)
@@ -227,15 +229,15 @@ def _delete(folders: list[str], stopped: threading.Event) -> None:
 
 
 def unexpected_files(folder: str, assembly: str) -> list[str]:
-    """Everything in the folder that no batch over `assembly` wrote, or that was changed since, by path in it, sorted."""
-    known: Digests = {}  # variants share their meshes
+    """Return the files in the folder that no batch of `assembly` wrote or that have changed since, as sorted paths in it."""
+    known: Digests = {}  # meshes are shared
     paths = [name for name in os.listdir(folder) if name.removesuffix(".new") not in folder_layout.OWN and not _OLD.fullmatch(name)]
     for inner, pattern in (
         (folder_layout.VARIANTS, _VARIANT), (folder_layout.CHUNKS, _CHUNK), (folder_layout.ASSETS, _ASSET),
         (folder_layout.PICTURES, _PICTURE),
     ):
         place = os.path.join(folder, inner)
-        for name in os.listdir(place) if os.path.isdir(place) else ():  # one that cannot be read may hold anything
+        for name in os.listdir(place) if os.path.isdir(place) else ():  # an unreadable variant may contain anything
             if name.startswith(folder_layout.NEW):
                 continue
             path = f"{inner}/{name}"
@@ -247,7 +249,7 @@ def unexpected_files(folder: str, assembly: str) -> list[str]:
 
 
 def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """What keeps a batch from being gone on with, in words; empty where nothing does."""
+    """Return the reasons why a batch cannot be resumed, empty if there are none."""
     words: list[str] = []
     if before["layout"] != now["layout"]:
         words.append(f"its layout is `{before['layout']}`, not `{now['layout']}`")
@@ -261,13 +263,13 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 
 
 def _changed(before: Any, now: Mapping[str, Any]) -> list[str]:
-    """The names that have other values in one mapping than in the other, sorted."""
+    """Return the names with different values in two mappings, sorted."""
     old = before if isinstance(before, dict) else {}
     return sorted(name for name in {*old, *now} if old.get(name) != now.get(name))
 
 
 def in_words(folder: str, fault: OSError) -> BatchFault:
-    """Why the system refuses to write a batch, or to read what is there of it."""
+    """Convert an error of the system to the reason why a batch cannot be written or read."""
     if isinstance(fault, DamagedChunk):
         return BatchFault(Code.BATCH_CHANGED, fault.words, fault.cure)
     if isinstance(fault, BadPath):

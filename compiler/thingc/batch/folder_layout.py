@@ -1,13 +1,13 @@
-"""Where a batch lies: its folder, the folder of each variant, and the meshes that variants share.
+"""Layout of the folder of a batch, with a folder per variant and shared meshes.
 
-    <name>/batch.json            what the batch is of; whose folder it is
-    <name>/journal.jsonl         one line for each variant that is done
+    <name>/batch.json            description of the batch, and of its document
+    <name>/journal.jsonl         one line per finished variant
     <name>/results.csv, .parquet the table
-    <name>/variants/<id>/        what `thingc build` writes of the variant
-    <name>/chunks/               in place of journal and variants where the batch is packed (`packed_layout.py`)
-    <name>/assets/<sha256>       every mesh once; variants have hard links to it, or name it
+    <name>/variants/<id>/        the files that `thingc build` writes for the variant
+    <name>/chunks/               instead of journal and variants for a packed batch (`packed_layout.py`)
+    <name>/assets/<sha256>       every mesh once; variants have hard links or references to it
     <name>/index.html            the page, with pictures/<id>.png
-    <name>/shown.json            what table and page held when they were written
+    <name>/shown.json            states of table and page when they were written
 """
 
 from __future__ import annotations
@@ -35,42 +35,40 @@ PAGE = "index.html"
 PICTURES = "pictures"
 SHOWN = "shown.json"
 OWN = frozenset((BATCH, JOURNAL, TABLE_CSV, TABLE_PARQUET, VARIANTS, CHUNKS, ASSETS, PAGE, PICTURES, SHOWN))
-"""Everything that lies in a batch's folder."""
+"""All names in the folder of a batch."""
 
 NEW = ".new-"
-"""What the name of a folder or file begins with while it is written."""
+"""Prefix of folders and files while they are written."""
 
 _OWN_END = f"{os.getpid()}-{os.urandom(4).hex()}"
-"""What such a name ends with: two machines that share a folder may have processes of the same number."""
+"""Suffix of these names, unique across machines that share the folder."""
 
 
 def set_aside() -> str:
-    """A new name of a folder for what is taken out of the way, to be deleted."""
+    """Return a new name for a folder that is set aside, to be deleted."""
     return f".old-{os.getpid()}-{os.urandom(4).hex()}"
 
 
 def variant_folder(folder: str, id: str) -> str:
-    """The folder of a variant. Raises `BadPath` if the identifier is not one."""
+    """Return the folder of a variant. Raises `BadPath` if the identifier is invalid."""
     return os.path.join(folder, VARIANTS, hash_name(id, 12))
 
 
 def manifest_of(folder: str, id: str) -> str:
-    """The manifest of a variant: where it is, the variant is there, whole."""
+    """Return the path of the manifest of a variant. If it exists, the variant is complete."""
     return os.path.join(variant_folder(folder, id), MANIFEST)
 
 
 def pictured(folder: str) -> frozenset[str]:
-    """The ids of the variants that there are pictures of."""
+    """Return the ids of the variants with pictures."""
     names = listing(os.path.join(folder, PICTURES))
     return frozenset(name.removesuffix(".png") for name in names if name.endswith(".png") and not name.startswith(NEW))
 
 
 def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blobs) -> None:
-    """Write a variant's folder: it appears as a whole, by one rename, or not at all. Files that lie in the store are hard links
-    to one file in `assets/`.
+    """Write the folder of a variant atomically. Files that are in the store become hard links to a file in `assets/`.
 
-    Replaces what an earlier run left there. Raises `OSError` when the system refuses or a path leaves the folder, `BlobMissing` of the
-    store.
+    Replaces the variant of an earlier run. Raises `OSError` if the system refuses or a path leaves the folder, and `BlobMissing`.
     """
     check_tree(files)
     place = variant_folder(folder, id)
@@ -96,14 +94,14 @@ def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blo
             except OSError as again:
                 if again.errno not in (errno.ENOTEMPTY, errno.EEXIST):
                     raise
-                shutil.rmtree(fresh)  # a worker that was thought lost has written the same variant at this moment
+                shutil.rmtree(fresh)  # another worker, which was considered lost, has just written it
     except BaseException:
         shutil.rmtree(fresh, ignore_errors=True)
         raise
 
 
 def keep_asset(folder: str, sha256: str, store: Blobs) -> None:
-    """Have a file of the store in `assets/`, where it appears as a whole. Raises as `write_variant` does."""
+    """Copy a file of the store to `assets/` atomically, unless it exists. Raises as `write_variant` does."""
     asset = asset_path(folder, sha256)
     if os.path.exists(asset):
         return
@@ -117,24 +115,24 @@ def keep_asset(folder: str, sha256: str, store: Blobs) -> None:
 
 
 class SharedAssets:
-    """The files of `assets/`, by content."""
+    """The files in `assets/`, by hash."""
 
     def __init__(self, folder: str) -> None:
         self.folder = folder
 
     def read(self, sha256: str) -> bytes:
-        """One of them. Raises `OSError`."""
+        """Read a file. Raises `OSError`."""
         with open(asset_path(self.folder, sha256), "rb") as stream:
             return stream.read()
 
 
 def asset_path(folder: str, sha256: str) -> str:
-    """Where a file that variants share lies. Raises `BadPath` if the hash is not one."""
+    """Return the path of a shared file. Raises `BadPath` if the hash is invalid."""
     return os.path.join(folder, ASSETS, hash_name(sha256))
 
 
 def _make(fresh: str, folder: str, made: set[str]) -> None:
-    """Make a folder inside the new one, and those around it, as far as they have not been `made`."""
+    """Create a folder inside the new one, with its parents, unless they are in `made`."""
     if folder not in made:
         _make(fresh, folder.rpartition("/")[0], made)
         os.mkdir(f"{fresh}/{folder}")
@@ -142,8 +140,7 @@ def _make(fresh: str, folder: str, made: set[str]) -> None:
 
 
 def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> None:
-    """Make `target` a link to the asset with this content, which is written first where it is not there; a copy where the file
-    system has no links."""
+    """Create `target` as a link to the asset with this content, which is written if missing; a copy if links are not supported."""
     asset = asset_path(folder, content.sha256)
     full = False
     try:
@@ -155,7 +152,7 @@ def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> N
         if fault.errno in (errno.EPERM, errno.ENOTSUP, errno.EXDEV, errno.ENOSYS):
             write_new(target, store.read(content.sha256))
             return
-        if fault.errno != errno.EMLINK:  # ext4 has at most 65 000 links to a file: begin another one
+        if fault.errno != errno.EMLINK:  # ext4 allows at most 65 000 links to a file: create another one
             raise
         full = True
     fresh = os.path.join(folder, ASSETS, f"{NEW}{content.sha256}-{_OWN_END}")
@@ -165,7 +162,7 @@ def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> N
             os.link(fresh, target)
             os.rename(fresh, asset)
             return
-        with contextlib.suppress(FileExistsError):  # of another runner at this moment: then its file is the one
+        with contextlib.suppress(FileExistsError):  # another runner has just created it: use that
             os.link(fresh, asset)
         os.link(asset, target)
     except OSError as fault:
@@ -177,7 +174,7 @@ def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> N
 
 
 def remove(path: str) -> None:
-    """Delete a file, or a folder with all that is in it, as far as the system allows."""
+    """Delete a file, or a folder with its content, ignoring errors."""
     if os.path.isdir(path) and not os.path.islink(path):
         shutil.rmtree(path, ignore_errors=True)
     else:
@@ -186,7 +183,7 @@ def remove(path: str) -> None:
 
 
 def sweep(folder: str) -> None:
-    """Remove what a killed run was writing."""
+    """Remove files that an interrupted run was writing."""
     for inner in (VARIANTS, CHUNKS, ASSETS, PICTURES):
         place = os.path.join(folder, inner)
         for name in listing(place):
@@ -198,10 +195,10 @@ Line = dict[str, Any]
 
 
 class Journal:
-    """An open journal. A context manager: leaving it closes the file.
+    """An open journal. A context manager that closes the file.
 
-    A line is written by one call and stands as a whole; a last line that a kill has torn is cut off when the journal is opened
-    again. Raises `OSError` where the system refuses; what had been written of the line is taken back then.
+    Each line is written by one call; an incomplete last line is removed when the journal is opened. Raises `OSError`; an incomplete line is
+    removed then.
     """
 
     def __init__(self, path: str) -> None:
@@ -232,12 +229,12 @@ class Journal:
             raise
 
     def sync(self) -> None:
-        """Down to the disk."""
+        """Flush to disk."""
         os.fsync(self._descriptor)
 
 
 def _mend(descriptor: int) -> None:
-    """Cut off a last line without an end."""
+    """Remove an incomplete last line."""
     size = os.fstat(descriptor).st_size
     keep = size
     while keep > 0:
@@ -253,7 +250,7 @@ def _mend(descriptor: int) -> None:
 
 
 def lines(path: str) -> Iterator[tuple[int, Line]]:
-    """Every whole line and the place where it begins, in the order written; a torn last one is passed over."""
+    """Yield the offset and content of every complete line, in file order."""
     at = 0
     if not os.path.exists(path):
         return

@@ -1,5 +1,7 @@
-"""What others are told of a batch: its folder (`batch.json`), machines that have to see its files, and its runners. These get one job, and
-variants; plain JSON, so that any executor can carry it."""
+"""Descriptions of a batch for others: `batch.json`, the files that workers must see, and the job of the runners.
+
+A job and its variants are plain JSON, so that any executor can transfer them.
+"""
 
 from __future__ import annotations
 
@@ -21,16 +23,16 @@ from thingc.driver.environment import Options
 from thingc.targets.manifest import versions
 
 STOPPED = "stopped"
-"""The status of a row that ends the batch: nothing is wrong with its variant, but nothing can be written (or read) any more."""
+"""The status of a row that ends the batch: files cannot be written or read any more, for reasons other than the variant."""
 
 
 class Job(FrozenStruct):
-    """What all variants of a batch have in common.
+    """The common data of all variants of a batch.
 
-    `assembly` is the absolute path of the document, `folder` that of the batch's folder (None: nothing is written); `rules` the
-    comparisons that need results, `dimensions` the exponents (length, mass, time, angle) of the parameters that are numbers;
-    `packed`: the files of a variant come with its row, and only shared ones are written; `verify`: of so many models that differ in
-    nothing but numbers MuJoCo is given one (1: each, 0: none); `cwd` the folder in which runners work (None: that of who starts them).
+    `assembly` is the absolute path of the document, `folder` that of the batch (None: write nothing). `rules` are the comparisons that need
+    results; `dimensions` are the exponents (length, mass, time, angle) of the numeric parameters. `packed`: the files of a variant are part
+    of its row, and only shared files are written. `verify`: MuJoCo compiles one of this many models that differ in numbers only (1: each,
+    0: none). `cwd` is the working folder of runners (None: that of their parent process).
     """
 
     assembly: str
@@ -50,35 +52,40 @@ class Job(FrozenStruct):
     cwd: str | None = None
 
     def encode(self) -> str:
-        """One line of JSON; `decode` reads it."""
+        """Return one line of JSON, for `decode`."""
         return json.dumps(asdict(self), sort_keys=True)
 
     @staticmethod
     def decode(text: str) -> Job:
-        """The job of `encode`."""
+        """Convert the output of `encode` back."""
         return convert(json.loads(text), Job)
 
 
 Row = dict[str, Any]
-"""What came of one variant: `index`, `id`, `status` (`built | kept_out | refused | failed`), `rule`, `code`, `message`, `detail`,
-`results`, `losses` (how many, by what becomes of them), `files` and `shared` (of a packed batch, see `packed_layout.py`), `seconds`,
-`modelled`, `reused` (definition texts) and `pid` of the runner, as far as there is something to say."""
+"""The result of one variant, as far as known:
+
+`index`, `id`, `status` (`built | kept_out | refused | failed`), `rule`, `code`, `message`, `detail`, `results`, `losses` (counts by kind),
+`files` and `shared` (of a packed batch, see `packed_layout.py`), `seconds`, `modelled` (definition texts), `reused` (number of parts), and
+`pid` of the runner.
+"""
 
 
 def row(task: Variant, status: str, **more: Any) -> Row:
-    """A row of the journal."""
+    """Create a row of the journal."""
     return {"index": task.index, "id": task.id, "status": status, **more}
 
 
 def refusal(fault: OSError) -> str:
-    """What the system refused, and why."""
+    """Describe an error of the system."""
     reason = fault.strerror or str(fault)
     return f"`{fault.filename}`: {reason}" if fault.filename is not None else reason
 
 
 def describe(plan: Plan, *, layout: str, asked: int, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
-    """What `batch.json` says; `asked` is how many variants are asked for, the first ones of the plan, `wanted` are the columns of the table
-    of a batch that has finished."""
+    """Return the content of `batch.json`.
+
+    `asked` is the number of variants to build, the first ones of the plan; `wanted` are the columns of the table of a finished batch.
+    """
     return {
         "name": plan.name, "document": plan.relative, "sha256": plan.sha256, "assembly": plan.assembly_relative,
         "plan": plan.digest, "count": plan.count, "asked": asked, "layout": layout, "inputs": dict(plan.inputs),
@@ -90,8 +97,10 @@ def describe(plan: Plan, *, layout: str, asked: int, finished: bool, wanted: Seq
 
 
 def seen(plan: Plan, folder: str) -> dict[str, str]:
-    """What every worker has to see: absolute path and digest. `batch.json` is in the folder already; of files outside of the workspace
-    the plan does not say where they are."""
+    """Return the files that every worker must see: digests by absolute path.
+
+    They include `batch.json`, but no files outside of the workspace, whose paths are not in the plan.
+    """
     files = {os.path.join(plan.workspace.root, path): state for path, state in plan.inputs.items() if not path.startswith(OUTSIDE)}
     with open(os.path.join(folder, folder_layout.BATCH), "rb") as stream:
         files[stream.name] = hashlib.sha256(stream.read()).hexdigest()
@@ -99,7 +108,7 @@ def seen(plan: Plan, folder: str) -> dict[str, str]:
 
 
 def job_of(plan: Plan, folder: str, options: Options, *, layout: str, verify: int, elsewhere: bool) -> Job:
-    """The job of the runners; `elsewhere`: on other machines, which have another environment and another working folder."""
+    """Return the job of the runners; `elsewhere`: on other machines, which have another environment and working folder."""
     store = options.store
     if elsewhere:
         store = store or os.environ.get("THINGC_STORE")

@@ -1,12 +1,12 @@
-"""What is worked out of every variant: closed formulas over the linked robot, a fraction of a millisecond each.
+"""Results of every variant: closed formulas for the linked robot, which take a fraction of a millisecond.
 
-    mass, centre.x y z, inertia.xx ... yz   the whole robot at q = 0, in the base component's frame
-    box.x y z                               sides of the box around all parts' boxes, along the world's axes
-    reach                                   distance between the two mounts that the document names
-    torque_margin                           least effort / |static torque| over all drives
-    length.JOINT                            distance of a joint from the joint before it, as the documents have them
+    mass, centre.x y z, inertia.xx ... yz   the whole robot at q = 0, in the frame of the base component
+    box.x y z                               sides of the bounding box of the boxes of all parts, along the axes of the world
+    reach                                   distance between the two mounts in the document
+    torque_margin                           smallest effort / |static torque| of all drives
+    length.JOINT                            distance of a joint from the previous joint, as in the documents
 
-Box, reach and torques are of one mode, in one pose.
+Box, reach and torques are those of one mode, in one pose.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from thingc.model.statics.efforts import static_efforts
 from thingc.model.statics.support import lifted, stance
 
 Results = dict[str, float | None]
-"""By name, SI; None (or absent) where a variant has not the result."""
+"""Results by name, SI; None or missing if a variant does not have the result."""
 
 
 class UnknownMount(Exception):
-    """A mount for the reach that the robot has not, `text` as the document names it: `diagnostic` says so."""
+    """A mount of `reach` does not exist; `text` is the reference in the document, `diagnostic` the error."""
 
     def __init__(self, text: str, known: Sequence[str]) -> None:
         super().__init__(text)
@@ -40,11 +40,11 @@ class UnknownMount(Exception):
 
 
 def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None) -> Results:
-    """The results of one mode's robot in a pose of it (None: the mode's own, else q = 0).
+    """Return the results of a robot in a pose (None: that of the mode, else q = 0).
 
-    Where the mode's loops do not close in that pose, it has no box, reach and torques; with loops closed it has no torque margin
-    (the torques depend on how the loops share the load), nor where it does not stand on its feet. `reach` are the references of two
-    mounts. Raises `UnknownMount`.
+    If the loops of the mode do not close in that pose, there is no box, reach and torque margin. With closed loops, there is no torque
+    margin, since torques depend on how the loops share the load; neither is there one if the robot does not stand on its feet. `reach` are
+    references to two mounts. Raises `UnknownMount`.
     """
     assembly = robot.assembly
     whole = total(link.properties.seen_from(assembly.rest[link.frame]) for link in assembly.links)
@@ -78,7 +78,7 @@ def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None) -> Re
 
 
 def _placed(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple[Pose, ...]] | None:
-    """q of every joint and the poses of the bodies in the world; None for a pose in which the loops do not close."""
+    """Return q of every joint and the poses of the bodies in the world; None if the loops do not close in the pose."""
     name = pose if pose is not None else robot.mode.pose
     frame = next((one for one in robot.keyframes if one.name == name), None)
     base = robot.bodies[0].X_PL
@@ -92,9 +92,11 @@ def _placed(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple[Pos
 
 
 def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
-    """`length.JOINT` [m] of every joint that has one before it: the distance of its parent mount from the mount by which the joint
-    before placed that link. Parents and children are those of the documents, so it does not depend on a root. `within` are the
-    poses of the occurrences in their links (`in_link`)."""
+    """Return `length.JOINT` [m] of every joint that has a previous one.
+
+    This is the distance of its parent mount from the mount by which the previous joint placed that link. Parents and children are those of
+    the documents, so it does not depend on the root. `within` are the poses of the occurrences in their links (`in_link`).
+    """
     placed = {assembly.link_of[mate.child]: mate for mate in assembly.mates if mate.joints and mate.loop is None}
     distances: Results = {}
     for mate in assembly.mates:
@@ -108,8 +110,9 @@ def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
 
 
 def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vector] | None:
-    """Smallest and largest corner [m] of the box around the boxes of all parts placed at `poses` (by occurrence); None for a robot
-    without geometry."""
+    """Return the smallest and largest corner [m] of the bounding box of all parts at `poses` (by occurrence); None if the robot has no
+    geometry.
+    """
     low, high = [inf] * 3, [-inf] * 3
     for occurrence, pose in zip(assembly.occurrences, poses, strict=True):
         box = occurrence.box
@@ -123,7 +126,7 @@ def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vec
 
 
 def _mount(assembly: Assembly, text: str) -> tuple[int, str]:
-    """The occurrence and the mount that a reference means. Raises `UnknownMount`."""
+    """Return the occurrence and the mount of a reference. Raises `UnknownMount`."""
     words = text.split(".")
     path = "/".join(words)
     for exported in assembly.exported:

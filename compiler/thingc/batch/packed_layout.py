@@ -1,14 +1,14 @@
-"""The packed layout: `chunks/000012.parquet` is what became of the variants 12 288 to 13 311 of the plan, files and all.
+"""The packed layout: `chunks/000012.parquet` contains the variants 12 288 to 13 311 of the plan, with their files.
 
-    chunks/000012.parquet       a row for each: what the table says of it, and a column for each file, by its path in the build folder
-    chunks/000012.run.parquet   the same rows: what tells of the run alone (seconds, parts that were modelled)
-    chunks/000012.jsonl         the journal of a chunk that is not whole yet, with the files in it
+    chunks/000012.parquet       one row per variant, with the cells of the table, and a column per file, by its path in the build folder
+    chunks/000012.run.parquet   the same rows, with data about the run (seconds, modelled parts)
+    chunks/000012.jsonl         the journal of an incomplete chunk, including files
 
-A chunk is sealed when all of its variants are done: written aside, renamed, and its journal removed. Which variants are in it follows from
-the plan, and their rows are in its order, so the same batch gives the same chunks whoever finishes first. Neighbours differ in a few
-numbers: compressed in groups of rows, a file costs some hundred bytes, and reading one decompresses its column of one group. Files
-that the store has lie in `assets/` once, and a row names them (`shared`). Where a variant is found follows from its place in the plan;
-arrays over all variants, one binary file for each, need no other index than that.
+A chunk is sealed when all of its variants are done: it is written, renamed, and its journal is removed. Its variants and their order follow
+from the plan, so a batch always gives the same chunks. Neighbouring variants differ in a few numbers: compressed in groups of rows, a file
+takes some hundred bytes, and reading it decompresses one column of one group. Files that are in the store are in `assets/` once, and rows
+reference them (`shared`). The place of a variant follows from its index in the plan; arrays over all variants, one file each, need no other
+index.
 """
 
 from __future__ import annotations
@@ -36,23 +36,23 @@ if TYPE_CHECKING:
     from pyarrow.parquet import ParquetFile
 
 LARGEST = 2**31 - 1
-"""How many bytes the texts of one Arrow array may have together."""
+"""Maximum size [bytes] of the texts of one Arrow array."""
 
 
 CHUNK = 1024
-"""Variants of a chunk."""
+"""Number of variants in a chunk."""
 GROUP, GROUP_BYTES = 64, 32 * 2**20
-"""Rows of a group, of which one is decompressed to read a file; fewer where their files are large."""
+"""Number of rows in a group, which is decompressed to read a file; fewer if their files are larger than this in total [bytes]."""
 RUN = ("seconds", "modelled", "reused", "pid", "printed", "detail")
-"""What of a line tells of the run."""
+"""Keys of a line that describe the run."""
 FILES, SHARED = "files", "shared"
-"""What a built variant's line has beside the table's cells while its chunk is not whole: its files in base64, and the SHA-256 of those
-in `assets/`, both by path."""
+"""Keys of the line of a built variant in the journal of a chunk: its files in base64, and the SHA-256 of those in `assets/`, both by path.
+"""
 HEADS = ("index", "id", "name", "status")
 CELLS = (*HEADS, "losses", "line", SHARED)
-"""The columns before the files'. `line` is the variant's line of the journal, `losses` and `shared` are JSON, too."""
+"""The columns before the files. `line` is the line of the journal; `line`, `losses` and `shared` are JSON."""
 OPEN_MOST, COLUMNS_MOST = 16, 24
-"""Chunks that a reader keeps open, and columns of groups that an open chunk keeps."""
+"""Maximum number of open chunks of a reader, and of cached columns of an open chunk."""
 
 _SEALED = re.compile(r"([0-9]{6})\.parquet")
 _RUN = re.compile(r"([0-9]{6})\.run\.parquet")
@@ -60,7 +60,7 @@ _JOURNAL = re.compile(r"([0-9]{6})\.jsonl")
 
 
 class DamagedChunk(OSError):
-    """A file of a chunk that cannot be read. Without either of its files a chunk counts as not done."""
+    """A file of a chunk is damaged. If either of its files is missing, a chunk counts as not done."""
 
     state = "is damaged"
     cure = "delete it, and go on with --resume: what was in it is built again"
@@ -71,7 +71,7 @@ class DamagedChunk(OSError):
 
 
 class MissingChunk(DamagedChunk):
-    """A file of a chunk that was there, and is not any more."""
+    """A file of a chunk is missing."""
 
     state = "is not there any more"
     cure = "go on with --resume: what was in it is built again"
@@ -79,7 +79,7 @@ class MissingChunk(DamagedChunk):
 
 @contextlib.contextmanager
 def _reading(path: str) -> Iterator[None]:
-    """Reads of a sealed file. Raises `DamagedChunk`."""
+    """Convert errors of reading a sealed file to `DamagedChunk`."""
     from pyarrow import ArrowException
 
     try:
@@ -93,18 +93,20 @@ def _chunk_path(folder: str, number: int, end: str) -> str:
 
 
 def sealed_path(index: int) -> str:
-    """The file, by path in the batch's folder, in which the variant at this place of the plan lies."""
+    """Return the file with the variant at an index of the plan, by its path in the folder of the batch."""
     return f"{folder_layout.CHUNKS}/{index // CHUNK:06d}.parquet"
 
 
 def packed(folder: str) -> bool:
-    """Whether the batch in this folder is packed."""
+    """Return whether the batch in this folder is packed."""
     return os.path.isdir(os.path.join(folder, folder_layout.CHUNKS))
 
 
 def complete(folder: str, count: int) -> None:
-    """Raises `MissingChunk` where a file is gone of the chunks of the first `count` variants, or of a chunk that is sealed. The run is
-    sealed first, and the journal goes last."""
+    """Raise `MissingChunk` if a file is missing: of the chunks of the first `count` variants, or of a sealed chunk.
+
+    When a chunk is sealed, its run file is written first, and its journal is removed last.
+    """
     sealed = _numbers(folder, _SEALED) | _numbers(folder, _RUN) if packed(folder) else set()
     for number in sorted({*range(-(-count // CHUNK)), *sealed}):
         for ends in ((".run.parquet",), (".parquet", ".jsonl")):
@@ -113,7 +115,7 @@ def complete(folder: str, count: int) -> None:
 
 
 def numbers(folder: str) -> list[int]:
-    """The chunks of which anything is done, ascending. A batch that is not packed is one chunk, of which there is the journal alone."""
+    """Return the chunks with any finished variants, ascending. A batch that is not packed is one chunk, which has only a journal."""
     return sorted(_numbers(folder, _SEALED) | _numbers(folder, _JOURNAL)) if packed(folder) else [0]
 
 
@@ -125,10 +127,9 @@ def _numbers(folder: str, pattern: re.Pattern[str]) -> set[int]:
 
 
 class PackedWriter:
-    """The journals of a packed batch, of which `done` flags the variants that are. A context manager: leaving it closes them, and
-    seals nothing.
+    """The journals of a packed batch; `done` flags the finished variants. A context manager that closes them, but seals nothing.
 
-    Raises `OSError` where the system refuses; a line that could not be written whole is taken back.
+    Raises `OSError`; an incomplete line is removed then.
     """
 
     def __init__(self, folder: str, done: Sequence[int]) -> None:
@@ -145,7 +146,7 @@ class PackedWriter:
         self._open.clear()
 
     def append(self, line: Line) -> None:
-        """Note a variant that is done; its chunk is sealed where it was the last one."""
+        """Record a finished variant; seal its chunk if it was the last one."""
         number = int(line["index"]) // CHUNK
         journal, missing = self._open[number] if number in self._open else self._opened(number)
         journal.append(line)
@@ -154,7 +155,7 @@ class PackedWriter:
             self._seal(number)
 
     def sync(self) -> None:
-        """Seal every chunk of which anything is new, whole or not: for a batch that is over."""
+        """Seal every chunk with new variants, complete or not, when a batch is over."""
         for number in sorted(_numbers(self.folder, _JOURNAL)):
             self._seal(number)
 
@@ -171,7 +172,7 @@ class PackedWriter:
 
 
 def seal(folder: str, number: int) -> None:
-    """Write a chunk of what it has and what its journal has, and remove the journal. A kill on the way leaves either."""
+    """Write a chunk from its sealed file and its journal, and remove the journal. An interruption leaves either of them."""
     from pyarrow import parquet
 
     chunk = Chunk(folder, number)
@@ -189,7 +190,7 @@ def seal(folder: str, number: int) -> None:
         for group in _groups(chunk, ("run", *told.names)):
             rows.write_table(_table(told, [cells[1:] for cells in group]))
             runs.write_table(_table(run, [(index, own) for own, index, *_ in group]))
-    for end, path in fresh.items():  # a chunk that is there has its run
+    for end, path in fresh.items():  # the run file first: a chunk requires it
         with open(path, "rb") as stream:
             os.fsync(stream.fileno())
         os.replace(path, _chunk_path(folder, number, end))
@@ -198,7 +199,7 @@ def seal(folder: str, number: int) -> None:
 
 
 def _groups(chunk: Chunk, columns: Sequence[str]) -> Iterator[list[tuple[Any, ...]]]:
-    """The cells of a chunk, a row for each variant, in groups; `columns` end with those of files."""
+    """Yield the rows of a chunk in groups; the last of `columns` are those of files."""
     group: list[tuple[Any, ...]] = []
     size = 0
     for index in chunk.indices:
@@ -213,7 +214,7 @@ def _groups(chunk: Chunk, columns: Sequence[str]) -> Iterator[list[tuple[Any, ..
 
 
 def _schemas(paths: Sequence[str], lengths: Sequence[str]) -> tuple[Any, Any]:
-    """Of a chunk, and of what tells of its run. The names of the results `length.JOINT` are in the former's metadata."""
+    """Return the schemas of a chunk and of its run file. The names of results `length.JOINT` are in the metadata of the former."""
     import pyarrow
 
     text = [pyarrow.field(name, pyarrow.int64() if name == "index" else pyarrow.string()) for name in CELLS]
@@ -275,13 +276,13 @@ class Chunk:
         self.lengths = sorted(lengths)
 
     def close(self) -> None:
-        """Nothing can be read any more."""
+        """Close the files."""
         for one in (self._journal, self._sealed, self._run):
             if one is not None:
                 one.close()
 
     def heads(self) -> list[tuple[int, str, str, str]]:
-        """Index, id, name and status of each variant that is done."""
+        """Return index, id, name and status of each finished variant."""
         heads: dict[int, Any] = {}
         if self._sealed is not None:
             cells = self._read(list(HEADS))
@@ -291,7 +292,7 @@ class Chunk:
         return [heads[index] for index in self.indices]
 
     def losses(self) -> Counter[str | None]:
-        """How many variants have which losses, as JSON."""
+        """Return the number of variants by their losses, as JSON."""
         counts: Counter[str | None] = Counter()
         if self._sealed is not None:
             counted = self._read(["losses"])["losses"].value_counts()
@@ -303,18 +304,18 @@ class Chunk:
         return +counts
 
     def line(self, index: int) -> Line:
-        """The line of a variant, as the journal of folders has it."""
+        """Return the line of a variant, as in the journal of an unpacked batch."""
         if index in self._begins:
             return {key: value for key, value in self._noted(index).items() if key not in (FILES, SHARED)}
         return {**json.loads(self.cell(index, "line")), **json.loads(self.cell(index, "run"))}
 
     def shared(self, index: int) -> dict[str, str]:
-        """The SHA-256 of a variant's files in `assets/`, by path."""
+        """Return the SHA-256 of the files of a variant in `assets/`, by path."""
         digests: dict[str, str] = json.loads(self.cell(index, SHARED) or "{}")
         return digests
 
     def files(self, index: int) -> dict[str, bytes]:
-        """The files of a variant that are its own, by path."""
+        """Return the files that only the variant has, by path."""
         return {path: data for path in self.paths if (data := self.cell(index, path)) is not None}
 
     def cell(self, index: int, column: str) -> Any:
@@ -324,13 +325,13 @@ class Chunk:
         return self._sealed_cell(self._rows[index], column) if column in self._sealed_columns else None
 
     def _read(self, columns: list[str]) -> Any:
-        """Columns of the sealed file."""
+        """Read columns of the sealed file."""
         assert self._sealed is not None
         with _reading(self._path):
             return self._sealed.read(columns)
 
     def _noted(self, index: int) -> Line:
-        """What the journal says; of neighbouring questions the answer is kept."""
+        """Return an entry of the journal; the last one is cached."""
         if self._entry[0] != index:
             self._journal.seek(self._begins[index])
             self._entry = index, json.loads(self._journal.readline())
@@ -352,7 +353,7 @@ class Chunk:
 
 
 def _cell_of(line: Line, column: str) -> Any:
-    """What a sealed chunk has of a line of its journal in a column."""
+    """Convert a line of the journal to the cell that a sealed chunk has in a column."""
     match column:
         case "line":
             return _json({key: value for key, value in line.items() if key not in (*RUN, FILES, SHARED)})
@@ -378,8 +379,10 @@ def _opened(path: str) -> ParquetFile | None:
 
 
 class Chunks:
-    """All chunks of a batch, opened when they are asked for; those used least lately are closed. Thread-safe. A copy in another
-    process opens them anew."""
+    """All chunks of a batch, opened on demand; the least recently used are closed.
+
+    Thread-safe. A copy in another process opens them itself.
+    """
 
     def __init__(self, folder: str) -> None:
         self.folder = folder
@@ -392,7 +395,7 @@ class Chunks:
 
     @contextlib.contextmanager
     def of(self, number: int) -> Iterator[Chunk]:
-        """The chunk of this number: for one thread at a time."""
+        """Return a chunk by number; only one thread at a time gets it."""
         with self._lock:
             if number not in self._open:
                 self._open[number] = Chunk(self.folder, number)
@@ -402,15 +405,15 @@ class Chunks:
             yield self._open[number]
 
     def holding(self, index: int) -> contextlib.AbstractContextManager[Chunk]:
-        """The chunk of the variant at this place in the plan."""
+        """Return the chunk of the variant at an index of the plan."""
         return self.of(index // self._variants)
 
 
 def column(values: Sequence[Any], type: Any) -> Any:
-    """`pyarrow.array(values, type)` for `int64`, `float64`, `bool_`, `string` and `binary`; None for a missing value. Raises what
-    `array` raises for a value that is none of its type.
+    """Return `pyarrow.array(values, type)` for `int64`, `float64`, `bool_`, `string` and `binary`; None is a missing value. Raises the same
+    errors.
 
-    `pyarrow.array` imports pandas if that is installed, to ask whether its values are of pandas, which takes as long as a dozen variants.
+    `pyarrow.array` would import pandas, if installed, to check for its types, which takes as long as a dozen variants.
     """
     import pyarrow
 
@@ -430,5 +433,5 @@ def column(values: Sequence[Any], type: Any) -> Any:
 
 
 def _bits(flags: Sequence[Any]) -> bytes:
-    """One bit each, the first the lowest of the first byte."""
+    """Pack flags to bits, the first into the lowest bit of the first byte."""
     return int("0" + "".join("1" if flag else "0" for flag in reversed(flags)), 2).to_bytes(len(flags) // 8 + 1, "little")

@@ -1,7 +1,7 @@
-"""The page of a batch, `index.html`: pictures of the variants in a grid, the table, and a plot of anything against anything.
+"""The page of a batch, `index.html`: pictures of the variants in a grid, the table, and a plot of any two columns.
 
-One file without a request to anywhere: style, program and data are in it, pictures lie beside it in `pictures/`. The same batch
-gives the same bytes; what tells of the run (`parts_modelled`, `seconds`, ...) is left out.
+It is one file that loads nothing from a network: style, program and data are in it, pictures are in `pictures/`. The same batch gives the
+same bytes, since columns about the run (`parts_modelled`, `seconds`, ...) are left out.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from thingc.batch.values import size_of
 from thingc.driver.environment import Options
 
 MOST = 10_000
-"""Rows of a page, about 4 MB: of a longer table it has so many, evenly spread."""
+"""Maximum number of rows of a page, about 4 MB; of longer tables, it has this many, evenly spread."""
 
 
 def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Column]) -> str:
-    """Write the page of the batch in `folder` from what it has done; it appears as a whole. Returns its path.
+    """Write the page of the batch in `folder` atomically; return its path.
 
-    `described` is what `batch.json` says, `wanted` the columns of the table. A row is in memory at a time.
+    `described` is the content of `batch.json`, `wanted` are the columns of the table. Only one row is in memory at a time.
     """
     path = os.path.join(folder, folder_layout.PAGE)
     wanted = [column for column in wanted if column.name not in RUN]
@@ -56,7 +56,7 @@ def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Colum
 
 
 def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
-    """The page before and after its data."""
+    """Return the page before and after its data."""
     own = resources.files("thingc.batch")
     texts = {place: (own / name).read_text(encoding="utf-8") for place, name in (("@STYLE@", "page.css"), ("@SCRIPT@", "page.js"))}
     texts["@TITLE@"] = html.escape(escape_control(f"{described['name']}: variants of {described['assembly']}"))
@@ -66,8 +66,10 @@ def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _units(wanted: Sequence[Column]) -> list[tuple[str, float | None]]:
-    """The unit in which each column is shown and its size in SI (None: it is that of SI): as documents write it, and a result as they
-    write the first parameter of its dimension."""
+    """Return the unit in which each column is shown, with its size in SI (None: the SI unit).
+
+    Parameters are shown in the unit of the documents, results in that of the first parameter with the same dimension.
+    """
     alike: dict[str, str] = {}
     for column in wanted:
         if column.written and size_of(column.written) is not None:
@@ -78,12 +80,12 @@ def _units(wanted: Sequence[Column]) -> list[tuple[str, float | None]]:
 
 
 def _in_unit(value: Any, size: float) -> Any:
-    """A number in a unit of this size, to 12 digits: 0.07 m are 70 mm."""
+    """Convert a number to a unit of this size, with 12 digits: 0.07 m is 70 mm."""
     return float(f"{value / size:.12g}") if isinstance(value, (int, float)) and math.isfinite(value) else value
 
 
 def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequence[str]) -> str:
-    """The object that the page's program reads, up to its rows."""
+    """Return the beginning of the data, an object, up to its rows."""
     names = ("name", "document", "assembly", "count", "done", "pose", "finished", "layout")
     told: dict[str, Any] = {name: _json_value(described[name]) for name in names}
     told["modes"] = [escape_control(name) for name in described["modes"]]
@@ -92,14 +94,14 @@ def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequenc
 
 
 def _json_value(value: Any) -> Any:
-    """A cell as the page shows it: an infinite one is the text `inf`, text is on one line."""
+    """Convert a cell for the page: infinity is the text `inf`, and text is on one line."""
     if isinstance(value, str):
         return escape_control(value)
     return "inf" if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def parameter_columns(plan: Plan) -> list[Column]:
-    """The columns of the assembly's parameters by their own names, and of what is set by path."""
+    """Return the columns of the parameters of the assembly, and of values set by path."""
     return [
         Column(name=name, kind="number", unit=plan.units[name], written=plan.written_in.get(name, "")) if isinstance(own, Quantity)
         else Column(name=name, kind="flag" if isinstance(own, bool) else "text")
@@ -111,9 +113,9 @@ def show(
     folder: str, described: Mapping[str, Any], wanted: Sequence[Column], *, most: int, jobs: int,
     on_picture: OnPicture | None = None,
 ) -> Diagnostic | None:
-    """Draw pictures of at most so many variants and write the page. A warning where nothing can be drawn here.
+    """Draw pictures of at most `most` variants and write the page. Returns a warning if this machine cannot draw.
 
-    Ctrl-C ends the drawing alone: the page shows what was drawn until then. Raises `OSError` when the system refuses.
+    Ctrl-C ends only the drawing; the page shows the pictures drawn so far. Raises `OSError`.
     """
     warning = None
     forget(folder, folder_layout.PAGE)
@@ -130,10 +132,10 @@ def show_again(
     document: str, *, output: str | None = None, pictures: int | None = None, jobs: int = 0, options: Options | None = None,
     on_picture: OnPicture | None = None,
 ) -> tuple[str, Diagnostic | None]:
-    """The page of a batch that is there, written anew; nothing is built. The page's path, and a warning where nothing can be drawn.
-    `pictures` as of `run`.
+    """Write the page of an existing batch again; return its path, and a warning if this machine cannot draw.
 
-    Raises `PlanError` for a document with errors, and `BatchFault` where there is no batch of it, or another one is under way.
+    `pictures` is as for `run`. Raises `PlanError` for a document with errors, and `BatchFault` if there is no batch of it, or if one is in
+    progress.
     """
     plan = variants_document.plan(document, options=options)
     folder = plan.folder_in(output)

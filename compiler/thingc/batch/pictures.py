@@ -1,4 +1,4 @@
-"""The pictures of a batch, `pictures/ID.png`: of some of its variants, by one camera, so that sizes compare."""
+"""The pictures of a batch, `pictures/ID.png`: of some variants, with the same camera, so that sizes can be compared."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from thingc.batch.build_records import BuildRecords, VariantFiles
 from thingc.batch.packed_layout import packed
 
 MOST = 48
-"""Pictures of a batch, unless the caller says otherwise: one takes some tenths of a second without a graphics card."""
+"""Default number of pictures of a batch; one takes some tenths of a second without a graphics card."""
 MANY = 200
-"""Variants of a batch; of more of them no pictures are drawn, unless the caller says so."""
+"""Number of variants above which no pictures are drawn by default."""
 ALL = sys.maxsize
-"""As many pictures as there are variants."""
+"""Draw a picture of every variant."""
 
 PATIENCE = 120.0
-"""How long [s] a picture may take."""
+"""Time limit [s] for a picture."""
 
 OnPicture = Callable[[int, int], None]
 """`on_picture(done, count)`."""
 
 
 def usual(count: int) -> int:
-    """How many pictures a batch of so many variants has, unless the caller says otherwise."""
+    """Return the default number of pictures of a batch with `count` variants."""
     return MOST if count <= MANY else 0
 
 
 def chosen(folder: str, mode: str, most: int) -> list[int]:
-    """At most so many built variants that have a model in a mode, in plan order; where there are more, those `along_the_axes`."""
+    """Return the indices of at most `most` built variants with a model in a mode, in plan order, selected by `along_the_axes`."""
     records = BuildRecords(folder)
     settings: list[Sequence[Any]] = []
     for index in records.built:
@@ -48,11 +48,13 @@ def chosen(folder: str, mode: str, most: int) -> list[int]:
 
 
 def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
-    """`most` of the variants with these settings, ascending: for each setting in turn those nearest to a line along which it alone
-    goes from its first to its last value, and the others stay in the middle. Where all values have been seen so, the rest is evenly spread.
+    """Select `most` variants with these settings, ascending.
 
-    Settings are measured by the rank of their values, from 0 to 1 (numbers by size, others as they come). One that says the same as another
-    is no axis.
+    For each setting in turn, these are the variants nearest to a line along which it goes from its first to its last value, and the others
+    are in the middle. When all values are covered, the rest is evenly spread.
+
+    Settings are measured by the rank of their values, from 0 to 1 (numbers by size, others in order of appearance). A setting with the same
+    ranks as another one is ignored.
     """
     ranked = [_ranks(column) for column in zip(*settings, strict=True)]
     axes = [list(ranks) for ranks in dict.fromkeys(tuple(ranks) for ranks in ranked if max(ranks) > 0.0)]
@@ -72,7 +74,7 @@ def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
 
 
 def _ranks(values: Sequence[Any]) -> tuple[float, ...]:
-    """Each value's place among all different ones, from 0 to 1."""
+    """Return the rank of each value among the distinct ones, from 0 to 1."""
     known = list(dict.fromkeys(values))
     if all(isinstance(value, (int, float)) for value in known):
         known.sort()
@@ -81,15 +83,15 @@ def _ranks(values: Sequence[Any]) -> tuple[float, ...]:
 
 
 def _model(files: VariantFiles, mode: str) -> str | None:
-    """The name of a variant's model in a mode, `ROBOT_MODE.xml`; None where MJCF was not written."""
-    # of the modes `foot` and `front_foot` the ends are alike: then the shorter name is the one of `foot`
+    """Return the file name of the model of a variant in a mode, `ROBOT_MODE.xml`; None if there is none."""
+    # The names for the modes `foot` and `front_foot` have the same end: the shorter one is that of `foot`.
     models = sorted((name for name in files.models() if name.endswith(f"_{mode}.xml") and name != f"scene_{mode}.xml"), key=len)
     return models[0] if models else None
 
 
 @contextlib.contextmanager
 def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[tuple[str, str]]]:
-    """Of each variant its id, and the path of its model with its meshes beside it: in a scratch folder where the batch is packed."""
+    """Yield the id of each variant, and the path of its model with meshes beside it, in a temporary folder if the batch is packed."""
     if not indices:
         yield []
         return
@@ -112,10 +114,9 @@ def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[t
 def draw(
     folder: str, mode: str, pose: str | None, *, most: int = MOST, jobs: int = 1, on_picture: OnPicture | None = None,
 ) -> Diagnostic | None:
-    """Draw the pictures anew, in up to `jobs` processes; a warning where this machine cannot draw.
+    """Draw all pictures again, in up to `jobs` processes. Returns a warning if this machine cannot draw.
 
-    What was drawn before and is not chosen now is deleted. Interrupted, it leaves the pictures that are there. Raises `OSError`
-    when the system refuses.
+    Other existing pictures are deleted. An interruption leaves the pictures drawn so far. Raises `OSError`.
     """
     place = os.path.join(folder, folder_layout.PICTURES)
     with _laid_out(folder, mode, chosen(folder, mode, most) if most != 0 else ()) as shots:
@@ -143,7 +144,7 @@ def _draw(place: str, pose: str | None, shots: Sequence[tuple[str, str]], jobs: 
         for process in processes:
             process.kill()
             process.close()
-        with contextlib.suppress(OSError):  # nothing could be drawn
+        with contextlib.suppress(OSError):  # fails unless the folder is empty
             os.rmdir(place)
     return fault
 
@@ -167,7 +168,7 @@ def _drawn(
             gravity = down if own else gravity
         visible.append([shot for shot, (own, _) in zip(part, answer, strict=True) if own])
     if not points:
-        return None  # robots of bare frames: there is nothing to see
+        return None  # robots of frames only: nothing is visible
     for part, process in zip(visible, processes, strict=True):
         process.ask({
             "draw": [[path, os.path.join(place, f"{id}.png")] for id, path in part], "points": points, "gravity": gravity, "pose": pose,
@@ -188,7 +189,7 @@ def _drawn(
 
 
 def _lost(process: JsonLinesProcess, fault: ProcessLost) -> Diagnostic:
-    """With the last line of what the process said."""
+    """Return the warning, with the last line of the output of the process."""
     said = process.errors().strip().splitlines()
     return _refused(f"the process that draws is lost: {fault.words}", said[-1] if said else "")
 

@@ -1,4 +1,4 @@
-"""From a `variants/1` document to its variants: everything is checked before the first is built."""
+"""The plan of a `variants/1` document, and its variants. Everything is checked before the first one is built."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ from thingc.geometry.record import Value
 from thingc.model.resolve.types import AssemblyDefinition
 
 BLOCK = 256
-"""Points that are made at once."""
+"""Number of points that are computed at once."""
 
 
 def points(method: Method, dimensions: int, count: int, seed: int) -> Iterator[tuple[float, ...]]:
-    """`count` points of the unit cube [0, 1) of so many dimensions.
+    """Yield `count` points of the unit cube [0, 1) with `dimensions` dimensions.
 
-    `sobol` is `scipy.stats.qmc.Sobol(d, scramble=True, rng=seed)`, `lhs` `scipy.stats.qmc.LatinHypercube(d, rng=seed)` and
-    `uniform` `numpy.random.default_rng(seed).random((count, d))`, row by row. The last of a Latin hypercube depends on the first:
-    its points are made all at once, those of the others in blocks.
+    `sobol` is `scipy.stats.qmc.Sobol(d, scramble=True, rng=seed)`, `lhs` is `scipy.stats.qmc.LatinHypercube(d, rng=seed)`, and `uniform` is
+    `numpy.random.default_rng(seed).random((count, d))`, row by row. All points of a Latin hypercube are computed at once, since they depend
+    on each other; the others are computed in blocks.
     """
     import numpy
     from scipy.stats import qmc
@@ -62,18 +62,18 @@ def points(method: Method, dimensions: int, count: int, seed: int) -> Iterator[t
             assert_never(method)
     for start in range(0, count, size):
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # that the count should be a power of 2: docs/variants.md says so
+            warnings.simplefilter("ignore", UserWarning)  # about counts that are not a power of 2, see docs/variants.md
             block = draw(min(size, count - start))
         for row in block:
             yield tuple(row.tolist())
 
 
 OUTSIDE = "outside:"
-"""What the names of inputs begin with that lie outside of the workspace."""
+"""Prefix of the names of inputs outside of the workspace."""
 
 
 class PlanError(Exception):
-    """A document of variants with errors. `diagnostics` are all of them; `str()` shows them as the command line does."""
+    """A variants document with errors. `diagnostics` are all of them; `str()` formats them as the command line does."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         super().__init__("\n" + as_text(diagnostics))
@@ -81,11 +81,11 @@ class PlanError(Exception):
 
 
 class Variant(OneLineRepr, FrozenStruct):
-    """One member of the family. `index` is its place in the plan, `id` 12 hex of the SHA-256 of its settings.
+    """A variant. `index` is its index in the plan, `id` 12 hexadecimal digits of the SHA-256 of its settings.
 
-    `parameters` and `choices` are the settings as `thingc build -p` and `--set` take them, in the units of the documents (without those
-    that say what the documents say anyway); `values` every parameter of the assembly, and what is set by path, SI. `failed`
-    is the rule that the parameters do not keep.
+    `parameters` and `choices` are the settings as for `thingc build -p` and `--set`, in the units of the documents, without those that
+    equal the documents. `values` are all parameters of the assembly and values set by path, SI. `failed` is the rule that the parameters
+    violate, if any.
     """
 
     index: int
@@ -98,7 +98,7 @@ class Variant(OneLineRepr, FrozenStruct):
 
 
 class Setting(FrozenStruct):
-    """What is set for one variant, as planned: `name` where the document gives one."""
+    """The settings of one variant as planned; `name` is its name in the document, if any."""
 
     name: str | None
     parameters: Mapping[str, ExpressionValue]
@@ -106,17 +106,14 @@ class Setting(FrozenStruct):
 
 
 class Plan(OneLineRepr, FrozenStruct, dict=True):
-    """The variants of a document, in their order; iterating makes them one by one, the same each time.
+    """The variants of a document, in order. Iterating computes them one by one, always the same.
 
-    `document` and `assembly` are absolute paths, `relative` and `assembly_relative` those in the workspace, `sha256` is of
-    the document. `fixed` holds for all
-    variants; `listed` are written out; `axes` make the grid, or with `method` are drawn `drawn` times. `own` are the values of
-    the assembly's parameters, `paths` what is set by path, `written_in` the units in which documents write either,
-    `own_choices` what its document says at the paths of choices. `modes`
-    are those built (never
-    empty), `chosen_modes` those that the document names. `emit` are the targets, in the order in which a build writes them;
-    `inputs` the digests (`up_to_date.state_of`) of what the plan was made of, by path in the workspace; `layout` is `folders` or `packed`
-    where the document says it.
+    `document` and `assembly` are absolute paths, `relative` and `assembly_relative` paths in the workspace; `sha256` is that of the
+    document. `fixed` are the settings of all variants; `listed` are explicit variants; `axes` form the grid, or with `method`, `drawn`
+    points of them are drawn. `own` are the values of the parameters of the assembly, `paths` the values set by path, `written_in` the units
+    of both in the documents, `own_choices` the values of the document at the paths of choices. `modes` are those to build (never empty),
+    `chosen_modes` those in the document. `emit` are the targets, in the order of a build; `inputs` are the digests (`up_to_date.state_of`)
+    of the files that the plan depends on, by path in the workspace; `layout` is `folders` or `packed`, None if the document has none.
     """
 
     document: str
@@ -152,7 +149,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         return self.besides(b"")
 
     def besides(self, done: Sequence[int]) -> Iterator[Variant]:
-        """All but those that are `done`, a flag for each by its place; of these as little as possible is worked out."""
+        """Yield the variants that are not `done` (a flag for each index), with as little computation as possible for the others."""
         width = len(str(max(self.count - 1, 0)))
         rules = [rule for rule in self.rules if not rule.needs_results]
         for index, id, setting, parameters, choices in self._unique(done):
@@ -168,7 +165,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def count(self) -> int:
-        """How many variants there are; equal ones are one."""
+        """The number of distinct variants."""
         if self.method is None and not self.listed:
             return math.prod(len(axis.values) for axis in self.axes)
         if self.method is not None and not self.listed and any(axis.range is not None and not axis.whole for axis in self.axes):
@@ -177,14 +174,14 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @property
     def written(self) -> int:
-        """How many the document asks for, equal ones counted as often as they come."""
+        """The number of variants in the document, including equal ones."""
         if self.method is not None:
             return len(self.listed) + self.drawn
         return len(self.listed) + (math.prod(len(axis.values) for axis in self.axes) if self.axes or not self.listed else 0)
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of everything that decides which variants there are and what is written of each, but for files read."""
+        """SHA-256 of everything that defines the variants and their files, except the files read."""
         described = {
             "name": self.name, "assembly": self.assembly_relative, "fixed": _plain(self.fixed),
             "listed": [_plain(one) for one in self.listed],
@@ -199,36 +196,36 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def dimensions(self) -> dict[str, Dimension]:
-        """The dimension of every parameter, and of every value set by path, that is a number."""
+        """The dimension of every numeric parameter and value set by path."""
         return {name: value.dimension for name, value in self.kinds.items() if isinstance(value, Quantity)}
 
     @cached_property
     def kinds(self) -> dict[str, ExpressionValue]:
-        """A value of the kind of every parameter, and of every value set by path."""
+        """A value of the kind of every parameter and value set by path."""
         return {**self.own, **self.paths.kinds}
 
     @property
     def units(self) -> dict[str, str]:
-        """The SI unit of every one that is a number."""
+        """The SI unit of every numeric parameter and value set by path."""
         return {name: dimension.symbol for name, dimension in self.dimensions.items()}
 
     def folder_in(self, output: str | None) -> str:
-        """The absolute path of the batch's folder, in `output` or else in the workspace's build folder."""
+        """Return the absolute path of the folder of the batch, in `output` or the build folder of the workspace."""
         return os.path.join(os.path.abspath(output or os.path.join(self.workspace.root, self.workspace.build)), self.name)
 
     def chosen(self, variant: Variant) -> dict[str, str | None]:
-        """What a variant has at every path at which something is chosen."""
+        """Return the value of a variant at every path of a choice."""
         return {path: variant.choices.get(path, self.own_choices.get(path)) for path in self.choice_paths}
 
     @cached_property
     def choice_paths(self) -> tuple[str, ...]:
-        """Every path at which something is chosen, in the order in which the document has them."""
+        """Every path of a choice, in document order."""
         settings = (self.fixed, *self.listed)
         paths = [*(path for one in settings for path in one.choices), *(axis.key for axis in self.axes if axis.choice)]
         return tuple(dict.fromkeys(paths))
 
     def values(self, given: Mapping[str, ExpressionValue]) -> dict[str, ExpressionValue]:
-        """Every parameter of the assembly, and what stands at the paths, where these are set; without what cannot be worked out."""
+        """Return all parameters of the assembly and values at paths, with those `given`; without those that cannot be evaluated."""
         values: dict[str, ExpressionValue] = {}
         stated = {**self.own, **self.paths.own}
         for name, expression in self._order:
@@ -246,8 +243,8 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def _order(self) -> tuple[tuple[str, Expression | None], ...]:
-        """The assembly's parameters and what stands at the paths, each after those that its expression uses; those with a value of their
-        own have none."""
+        """The parameters of the assembly and the paths, each after those that its expression uses; None for those that are not expressions.
+        """
         raw = {name: entry.value if isinstance(entry, ParameterSpec) else entry for name, entry in self.assembly_spec.parameters.items()}
         ordered: dict[str, Expression | None] = {}
 
@@ -266,12 +263,12 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def _stated(self) -> dict[str, Value]:
-        """What the assembly says itself, not by an expression: setting it to that says nothing."""
+        """The values that the assembly states without an expression; settings equal to them are left out."""
         own = {**self.own, **self.paths.own}
         return {name: plain(own[name]) for name, expression in self._order if expression is None and name in own}
 
     def _settings(self) -> Iterator[Setting]:
-        """Everything that the document asks for, in its order; some may be equal."""
+        """Yield all settings of the document, in order; some may be equal."""
         yield from self.listed
         if self.method is not None:
             for point in points(self.method, len(self.axes), self.drawn, self.seed):
@@ -290,10 +287,10 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         return Setting(name=None, parameters=parameters, choices=choices)
 
     def _unique(self, done: Sequence[int]) -> Iterator[tuple[int, str, Setting, dict[str, ExpressionValue], dict[str, str]]]:
-        """The settings that are not `done`, each once, with their places and ids and without what the documents say anyway.
+        """Yield the distinct settings that are not `done`, with indices and ids, without values that equal the documents.
 
-        Points of a grid, and points with a coordinate drawn from an interval, differ among themselves: only of what may come
-        twice the ids are remembered, so that a plan of any length needs no memory.
+        Points of a grid, and points with a coordinate drawn from an interval, are distinct. Only ids of others, which may occur twice, are
+        stored, so that plans of any length need no memory.
         """
         listed = len(self.listed)
         discrete = self.method is not None and all(axis.range is None or axis.whole for axis in self.axes)
@@ -318,7 +315,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
                 yield index, id, setting, parameters, choices
 
     def command(self, variant: Variant) -> list[str]:
-        """The words of the command that builds a variant alone, run in the workspace's folder."""
+        """Return the words of the command that builds a single variant, to run in the folder of the workspace."""
         words = ["thingc", "build", self.assembly_relative]
         for name, text in variant.parameters.items():
             words += ["-p", f"{name}={text}"]
@@ -330,7 +327,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
 
 def _holds(rule: Rule, values: Mapping[str, ExpressionValue]) -> bool:
-    """Whether a rule on parameters is kept. What cannot be worked out is the build's to say, not the rule's."""
+    """Return whether a rule on parameters is satisfied; also if it cannot be evaluated, which the build reports."""
     try:
         return rule.holds(values, {})
     except (ExpressionError, KeyError):
@@ -342,6 +339,6 @@ def _plain(setting: Setting) -> list[object]:
 
 
 def moved(text: str, source: str, target: str) -> str:
-    """A path that the document `source` names, as the document `target` (both by path in the workspace) would name it."""
+    """Convert a path in the document `source` to one in the document `target` (both paths in the workspace)."""
     place = posixpath.normpath(posixpath.join(posixpath.dirname(source), text.replace(os.sep, "/")))
     return posixpath.relpath(place, posixpath.dirname(target) or ".")

@@ -1,4 +1,4 @@
-"""What a batch says of itself: how far it is, what came of it, and that somebody stopped it."""
+"""Progress and result of a batch, and its interruption."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from thingc.base.one_line_repr import OneLineRepr, counted
 
 
 class Interrupted(Exception):
-    """Somebody stopped the batch: `done` of `count` variants are in the journal of `folder`."""
+    """The batch was interrupted: `done` of `count` variants are in the journal of `folder`."""
 
     def __init__(self, folder: str, done: int, count: int) -> None:
         super().__init__(f"interrupted after {done} of {counted(count, 'variant')}")
@@ -20,7 +20,10 @@ class Interrupted(Exception):
 
 
 class Progress(OneLineRepr, FrozenStruct):
-    """How far a batch is. `before` are the variants that an earlier run has done; `rate` variants per second of this one."""
+    """The progress of a batch.
+
+    `before` is the number of variants from earlier runs; `counts` are those of this run by status; `rate` is in variants per second.
+    """
 
     count: int
     before: int
@@ -29,19 +32,22 @@ class Progress(OneLineRepr, FrozenStruct):
 
     @property
     def done(self) -> int:
-        """Variants in the journal."""
+        """Number of finished variants."""
         return self.before + sum(self.counts.values())
 
     @property
     def left(self) -> float | None:
-        """The estimate [s] of what is left to wait, None while nobody knows."""
+        """Estimated remaining time [s], None if unknown."""
         return (self.count - self.done) / self.rate if self.rate > 0.0 else None
 
 
 class Summary(OneLineRepr, FrozenStruct):
-    """What came of a batch: how many variants have each status (those of earlier runs included), parts that were modelled in this
-    run, and how long it took [s]. `duplicates` were asked for more than once; `lossy` variants, those of earlier runs included, have
-    `losses`, by what becomes of them; `notes` are the warnings about the documents, `layout` how variants lie in the folder."""
+    """The result of a batch.
+
+    `statuses` counts variants by status, `before` is the number of those from earlier runs. `modelled` is the number of parts built in this
+    run, which took `seconds` [s]. `duplicates` is the number of additional equal variants. `lossy` variants have `losses` in total, counted
+    by kind; both include earlier runs. `notes` are warnings about the documents.
+    """
 
     folder: str
     name: str

@@ -1,4 +1,4 @@
-"""A batch's folder read back: its variants with their settings, their rows of the table and their models.
+"""Read the folder of a batch: variants with their settings, rows of the table and models.
 
     legs = thingc.batch.load("build/leg_sweep", mode="standing")
     for variant in legs:
@@ -44,20 +44,20 @@ if TYPE_CHECKING:
     from thingc.modes import Modes
 
 VARIANTS, NAMES = 4096, 10_000
-"""How many variants a family keeps that were asked for last, and of how many names the nearest is told."""
+"""Maximum number of cached variants, and of names that are searched for suggestions."""
 MESH_BYTES = 256 * 2**20
-"""How many bytes of meshes a family keeps in memory."""
+"""Maximum size [bytes] of cached meshes."""
 
 _WITHIN, _INCLUDE = re.compile("<mujoco[^>]*>(.*)</mujoco>", re.DOTALL), re.compile("<include [^>]*/>")
-"""What a model's file says, and where that of its scene includes it."""
+"""Patterns of the content of a model file, and of the include in its scene."""
 
 
 class FamilyError(ValueError):
-    """A batch that cannot be used as it was asked to be; the message says why and what to do."""
+    """A batch or family cannot be used as requested; the message has the reason and a help."""
 
 
 class UnknownVariant(FamilyError, KeyError):
-    """A variant, a column or a mode that the batch has not."""
+    """The batch does not have this variant, column or mode."""
 
     def __str__(self) -> str:
         return ValueError.__str__(self)  # a KeyError would show the repr
@@ -72,14 +72,16 @@ class Sizes(FrozenStruct):
 
 
 Where = Callable[["BuiltVariant"], bool] | Mapping[str, Any]
-"""Which variants: a function of one, or values by column; two numbers `(low, high)` are a range, its ends included."""
+"""A filter for variants: a function of a variant, or values by column; a pair of numbers `(low, high)` is a range, including the ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
 class BuiltVariant(OneLineRepr):
-    """A variant that has been built. `index` is its place in the plan, `settings` its parameters (SI) and choices by name,
-    `results` its row of the table by column (absent where the table is empty), `folder` what `thingc build` would have written: of a
-    packed batch there after `unpack`. The same variant of the same batch is equal."""
+    """A built variant. Variants with the same folder are equal.
+
+    `index` is its index in the plan. `settings` are its parameters (SI) and choices by name; `results` is its row of the table, without
+    empty cells. `folder` is its build folder, which for a packed batch exists only after `unpack`.
+    """
 
     id: str
     name: str
@@ -96,15 +98,17 @@ class BuiltVariant(OneLineRepr):
         return hash(self.folder)
 
     def model(self, mode: str | None = None, *, scene: bool = False, visual: bool = True) -> mujoco.MjModel:
-        """Its model in a mode, compiled anew at each call; `scene`: with floor and light. Without `visual` MuJoCo leaves out what
-        is only drawn: the model moves in the same way, and is compiled in less than half the time. The mode may be left out where
-        the family has one; of many variants `Family.models` takes a fraction of the time. Raises `UnknownVariant` for another mode, and
-        `FamilyError` where there is no model."""
+        """Compile its model in a mode; every call returns a new object.
+
+        `scene`: include floor and light. Without `visual`, MuJoCo leaves out visual geometry: the model moves in the same way, and compiles
+        in less than half the time. The mode may be omitted if the batch has only one. For many variants, `BatchResults.models` is much
+        faster. Raises `UnknownVariant` for an unknown mode, and `FamilyError` if there is no model.
+        """
         mode = self.family.chosen(mode)
         return self._compiled(self._text(mode, scene, visual), self._files.meshes())
 
     def model_text(self, mode: str, scene: bool, visual: bool) -> ModelText:
-        """What `model` compiles. Raises as `model` does."""
+        """Return the text that `model` compiles. Raises as `model` does."""
         text, meshes = self._text(mode, scene, visual), self._files.meshes()
         return ModelText(
             text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: self.family.meshes(meshes),
@@ -112,7 +116,7 @@ class BuiltVariant(OneLineRepr):
         )
 
     def _text(self, mode: str, scene: bool, visual: bool) -> str:
-        """The text of the model, in that of its scene if that is wanted."""
+        """Return the text of the model, inside its scene if requested."""
         text = self._read(f"{self.family.robot}_{mode}.xml").decode()
         if not visual:
             text = text.replace("<compiler ", '<compiler discardvisual="true" ', 1)
@@ -125,7 +129,7 @@ class BuiltVariant(OneLineRepr):
     def _compiled(self, text: str, meshes: Mapping[str, tuple[File, str]]) -> mujoco.MjModel:
         import mujoco
 
-        # Threads are for meshes, and MuJoCo has most of them from before: they cost more than they save.
+        # Most meshes are cached by MuJoCo: starting threads for them would take longer.
         text = text.replace("<compiler ", '<compiler usethread="false" ', 1)
         try:
             with self.family.mounted(meshes) as files:
@@ -134,8 +138,10 @@ class BuiltVariant(OneLineRepr):
             raise FamilyError(f"MuJoCo refuses the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
 
     def sources(self, mode: str | None = None, *, scene: bool = False) -> tuple[bytes, dict[str, bytes]]:
-        """The text of its model in a mode, and the files that this names; meshes are those of the whole family. Raises as
-        `model` does."""
+        """Return the text of its model in a mode, and the files that it names; meshes are shared with the whole batch.
+
+        Raises as `model` does.
+        """
         mode = self.family.chosen(mode)
         robot = f"{self.family.robot}_{mode}.xml"
         text = self._read(robot)
@@ -143,20 +149,20 @@ class BuiltVariant(OneLineRepr):
         return (self._read(f"scene_{mode}.xml"), {**files, robot: text}) if scene else (text, files)
 
     def sizes(self, mode: str | None = None) -> Sizes:
-        """The sizes of its model, read from the file: nothing is compiled. Raises as `model` does."""
+        """Return the sizes of its model from the file, without compiling it. Raises as `model` does."""
         root = ElementTree.fromstring(self._read(f"{self.family.robot}_{self.family.chosen(mode)}.xml"))
         free = sum(1 for _ in root.iter("freejoint"))
-        single = sum(len(body.findall("joint")) for body in root.iter("body"))  # hinges and slides, nothing else is written
+        single = sum(len(body.findall("joint")) for body in root.iter("body"))  # only hinges and slides are written
         return Sizes(nq=7 * free + single, nv=6 * free + single, nu=sum(len(section) for section in root.findall("actuator")))
 
     def modes(self) -> Modes:
-        """Its modes, to switch between at run time."""
+        """Return its modes, for switching between them at run time."""
         from thingc.modes import Modes
 
         return Modes.parse(self._files.read("modes.json"))
 
     def unpack(self) -> str:
-        """Its folder, which is written first where the batch is packed. Raises `OSError`."""
+        """Return its folder; for a packed batch, write it first. Raises `OSError`."""
         if packed(self.family.folder):
             unpack(self.family.folder, self.index)
         return self.folder
@@ -176,10 +182,10 @@ class BuiltVariant(OneLineRepr):
 
 
 class BatchResults(Sequence[BuiltVariant]):
-    """The built variants of a batch, in plan order: by place (`family[0]`, `family[-1]`), by id or name (`family["sweep_07"]`).
+    """The built variants of a batch, in plan order: by index (`family[0]`, `family[-1]`), or by id or name (`family["sweep_07"]`).
 
-    `planned` is how many variants the plan has, `finished` whether the batch has finished; of one that has not there is what has
-    been built so far. `rows` are the rows of the table of all variants that are done, those that failed or were kept out, too.
+    `planned` is the number of variants in the plan. `finished`: the batch has finished; if not, these are the variants built so far. `rows`
+    are the rows of the table of all finished variants, including failed and excluded ones.
     """
 
     def __init__(
@@ -203,14 +209,14 @@ class BatchResults(Sequence[BuiltVariant]):
         self._models: dict[tuple[str, bool, bool], TextModels] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Workers of environments and process pools are handed families and variants."""
+        """Support pickling, for workers of environments and process pools."""
         return BatchResults, (*self._batch, self._indices)
 
     def _of(self, indices: Sequence[int]) -> BatchResults:
         return BatchResults(*self._batch, indices)
 
     def _variant(self, index: int) -> BuiltVariant:
-        """The variant at this place of the plan; those asked for last are kept."""
+        """Return the variant at an index of the plan; recent ones are cached."""
         made = self._made.get(index)
         if made is None:
             line = self.records.line(index)
@@ -224,7 +230,7 @@ class BatchResults(Sequence[BuiltVariant]):
 
     @property
     def rows(self) -> Sequence[Mapping[str, Any]]:
-        """The rows of the table, of variants that failed or were kept out, too."""
+        """The rows of the table, including failed and excluded variants."""
         return _Rows(self.records)
 
     def __len__(self) -> int:
@@ -238,7 +244,7 @@ class BatchResults(Sequence[BuiltVariant]):
     @overload
     def __getitem__(self, key: slice) -> BatchResults: ...
     def __getitem__(self, key: int | str | slice) -> BuiltVariant | BatchResults:
-        """Raises `UnknownVariant` for an id or name, and `IndexError` for a place, that is not there."""
+        """Return a variant by index, id or name, or a slice. Raises `UnknownVariant` for an unknown id or name, and `IndexError`."""
         if not isinstance(key, Integral | slice | str):
             raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`: a variant is named by its place, its id or its name")
         if isinstance(key, slice):
@@ -266,19 +272,21 @@ class BatchResults(Sequence[BuiltVariant]):
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
-        """The columns of the table that any variant has, in their order."""
+        """The columns of the table with any values, in order."""
         return tuple(dict.fromkeys(name for row in self.rows for name in row))
 
     def column(self, name: str) -> list[Any]:
-        """The cells of a column, one for each variant here; None where it is empty. Raises `UnknownVariant`."""
+        """Return the cells of a column, one for each variant here; None if empty. Raises `UnknownVariant`."""
         cells = [variant.results.get(name) for variant in self]
         if all(cell is None for cell in cells) and name not in self.columns:
             raise UnknownVariant(f"batch `{self.name}` has no column `{name}`: {did_you_mean(str(name), self.columns, what='columns')}")
         return cells
 
     def filter(self, where: Where) -> BatchResults:
-        """The variants for which `where` holds. Raises `UnknownVariant` for a column that is not there, and `FamilyError` for what is
-        neither a function nor values by column."""
+        """Return the variants that match `where`.
+
+        Raises `UnknownVariant` for an unknown column, and `FamilyError` for an invalid filter.
+        """
         if isinstance(where, Mapping):
             kept = [True] * len(self)
             for name, wanted in where.items():
@@ -292,8 +300,10 @@ class BatchResults(Sequence[BuiltVariant]):
         return self._of(tuple(index for index, one in zip(self._indices, kept, strict=True) if one))
 
     def chosen(self, mode: str | None) -> str:
-        """The mode that is meant where `mode` is said. Raises `UnknownVariant` for one that has not been built, and
-        `FamilyError` where several have been and none is said."""
+        """Return the mode to use.
+
+        Raises `UnknownVariant` for a mode that was not built, and `FamilyError` if none is given and there are several.
+        """
         name = mode if mode is not None else self.mode
         if name is None:
             if len(self.mode_names) > 1:
@@ -308,26 +318,28 @@ class BatchResults(Sequence[BuiltVariant]):
         self, variants: Iterable[BuiltVariant] | None = None, mode: str | None = None, *, share: bool = False, scene: bool = False,
         visual: bool = True,
     ) -> Iterator[mujoco.MjModel]:
-        """The models of some of its variants (None: of all), in their order, as `BuiltVariant.model` gives them. Of variants that differ in
-        nothing but numbers some are compiled, and arrays are written for the others (up to 128 variants are read ahead). With `share` one
-        model is lent: it is that of the variant until the next one is asked for, and nobody else's to change. Raises as
-        `BuiltVariant.model` does, and `FamilyError` for what is no variant. Not for several threads at once."""
+        """Yield the models of some variants (None: all), in order, equal to those of `BuiltVariant.model`.
+
+        If variants differ in numbers only, some are compiled, and arrays are written for the others (up to 128 variants are read
+        ahead). With `share`, one model object is lent: it is valid until the next one is requested, and must not be used elsewhere. Raises
+        as `BuiltVariant.model` does, and `FamilyError` for values that are not variants. Not thread-safe.
+        """
         key = (self.chosen(mode), scene, visual)
         models = self._models.setdefault(key, TextModels())
         many = self if variants is None else variants if isinstance(variants, Iterable) else [variants]
         return models.each((_variant(one).model_text(*key) for one in many), share=share)
 
     def meshes(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
-        """Files by name, of each what it is and where it lies. A file that variants share is read once."""
+        """Read files by name, given the identity and path of each. Shared files are read once."""
         return self._meshes.of(files)
 
     def mounted(self, files: Mapping[str, tuple[File, str]]) -> AbstractContextManager[mujoco.MjVfs]:
-        """Such files in MuJoCo's virtual file system: for one thread at a time. Variants with the same files use the same one."""
+        """Return such files in MuJoCo's virtual file system, for one thread at a time. Variants with the same files share it."""
         return self._meshes.mounted(files)
 
 
 class _Rows(Sequence[Mapping[str, Any]]):
-    """The rows of a table, each made when it is asked for."""
+    """The rows of a table, created on demand."""
 
     def __init__(self, records: BuildRecords) -> None:
         self._records = records
@@ -346,8 +358,11 @@ class _Rows(Sequence[Mapping[str, Any]]):
 
 
 class _Meshes:
-    """Files by what they are: a mesh that variants share is one file. Those used least lately are forgotten when there are more than
-    `most` bytes. What MuJoCo was given last is kept, too. Thread-safe; a copy in another process begins with nothing."""
+    """Files by identity, so that variants share meshes. The least recently used are dropped above `most` bytes; the last virtual file
+    system is cached, too.
+
+    Thread-safe; a copy in another process starts empty.
+    """
 
     def __init__(self, most: int = MESH_BYTES) -> None:
         self._most = most
@@ -357,7 +372,7 @@ class _Meshes:
         self._last: tuple[Mapping[str, File], mujoco.MjVfs] | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Workers of environments and process pools are handed families and variants."""
+        """Support pickling, for workers of environments and process pools."""
         return _Meshes, (self._most,)
 
     def of(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
@@ -382,7 +397,7 @@ class _Meshes:
     def mounted(self, wanted: Mapping[str, tuple[File, str]]) -> Iterator[mujoco.MjVfs]:
         import mujoco
 
-        own = {name: file for name, (file, _) in wanted.items()}  # each variant has links to the same files in a folder of its own
+        own = {name: file for name, (file, _) in wanted.items()}  # by identity: each variant has links to the same files in its own folder
         with self._lock:
             if self._last is None or self._last[0] != own:
                 files = mujoco.MjVfs()
@@ -393,12 +408,11 @@ class _Meshes:
 
 
 def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where | None = None) -> BatchResults:
-    """The built variants of the batch in `folder` (`build/leg_sweep`).
+    """Load the built variants of the batch in `folder` (`build/leg_sweep`).
 
-    `mode` is the one that models are of unless said otherwise; `where` chooses variants: `{"status": "built"}`,
-    `{"mass": (0, 2.5)}` or a function of a `BuiltVariant`. Nothing but the journal is read. Raises `FamilyError` for a folder
-    that holds no batch, `UnknownVariant` for a mode or a column that is not there, and `OSError` for a chunk of a packed batch that is
-    damaged or gone.
+    `mode` is the default mode; `where` filters variants: `{"status": "built"}`, `{"mass": (0, 2.5)}` or a function of a `BuiltVariant`.
+    Only the journal is read. Raises `FamilyError` if the folder is not a batch, `UnknownVariant` for an unknown mode or column, and
+    `OSError` if a chunk of a packed batch is damaged or missing.
     """
     import json
 
@@ -418,7 +432,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
 
 
 def _row(line: Line) -> dict[str, Any]:
-    """The cells of a line that are not empty, as the table has them: numbers but counts are floats."""
+    """Return the cells of a line that are not empty, as in the table: all numbers except counts are floats."""
     numbers = {name: float(value) for name, value in line.get("results", {}).items()}
     for name, value in line["parameters"].items():
         if isinstance(value, int) and not isinstance(value, bool):
@@ -433,7 +447,7 @@ def _variant(one: Any) -> BuiltVariant:
 
 
 def _check(name: str, wanted: Any, cells: Sequence[Any]) -> None:
-    """Raises `FamilyError` for what no cell of a column can be, so that nobody takes it for a family without variants."""
+    """Raise `FamilyError` for a value that no cell of a column can have, so that it does not silently select nothing."""
     if not isinstance(wanted, tuple):
         if wanted is not None and not isinstance(wanted, str | Real):
             raise FamilyError(f"expected a value for the column `{name}`, or a range `(low, high)`, found `{wanted}`")
@@ -480,7 +494,7 @@ def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | N
 
 
 def _told(plan: Plan, wanted: str, folder: str) -> Line | None:
-    """The last line of the batch in `folder` that is about this id or name, if that is a batch of this document."""
+    """Return the line of this id or name, if the batch in `folder` is one of this document; else None."""
     described = read_batch(folder)
     if described is None or described.get("document") != plan.relative:
         return None

@@ -1,4 +1,4 @@
-"""`keep:` rules: comparisons over a variant's parameters and results."""
+"""The rules in `keep:`: comparisons of parameters and results of a variant."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RESULTS: dict[str, Dimension] = {
     "reach": LENGTH,
     "torque_margin": NUMBER,
 }
-"""What is worked out of every variant, and its dimension; besides `length.JOINT` for the distance to the joint before."""
+"""The results of every variant, with dimensions; in addition, there is `length.JOINT`, the distance from the previous joint."""
 
 LENGTHS = "length."
 PARAMETERS = "parameters."
@@ -30,7 +30,7 @@ OF_RESULTS = "results."
 
 
 class Rule(FrozenStruct):
-    """A comparison. `names` maps every name in it to the result that it means, or to None for a parameter."""
+    """A comparison. `names` maps each name in it to a result, or to None for a parameter."""
 
     text: str
     expression: Expression
@@ -38,12 +38,15 @@ class Rule(FrozenStruct):
 
     @property
     def needs_results(self) -> bool:
-        """Whether it can only be decided of a compiled robot."""
+        """Whether it needs the results of a compiled robot."""
         return any(result is not None for result in self.names.values())
 
     def holds(self, parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None]) -> bool:
-        """Whether a variant passes. Raises `ExpressionError` where the rule has no value (a division by zero), and `KeyError`,
-        with the name of the result, where the variant has not the result."""
+        """Return whether a variant satisfies the rule.
+
+        Raises `ExpressionError` if it cannot be evaluated (a division by zero), and `KeyError`, with the name of the result, if the variant
+        does not have it.
+        """
         values: dict[str, ExpressionValue] = {}
         for name, result in self.names.items():
             if result is None:
@@ -59,7 +62,7 @@ class Rule(FrozenStruct):
 def unkept(
     rules: Iterable[Rule], parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None], mode: str,
 ) -> Iterator[tuple[Rule, Diagnostic | None]]:
-    """The rules that a variant does not keep, with what is wrong where one cannot be decided. `results` are those of `mode`."""
+    """Yield the rules that a variant violates; for a rule that cannot be evaluated, with the error. `results` are those of `mode`."""
     for rule in rules:
         wrong = None
         try:
@@ -76,14 +79,14 @@ def unkept(
 
 
 def dimension_of(result: str) -> Dimension:
-    """The dimension of a result."""
+    """Return the dimension of a result."""
     return RESULTS.get(result, LENGTH)
 
 
 def meaning(name: str, parameters: Iterable[str], lengths: Iterable[str]) -> str | None:
-    """The result that a name means, None for a parameter.
+    """Return the result that a name refers to, None for a parameter.
 
-    Raises `KeyError` for a name that means nothing, and `ValueError` for one that means two things.
+    Raises `KeyError` for an unknown name, and `ValueError` for an ambiguous one.
     """
     known = {*RESULTS, *(LENGTHS + joint for joint in lengths)}
     own = set(parameters)
@@ -104,10 +107,9 @@ def read_rules(
     document: Document, expressions: Iterable[Expression], parameters: Mapping[str, ExpressionValue], lengths: Iterable[str], *,
     reach: bool, report: Report,
 ) -> list[Rule]:
-    """The rules of a document, names and dimensions checked; what is wrong is reported at its place and left out.
+    """Return the valid rules of a document, after checking names and dimensions; errors are reported.
 
-    `parameters` are the assembly's own values, `lengths` the joints that have a `length.JOINT`, `reach` whether the document
-    says what the reach is.
+    `parameters` are the values of the assembly, `lengths` the joints that have a `length.JOINT`; `reach`: the document defines `reach`.
     """
     rules: list[Rule] = []
     lengths = list(lengths)
@@ -140,7 +142,7 @@ def read_rules(
 
 
 def _of_one_dimension(report: Report, document: Document, path: Path, rule: Rule, parameters: Mapping[str, ExpressionValue]) -> bool:
-    """Try the rule on the assembly's own values and on results of 1: dimensions do not depend on values."""
+    """Check dimensions by evaluating the rule with the values of the assembly and results of 1. Returns whether they are valid."""
     try:
         rule.holds(parameters, {result: 1.0 for result in rule.names.values() if result is not None})
     except ExpressionError as error:

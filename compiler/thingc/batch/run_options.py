@@ -1,4 +1,4 @@
-"""What a batch is asked for, from Python or the command line: what cannot be meant is said before anything is begun."""
+"""Options of a batch, from Python or the command line, and their checks."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from thingc.targets.registry import chosen, unknown
 
 
 def is_whole(value: Any, least: int) -> bool:
-    """Whether this is a whole number of at least so much."""
+    """Return whether a value is an integer of at least `least`."""
     return isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= least
 
 
 def is_number(value: Any) -> bool:
-    """Whether this is a number, and not NaN."""
+    """Return whether a value is a number other than NaN."""
     return isinstance(value, Real) and not isinstance(value, bool) and not math.isnan(value)
 
 
 def at_least(least: int, **numbers: Any) -> None:
-    """Raises `FamilyError` for what is no whole number of at least so much, by its name."""
+    """Raise `FamilyError` for a value that is not an integer of at least `least`, with its name."""
     for name, value in numbers.items():
         if not is_whole(value, least):
             raise FamilyError(f"expected `{name}` to be a whole number of at least {least}, found {value}")
 
 
 def as_names(**given: Any) -> tuple[Any, ...]:
-    """Names, of which one may stand for itself. Raises `FamilyError` for what is no list of them."""
+    """Return names as a tuple; a single one may be a text. Raises `FamilyError` for other values."""
     ((argument, names),) = given.items()
     if isinstance(names, str):
         return (names,)
@@ -50,7 +50,7 @@ def as_names(**given: Any) -> tuple[Any, ...]:
 
 
 class RunOptions(FrozenStruct):
-    """How a batch is to be run: the first `count` variants, by `jobs` runners or so many chunks at once; all else as of `run`."""
+    """Options of a run: the first `count` variants, with `jobs` runners (or chunks at once); the others are those of `run`."""
 
     options: Options
     jobs: int
@@ -60,7 +60,7 @@ class RunOptions(FrozenStruct):
 
 
 def check(jobs: int, limit: int | None, timeout: float, verify: int, pictures: int | None, layout: str | None) -> None:
-    """Raises `BatchFault` for what a batch cannot be asked for."""
+    """Raise `BatchFault` for invalid options."""
     wholes = (("jobs", jobs, 0), ("limit", 1 if limit is None else limit, 1), ("verify", verify, 0), ("pictures", pictures or 0, 0))
     for name, value, least in wholes:
         if not is_whole(value, least):
@@ -72,7 +72,7 @@ def check(jobs: int, limit: int | None, timeout: float, verify: int, pictures: i
 
 
 def check_engine(executor: Executor | None, ship: bool) -> None:
-    """Raises `BatchFault` for an engine that is none, or that cannot carry files where it shall."""
+    """Raise `BatchFault` if the executor is not an executor, or cannot transfer files although `ship` is set."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise BatchFault(Code.COMMAND_LINE, f"expected `executor` to be one of `concurrent.futures`, found `{executor}`")
     if ship and not isinstance(executor, FileTransferExecutor):
@@ -83,7 +83,7 @@ def check_engine(executor: Executor | None, ship: bool) -> None:
 
 
 def _targets(emit: Sequence[str] | str) -> tuple[str, ...]:
-    """The targets that are named, in the order in which a build writes them. Raises `BatchFault` for one that is not there."""
+    """Return the targets in the order of a build. Raises `BatchFault` for an unknown one."""
     words = tuple(map(str, emit)) if isinstance(emit, Iterable) and not isinstance(emit, str) else (str(emit),)
     for _, message, hint in unknown(words):
         raise BatchFault(Code.COMMAND_LINE, message, hint)
@@ -91,7 +91,6 @@ def _targets(emit: Sequence[str] | str) -> tuple[str, ...]:
 
 
 def planned(document: str, options: Options, emit: Sequence[str] | str, layout: str | None) -> Plan:
-    """The plan of a document, with targets and a layout in the place of its own where there are some. Raises `PlanError`, and `BatchFault`
-    for a target that is not there."""
+    """Return the plan of a document, with other targets and layout if given. Raises `PlanError`, and `BatchFault` for an unknown target."""
     targets, plan = _targets(emit), variants_document.plan(document, options=options)
     return replace(plan, emit=targets or plan.emit, layout=layout or plan.layout)

@@ -1,8 +1,8 @@
-"""`python -m thingc.batch.runner`: builds variants, one after the other, in a process of its own.
+"""`python -m thingc.batch.runner`: a process that builds variants, one after the other.
 
-The first line of its standard input is the job, each further line a list of tasks (JSON). It answers `{"ready": true}` when the
-documents have been read, then one row per task, in their order, each as soon as it is there. When its input ends, it ends, and with
-it the geometry worker that it may have started: nothing of a batch outlives its driver.
+The first line of standard input is the job, each further line a list of tasks (JSON). It prints `{"ready": true}` when the documents have
+been read, then one row per task, in order. It ends at the end of its input, together with its geometry worker, so that nothing outlives the
+driver.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ if TYPE_CHECKING:
     from thingc.driver.pipeline import Compilation
 
 SHOWN = 5
-"""Diagnostics of a refused variant that the journal keeps."""
+"""Maximum number of diagnostics of a refused variant in the journal."""
 
 
 class Runner:
-    """Builds the variants of one job. A context manager: leaving it ends the geometry worker."""
+    """Builds the variants of one job. A context manager that ends the geometry worker."""
 
     def __init__(self, job: Job) -> None:
         self.job = job
@@ -69,15 +69,14 @@ class Runner:
         self.session.__exit__(*exception)
 
     def build(self, task: Variant) -> Row:
-        """Build one variant. What is wrong with it is in the row; so is an exception of thingc itself, and a system that
-        refuses to write."""
+        """Build one variant. Errors are part of the row, including internal errors and errors of the system."""
         from thingc.geometry.store.local import BlobMissing, StoreUnusable
 
         started = time.perf_counter()
         try:
             try:
                 outcome = self._attempt(task)
-            except BlobMissing:  # a damaged blob of the store: it is made anew
+            except BlobMissing:  # a damaged blob of the store: build it again
                 outcome = self._passed(task)
         except StoreUnusable as fault:
             outcome = row(task, STOPPED, code=Code.OUTPUT.code, message=f"the store `{fault.root}` cannot be used: {fault.reason}")
@@ -111,7 +110,7 @@ class Runner:
         return row(task, "built", results=shown, losses=dict(planned.losses), **parts)
 
     def _passed(self, task: Variant) -> Row:
-        """Build a variant by every pass."""
+        """Build a variant by a compilation."""
         compilation = self.session.compile(Settings(parameters=task.parameters, choices=task.choices), self.job.modes)
         parts: dict[str, Any] = {"modelled": compilation.modelled, "reused": len(compilation.reused)}
         if compilation.report.failed:
@@ -133,7 +132,7 @@ class Runner:
         return row(task, "built", results=shown, losses=losses, **parts)
 
     def _written(self, folder: str, task: Variant, files: Mapping[str, Content]) -> dict[str, Any]:
-        """Write a variant; of a packed batch what it shares with others alone, and its own files are said."""
+        """Write a variant; for a packed batch, write only shared files and return the others."""
         store = self.session.environment.store
         if not self.job.packed:
             write_variant(folder, task.id, files, store)
@@ -149,14 +148,14 @@ class Runner:
         return measure(robot, self.job.pose, self.job.reach)
 
     def _results(self, compilation: Compilation) -> Results | None:
-        """The results; None where there is no such mount."""
+        """Return the results; None if a mount of `reach` does not exist."""
         try:
             return self._measured(compilation)
         except UnknownMount:
             return None
 
     def _judge(self, task: Variant, results: Results) -> dict[str, Any] | None:
-        """What a rule says against a variant; None where all are kept."""
+        """Return the status of a variant that violates a rule; None if all are satisfied."""
         if not self.rules:
             return None
         values: dict[str, ExpressionValue] = {
@@ -169,12 +168,12 @@ class Runner:
 
 
 def _displayed_results(results: Results) -> dict[str, float | str]:
-    """Results as JSON has them: an infinite torque margin is the text `inf`."""
+    """Convert results to JSON: infinity is the text `inf`."""
     return {name: value if math.isfinite(value) else "inf" for name, value in results.items() if value is not None}
 
 
 def _said(diagnostics: Iterable[Diagnostic]) -> dict[str, Any]:
-    """The first error and, for the journal, everything that was said."""
+    """Return code and message of the first error, and the first errors for the journal."""
     errors = [one for one in diagnostics if one.severity is Severity.ERROR]
     return {"code": errors[0].code.code, "message": errors[0].message, "diagnostics": as_json(errors[:SHOWN])}
 
@@ -190,14 +189,14 @@ def _raised(task: Variant, fault: BaseException) -> Row:
 def main() -> None:
     """Answer the lines of standard input on standard output until it ends."""
     answers = os.dup(1)
-    os.dup2(2, 1)  # whatever is printed on the way goes to standard error
+    os.dup2(2, 1)  # redirect other output to standard error
     lines: queue.SimpleQueue[str] = queue.SimpleQueue()
     job = Job.decode(sys.stdin.readline())
 
     def listen() -> None:
         for line in sys.stdin:
             lines.put(line)
-        os._exit(0)  # whoever wanted the answers is gone
+        os._exit(0)  # the driver is gone
 
     threading.Thread(target=listen, daemon=True).start()
 

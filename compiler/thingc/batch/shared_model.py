@@ -1,10 +1,10 @@
-"""One model for a whole batch: what variants have of their own as arrays, to be put into the model in place.
+"""One model for a whole batch, and arrays in which the variants differ, to be written into the model.
 
     model, fields = thingc.batch.fields("build/leg_sweep", "standing")
     thingc.batch.apply(model, fields, 7)         # now it is the model of variant 7
 
-That is possible where variants differ in numbers only: masses, frames, gains, limits, poses. Whether they do is decided by
-comparing their compiled models, every array of each.
+This requires variants that differ in numbers only: masses, frames, gains, limits, poses. All arrays of the compiled models are compared to
+check this.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ if TYPE_CHECKING:
 
 
 SHORTCUTS = frozenset(("body_sameframe", "geom_sameframe", "site_sameframe", "bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid"))
-"""Arrays that follow from the frames and only make MuJoCo faster: they go with them."""
+"""Arrays that depend on frames and only make MuJoCo faster; they change with the frames."""
 
 LEADING = frozenset(("bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid"))
-"""Arrays whose rows for the bodies come first; those for meshes, many more, never change and are left out."""
+"""Arrays whose rows for bodies come first; the rows for meshes, many more, never change and are left out."""
 
 SHAPES = ("flex", "hfield_", "mesh_", "oct_", "skin_", "tuple_")
-"""What the names of arrays begin with that hold shapes."""
+"""Prefixes of arrays that contain shapes."""
 
 BUFFERS = frozenset(("actuator_delay", "sensor_delay", "sensor_interval"))
-"""Arrays that sizes of buffers follow from."""
+"""Arrays that determine sizes of buffers."""
 
 _FOLLOW = frozenset(("narena", "nbuffer", "nnames_map", "signature"))
-"""Sizes that follow from others."""
+"""Sizes that depend on others."""
 
 _KINDS = {
     "body": ("body", "body", "nbody"), "jnt": ("joint", "joint", "njnt"), "geom": ("geom", "geom", "ngeom"),
@@ -52,13 +52,16 @@ _KINDS = {
     "eq": ("equality", "eq", "neq"), "tendon": ("tendon", "tendon", "ntendon"), "actuator": ("actuator", "actuator", "nu"),
     "sensor": ("sensor", "sensor", "nsensor"), "key": ("keyframe", "key", "nkey"),
 }
-"""What the rows of arrays are, by what their names begin with: the word for one, `MjModel`'s accessor, the size that counts them."""
+"""The elements in the rows of arrays, by prefix: its kind, the accessor of `MjModel`, and the size that counts them."""
 
 
 @functools.cache
 def changeable_fields() -> KeysView[str]:
-    """The names of the fields that variants of one model may have of their own: `SHORTCUTS`, and arrays and options of floating-point
-    numbers, which a simulation reads at every step or which follow from such numbers. Not `SHAPES`, `BUFFERS`, and what is only drawn."""
+    """Return the names of the fields in which variants of one model may differ.
+
+    These are `SHORTCUTS`, and arrays and options of floating-point numbers, which a simulation reads at every step or which depend on such
+    numbers; without `SHAPES`, `BUFFERS` and visual settings.
+    """
     import mujoco
     import numpy as np
 
@@ -68,7 +71,7 @@ def changeable_fields() -> KeysView[str]:
 
 
 class StructuresDiffer(FamilyError):
-    """Variants that one model cannot stand for: `field` is what it would have to change."""
+    """The variants cannot share one model; `field` is the first field that would have to change."""
 
     def __init__(self, field: str, message: str) -> None:
         super().__init__(f"{message}; use the models themselves: `thingc.batch.load`")
@@ -76,12 +79,11 @@ class StructuresDiffer(FamilyError):
 
 
 def fields(source: str | os.PathLike[str] | BatchResults, mode: str | None = None, *, scene: bool = False) -> tuple[mujoco.MjModel, Fields]:
-    """The model of the first variant, and what differs: by the name of the field of `MjModel` (`body_mass`; `opt.gravity` for an
-    option) an array (n_variants, *shape of the field), in the order of the family.
+    """Return the model of the first variant, and the fields in which variants differ.
 
-    `source` is a batch's folder or a family that was loaded from one; `mode` and `scene` as `BuiltVariant.model` takes them.
-    Each variant's model is made once and forgotten. Raises `StructuresDiffer` where models differ in anything else, and
-    `FamilyError` for a batch without variants.
+    Fields are arrays (n_variants, *shape of the field), by the name of the field of `MjModel` (`body_mass`; `opt.gravity` for an option).
+    `source` is the folder of a batch, or the result of `load`; `mode` and `scene` are as in `BuiltVariant.model`. Only a few models are in
+    memory at once. Raises `StructuresDiffer` if models differ in other fields, and `FamilyError` for a batch without variants.
     """
     import numpy as np
 
@@ -102,9 +104,9 @@ def fields(source: str | os.PathLike[str] | BatchResults, mode: str | None = Non
 
 
 def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
-    """Make `model` that of the variant at place `index`. An `MjData` of it goes on being usable.
+    """Write the fields of the variant at `index` into `model`. An `MjData` of it stays valid.
 
-    Raises `FamilyError` for a place that is not there, and for fields of another model; then nothing is changed.
+    Raises `FamilyError` for an invalid index, and for fields of another model, without changing anything.
     """
     count = min(map(len, fields.values()), default=sys.maxsize)
     if not is_whole(index, 0) or index >= count:
@@ -128,10 +130,10 @@ def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
 def write(
     source: str | os.PathLike[str] | BatchResults, path: str | os.PathLike[str], mode: str | None = None, *, scene: bool = False,
 ) -> str:
-    """Write the fields to `path` (`legs.npz`: an array for each field, and `id`, the variants' ids) and the model beside it
-    (`legs.mjz`, its meshes in it); returns the path of the model. The same batch gives the same bytes.
+    """Write the fields to `path` (`legs.npz`: one array per field, and `id`, the ids of the variants), and the model with its meshes beside
+    it (`legs.mjz`); return the path of the model.
 
-    Raises as `fields` does, and `OSError` where the system refuses.
+    The same batch gives the same bytes. Raises as `fields` does, and `OSError`.
     """
     import numpy as np
 
@@ -167,24 +169,24 @@ def _family(source: str | os.PathLike[str] | BatchResults) -> BatchResults:
 
 
 def _numbers(model: mujoco.MjModel) -> dict[str, Any]:
-    """Everything that may differ, by name; views of the model."""
+    """Return views of all changeable fields, by name."""
     return {name: getattr(*owner_of(model, name)) for name in changeable_fields()}
 
 
 def _equal(a: Any, b: Any) -> bool:
     import numpy as np
 
-    return np.asarray(a).tobytes() == np.asarray(b).tobytes()  # NaN equals NaN, and 0 is not -0
+    return np.asarray(a).tobytes() == np.asarray(b).tobytes()  # NaN equals NaN, and 0 differs from -0
 
 
 def _leading(values: Any) -> Any:
-    """The rows up to the last one that changes."""
+    """Return the rows up to the last one that changes."""
     changes = (values != values[:1]).reshape(*values.shape[:2], -1).any(axis=(0, 2))
     return values[:, : int(changes.nonzero()[0].max()) + 1]
 
 
 def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVariant) -> None:
-    """Raises `StructuresDiffer` where the two models differ in anything but `changeable_fields`."""
+    """Raise `StructuresDiffer` if two models differ in fields other than `changeable_fields`."""
     import numpy as np
 
     both = f"in `{first.name}` and `{second.name}`"
@@ -215,7 +217,7 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
 
 
 def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> None:
-    """Raises `StructuresDiffer` with the first mesh that is another one in the other model."""
+    """Raise `StructuresDiffer` with the first mesh that differs."""
     if all(_equal(getattr(model, name), getattr(other, name)) for name in arrays):
         return
     for k in range(model.nmesh):
@@ -227,12 +229,12 @@ def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> No
 
 
 def element_names(model: Any) -> dict[str, list[str]]:
-    """The names of all elements by kind."""
+    """Return the names of all elements by kind."""
     return {word: [getattr(model, accessor)(k).name for k in range(getattr(model, count))] for word, accessor, count in _KINDS.values()}
 
 
 def _where(model: Any, name: str, a: Any, b: Any) -> str:
-    """Whose entry of an array is the first to differ, and how; empty where nothing has a name for it."""
+    """Describe the first entry of an array that differs, with its element; empty if it has no named element."""
     import numpy as np
 
     kind = name.partition("_")[0]

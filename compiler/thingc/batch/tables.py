@@ -1,6 +1,6 @@
-"""The table of a batch, `results.csv` and `results.parquet`: one row for each variant in plan order, made from what the batch has done.
+"""The table of a batch, `results.csv` and `results.parquet`: one row per variant in plan order.
 
-Rows are read, written and forgotten one by one, so a table of any length needs no memory.
+Rows are read and written one at a time, so tables of any length need little memory.
 """
 
 from __future__ import annotations
@@ -22,20 +22,23 @@ from thingc.batch.packed_layout import column
 from thingc.batch.rules import PARAMETERS, RESULTS, dimension_of
 
 BLOCK = 1024
-"""Rows of one group in the Parquet file."""
+"""Number of rows of a group in the Parquet file."""
 
 HEAD = ("index", "id", "name", "status", "rule", "code", "message")
 LOSSES = "losses"
-"""The column of how many things the targets of a variant cannot say."""
+"""The column with the number of export losses of a variant."""
 
 TAIL = ("path", "command")
 RUN = ("parts_modelled", "parts_reused", "seconds")
-"""Columns that tell of the run and differ from one to the next."""
+"""Columns that describe the run and differ between runs."""
 
 
 class Column(FrozenStruct):
-    """`name`, `kind` (`integer | number | text | flag`) and SI `unit` (empty for what has none). `written` is the unit in which documents
-    write it (empty: that of SI): the page shows it so."""
+    """A column.
+
+    `kind` is `integer`, `number`, `text` or `flag`; `unit` is the SI unit, empty if it has none. `written` is the unit in documents (empty:
+    the SI unit), in which the page shows it.
+    """
 
     name: str
     kind: str
@@ -44,12 +47,12 @@ class Column(FrozenStruct):
 
 
 def setting(name: str) -> str:
-    """The column of a parameter, or of what is set by its path: that is called by the path."""
+    """Return the column of a parameter, or of a path, which is its own name."""
     return name if "." in name else PARAMETERS + name
 
 
 def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Sequence[str]) -> tuple[Column, ...]:
-    """Every column, in order. `parameters` by their own names; `lengths` are the results `length.JOINT`."""
+    """Return all columns, in order. `parameters` have their own names; `lengths` are the results `length.JOINT`."""
     return (
         *(Column(name=name, kind="integer" if name == "index" else "text") for name in HEAD),
         *(replace(one, name=setting(one.name)) for one in parameters),
@@ -62,7 +65,7 @@ def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Seque
 
 
 def flat(line: Line) -> dict[str, Any]:
-    """The cells of a line of the journal by column, None where it has none. An infinite result is the text `inf`."""
+    """Return the cells of a line of the journal by column, None if empty. Infinity is the text `inf`."""
     return {
         **{name: line.get(name) for name in HEAD},
         **{setting(name): value for name, value in line["parameters"].items()},
@@ -77,14 +80,14 @@ def flat(line: Line) -> dict[str, Any]:
 
 
 def cells(line: Line, wanted: Sequence[Column]) -> list[Any]:
-    """One row: the values of a line of the journal, None where it has none."""
+    """Return the row of a line of the journal, None for empty cells."""
     values = flat(line)
     typed = [(column.kind, values.get(column.name)) for column in wanted]
     return [float(value) if kind == "number" and value is not None else value for kind, value in typed]
 
 
 def write_tables(folder: str, parameters: Sequence[Column], choices: Sequence[str]) -> tuple[Column, ...]:
-    """Write both files anew from what a batch has done; each appears as a whole. Returns their columns."""
+    """Write both files again, each atomically; return their columns."""
     wanted = columns(parameters, choices, lengths_in(folder))
     written = os.path.join(folder, folder_layout.TABLE_CSV), os.path.join(folder, folder_layout.TABLE_PARQUET)
     with _csv(f"{written[0]}.new", wanted) as to_csv, _parquet(f"{written[1]}.new", wanted) as to_parquet:

@@ -1,8 +1,8 @@
-"""`python -m thingc.batch.thumbnails`: small pictures of variants, all by one camera, in a process of its own.
+"""`python -m thingc.batch.thumbnails`: a process that draws small pictures of variants, all with the same camera.
 
-Drawing needs a graphics library that is chosen when MuJoCo is imported, and that may crash: neither is the driver's. Lines of JSON
-on standard input, `{"measure": [model, ...], "pose": ...}` and then `{"draw": [[model, picture], ...], "points": [...], ...}`; answers
-on standard output: the points that a camera has to see, then a line for each picture. When its input ends, it ends.
+The graphics library is selected when MuJoCo is imported, and may crash, so it is not used in the driver. Standard input has lines of JSON:
+`{"measure": [model, ...], "pose": ...}`, then `{"draw": [[model, picture], ...], "points": [...], ...}`. Standard output has the answers:
+the points that the camera must see, then a line for each picture. The process ends at the end of its input.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from thingc.targets.render.picture import NoGraphics, extent, ready, small_pictu
 
 
 def load_pictures(path: str) -> tuple[str, dict[str, bytes]]:
-    """A model's XML and its meshes, by the names that it has for them. Raises `OSError`."""
+    """Return the XML of a model and its meshes by file name. Raises `OSError`."""
     with open(path, encoding="utf-8") as stream:
         xml = stream.read()
     folder = os.path.join(os.path.dirname(path), "assets")
@@ -32,7 +32,7 @@ def load_pictures(path: str) -> tuple[str, dict[str, bytes]]:
 def main() -> None:
     """Answer the lines of standard input on standard output until it ends."""
     answers = os.dup(1)
-    os.dup2(2, 1)  # whatever libraries print goes to standard error
+    os.dup2(2, 1)  # redirect output of libraries to standard error
     os.environ.setdefault("MUJOCO_GL", "egl")
 
     def answer(value: Any) -> None:
@@ -48,7 +48,7 @@ def main() -> None:
     for path in asked["measure"]:
         try:
             measured.append(extent(*load_pictures(path), asked["pose"]))
-        except (OSError, ValueError):  # gone, or no model for MuJoCo
+        except (OSError, ValueError):  # missing, or rejected by MuJoCo
             measured.append(([], (0.0, 0.0, 0.0)))
     answer(measured)
     asked = json.loads(sys.stdin.readline() or "null")

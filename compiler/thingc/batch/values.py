@@ -1,4 +1,4 @@
-"""Values of variants: from what a document writes to SI, and to the text that says the same value to every other program."""
+"""Values of variants: conversion from documents to SI, and to texts with the same value."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from thingc.documents.spec.settable_values import current_value
 from thingc.documents.spec.variants import AxisSpec, VariantsSpec
 
 ID_DIGITS = 12
-"""Hexadecimal digits of a variant's id."""
+"""Number of hexadecimal digits of the id of a variant."""
 
 
 def unit_in(text: str) -> str:
-    """The unit of a quantity as it is written; empty where it has none, or is no quantity."""
+    """Return the unit of a quantity as written; empty if it has none, or if the text is not a quantity."""
     number = scan_number(text.strip())
     return "" if number is None else text.strip()[number[1]:].strip()
 
 
 def size_of(unit: str) -> float | None:
-    """One of a unit, in SI: 0.001 of `mm`; None of what is no unit."""
+    """Return the size of a unit in SI: 0.001 for `mm`; None if it is not a unit."""
     try:
         return parse_quantity(f"1 {unit}").value
     except UnitError:
@@ -39,10 +39,10 @@ def size_of(unit: str) -> float | None:
 
 
 def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
-    """`count` values at equal distances from one quantity to another of the same unit, each rounded once; None where the units
-    are not the same word.
+    """Return `count` evenly spaced values between two quantities with the same unit, each rounded once; None if the units are written
+    differently.
 
-    So `60 mm` to `90 mm` in four steps has 70 mm, and not its neighbour.
+    So `60 mm` to `90 mm` in four steps contains exactly 70 mm.
     """
     ends: list[Fraction] = []
     units: list[str] = []
@@ -61,27 +61,27 @@ def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
         (numerator, denominator, dimension), _ = scan_unit(units[0], 0)
     except UnitError:
         return None
-    if units[0] == "deg":  # as the units of documents: the double that `math.radians` gives
+    if units[0] == "deg":  # like units in documents: the result of `math.radians`
         return [Quantity(math.radians(float(number)) + 0.0, dimension) for number in numbers]
     return [Quantity(float(number * Fraction(numerator, denominator)) + 0.0, dimension) for number in numbers]
 
 
 def spaced_si(first: Quantity, last: Quantity, count: int) -> list[Quantity]:
-    """The same between any two quantities of one dimension, on the decimals of their SI values."""
+    """Return `count` evenly spaced values between two quantities of one dimension, computed with the decimals of their SI values."""
     a, b = Fraction(Decimal(repr(first.value))), Fraction(Decimal(repr(last.value)))
     return [Quantity(float(a + (b - a) * Fraction(k, count - 1)) + 0.0, first.dimension) for k in range(count)]
 
 
 def is_whole(text: str | None) -> bool:
-    """Whether a number was written without a point or a unit."""
+    """Return whether a number was written without a decimal point and unit."""
     return text is not None and re.fullmatch(r"[-+]?\d+", text.strip()) is not None
 
 
 def identity(assembly: str, parameters: Mapping[str, ExpressionValue], choices: Mapping[str, str]) -> str:
-    """The id of a variant: 12 hex of the SHA-256 of its settings.
+    """Return the id of a variant: 12 hexadecimal digits of the SHA-256 of its settings.
 
-    `assembly` is the document's path in the workspace; `parameters` and `choices` are those that say something else than the
-    document itself. The same settings have the same id in whatever batch, and in whatever order they were written.
+    `assembly` is the path of the document in the workspace; `parameters` and `choices` are the settings that differ from the documents. The
+    same settings have the same id in every batch, and in any order.
     """
     settings = {"assembly": assembly, "parameters": {name: plain(value) for name, value in parameters.items()}, "choices": dict(choices)}
     text = json.dumps(settings, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
@@ -89,8 +89,10 @@ def identity(assembly: str, parameters: Mapping[str, ExpressionValue], choices: 
 
 
 class Paths(FrozenStruct):
-    """Every path at which a document of variants sets values, in the order written: `kinds` has a value of the kind that stands there,
-    `own` those that the assembly says itself, of which `expressions` are worked out."""
+    """Every path at which a variants document sets values, in order.
+
+    `kinds` has a value of the kind of each path, `own` the values of the assembly; `expressions` are those of them that are expressions.
+    """
 
     kinds: Mapping[str, ExpressionValue]
     own: Mapping[str, ExpressionValue]
@@ -98,7 +100,7 @@ class Paths(FrozenStruct):
 
 
 def read_paths(spec: VariantsSpec, documents: Documents, parameters: Mapping[str, ExpressionValue]) -> Paths:
-    """The paths of a document; `parameters` are the values of the assembly's."""
+    """Return the paths of a variants document; `parameters` are the values of the parameters of the assembly."""
     given: dict[str, list[ExpressionValue]] = {}
     for name, raw in _entries(spec):
         if "." in name:
@@ -128,20 +130,23 @@ def _each(raw: Any) -> Iterable[Any]:
 
 
 def as_value(raw: Any) -> ExpressionValue | None:
-    """A value as documents write it; None for an expression."""
+    """Convert a value of a document; None for an expression."""
     if isinstance(raw, Expression):
         return None
     return Quantity(float(raw)) if isinstance(raw, (int, float)) and not isinstance(raw, bool) else raw
 
 
 def _kind(own: ExpressionValue | None, given: Iterable[ExpressionValue]) -> ExpressionValue | None:
-    """A value of the kind that values at a path have: the assembly's own, or the first that is given. A bare 0 says nothing of its unit."""
+    """Return a value of the kind of the values at a path: that of the assembly, or the first one given.
+
+    A bare 0 has no unit, so others are preferred.
+    """
     known = [one for one in (own, *given) if one is not None]
     return next((one for one in known if one != Quantity(0.0)), known[0] if known else None)
 
 
 def of_kind(value: ExpressionValue, kind: ExpressionValue | None) -> ExpressionValue | None:
-    """A value as one of the kind of another; None where it is none."""
+    """Convert a value to the kind of another; None if this is impossible."""
     if not isinstance(value, Quantity) or not isinstance(kind, Quantity):
         return value if kind is None or type(value) is type(kind) else None
     if value == Quantity(0.0):

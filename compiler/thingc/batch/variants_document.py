@@ -1,4 +1,4 @@
-"""Reading a `variants/1` document against its assembly: every key checked at its place, everything wrong said at once."""
+"""Read a `variants/1` document with its assembly: check every key, and report all errors at once."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from thingc.model.resolve.types import AssemblyDefinition
 
 
 def targets_of(document: Document, spec: VariantsSpec, report: Report) -> tuple[str, ...]:
-    """The targets that are written, in the order of a build."""
+    """Return the targets to write, in the order of a build."""
     from thingc.targets.registry import chosen, unknown
 
     for index, message, hint in unknown(spec.emit):
@@ -42,7 +42,7 @@ def targets_of(document: Document, spec: VariantsSpec, report: Report) -> tuple[
 
 
 def check_names(document: Document, spec: VariantsSpec, model: AssemblyDefinition, report: Report) -> None:
-    """Report modes, a pose and mounts that the assembly has not."""
+    """Report unknown modes, poses and mounts."""
     modes = [mode.name for mode in model.modes]
     for index, name in enumerate(spec.modes):
         if name not in modes:
@@ -70,7 +70,7 @@ def check_names(document: Document, spec: VariantsSpec, model: AssemblyDefinitio
 
 
 def check_margin(document: Document, spec: VariantsSpec, model: AssemblyDefinition, rules: Sequence[Rule], report: Report) -> None:
-    """Report rules on the torque margin where the mode of the results has loops: how they share the load is not known."""
+    """Report rules about the torque margin if the mode of the results has loops: how they share the load is unknown."""
     wanted = spec.modes[0] if spec.modes else model.modes[0].name
     mode = next((mode for mode in model.modes if mode.name == wanted), None)
     if mode is None or not (mode.holds or any(joint.loop for joint in model.joints)):
@@ -85,7 +85,7 @@ def check_margin(document: Document, spec: VariantsSpec, model: AssemblyDefiniti
 
 
 def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
-    """The paths of all joints that move, nested ones included."""
+    """Yield the paths of all joints that move, including nested ones."""
     for name in dict.fromkeys(joint.name.joint for joint in model.joints if joint.kind.moves):
         yield prefix + name
     for component in model.components:
@@ -95,7 +95,8 @@ def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
 
 def _missing(model: AssemblyDefinition, words: list[str]) -> tuple[str, Mapping[str, Any] | list[str], str] | None:
     """Return the unknown word of a reference to a mount, the known words, and their kind; None if nothing is wrong (the mounts of a part
-    are not known before it is modelled)."""
+    are unknown before it is built).
+    """
     if len(words) == 1:
         return None if words[0] in model.mounts else (words[0], model.mounts, "mounts")
     components = {component.name: component for component in model.components}
@@ -111,13 +112,13 @@ def _missing(model: AssemblyDefinition, words: list[str]) -> tuple[str, Mapping[
 
 
 MOST = 1_000_000
-"""Variants of one document, drawn or of the grid."""
+"""Maximum number of variants of one document, in the grid or drawn."""
 
 
 def plan(document: str, *, options: Options | None = None) -> Plan:
-    """The plan of a `variants/1` document. Raises `PlanError` with every diagnostic; geometry is looked at by nobody.
+    """Return the plan of a `variants/1` document, without building parts. Raises `PlanError` with all diagnostics.
 
-    `options` name the store and how parts are described.
+    `options` are those of the compiler, such as the store.
     """
     report = Report()
     planned = read_plan(document, options or Options(), report)
@@ -127,8 +128,10 @@ def plan(document: str, *, options: Options | None = None) -> Plan:
 
 
 def read_plan(path: str, options: Options, report: Report, lend: Lend | None = None) -> Plan | None:
-    """The plan of the document at `path`; None where it has errors, which are all in `report`. `lend` gives who answers for parts, as to an
-    `Environment`."""
+    """Return the plan of the document at `path`; None after errors, which are in `report`.
+
+    `lend` returns the source of parts, as for `Environment`.
+    """
     workspace = Workspace.find(path, report, options.texts)
     documents = load(path, workspace, report, kinds=("variants",), texts=options.texts) if workspace is not None else None
     if workspace is None or documents is None:
@@ -147,7 +150,7 @@ def read_plan(path: str, options: Options, report: Report, lend: Lend | None = N
 
 
 class _Planner:
-    """One document on its way to a plan."""
+    """Converts one document to a plan."""
 
     def __init__(self, document: Document, spec: VariantsSpec, environment: Environment, sources: Sources, report: Report) -> None:
         self.document = document
@@ -159,7 +162,7 @@ class _Planner:
         self.said: set[tuple[str, str]] = set()
         self.tried: dict[tuple[tuple[str, str], ...], list[Diagnostic]] = {}
         self.beside: dict[str, str] = {}
-        """What is set beside the values of the variant that is being read."""
+        """Settings in addition to the values of the current variant."""
 
     def plan(self) -> Plan | None:
         root = self.sources.documents.root
@@ -201,10 +204,10 @@ class _Planner:
             emit=emit, inputs=self.inputs(), layout=self.spec.layout, notes=tuple(self.report.ordered()),
         )
 
-    # --- what changes ---------------------------------------------------------------------------------------------
+    # --- axes and settings ----------------------------------------------------------------------------------------
 
     def parameters(self, reader: AxisParser) -> tuple[list[Axis], dict[str, ExpressionValue]]:
-        """The axes of parameters, and the values that hold for all variants."""
+        """Return the axes of parameters, and the values of all variants."""
         axes: list[Axis] = []
         fixed: dict[str, ExpressionValue] = {}
         for name, raw in self.spec.parameters.items():
@@ -216,7 +219,7 @@ class _Planner:
         return axes, fixed
 
     def units(self, names: Iterable[str]) -> Iterator[tuple[str, str]]:
-        """The unit in which a parameter, or what stands at a path, is written: in this document, else in the assembly."""
+        """Yield the unit in which each parameter or path is written: in this document, else in the assembly."""
         root = self.sources.documents.root
         for name in names:
             own = ("parameters", name) if "." not in name else tuple(name.split("."))
@@ -231,7 +234,7 @@ class _Planner:
                 yield name, unit
 
     def choices(self, root: str) -> tuple[list[Axis], dict[str, str]]:
-        """The axes of choices, and what is chosen for all variants."""
+        """Return the axes of choices, and the choices of all variants."""
         axes: list[Axis] = []
         fixed: dict[str, str] = {}
         for path, raw in self.spec.choices.items():
@@ -254,17 +257,17 @@ class _Planner:
         return axes, fixed
 
     def named(self, path: str, text: str, root: str) -> str:
-        """A chosen file or document as the assembly would name it; other texts as they are."""
+        """Convert a chosen file or document to a path in the assembly document; other texts are unchanged."""
         return moved(text, self.document.relative, root) if _key(path) in ("assembly", "file") else text
 
     def there(self, text: str, at: Path) -> bool:
-        """Whether a document that is chosen is there; reported if not."""
+        """Return whether a chosen document exists; report if not."""
         return find_assembly(
             text, beside=self.document.path, where=self.document.span(at), workspace=self.workspace, report=self.report,
         ) is not None
 
     def possible(self, path: str, text: str, at: Path) -> bool:
-        """Whether a choice can be made, by itself or with one of the assemblies that are chosen around it; reported if not."""
+        """Return whether a choice is valid, alone or with an assembly chosen around it; report if not."""
         wrong = self.trial({path: text})
         for diagnostic in wrong:
             if diagnostic.code is Code.CHOICE_OPTION:
@@ -272,8 +275,11 @@ class _Planner:
         return not any(diagnostic.code is Code.CHOICE_OPTION for diagnostic in wrong)
 
     def fits(self, path: str, text: str, at: Path) -> bool:
-        """Whether a value can stand at a path of the assembly; reported if not: of a path that leads nowhere at its key. One of a variant
-        that is written out is tried with all of that; another by itself and, where it does not fit so, with the first of the others."""
+        """Return whether a value is valid at a path of the assembly; report if not (if the path is unknown, at its key).
+
+        A value of an explicit variant is tried with the whole variant; other values are tried alone, then with the first values of the
+        others.
+        """
         if at[0] == "list":
             written = self.texts({name: (*at[:-1], name) for name in self.spec.list_[int(at[1])].parameters})
             entry = {**{name: one for name, one in written.items() if "." in name}, path: text}
@@ -293,12 +299,12 @@ class _Planner:
         return not wrong
 
     def texts(self, places: Mapping[str, Path]) -> dict[str, str]:
-        """What this document writes at places, by the names of what is set there; without what is no single value."""
+        """Return the texts of this document at places, by name, without those that are not scalars."""
         nodes = ((name, node_at(self.document.tree, place)) for name, place in places.items())
         return {name: node.text for name, node in nodes if isinstance(node, ScalarNode)}
 
     def firsts(self) -> dict[str, str]:
-        """The first value of everything that is set for all variants, is an axis or is drawn, as it is written."""
+        """Return the first value, as written, of everything that is fixed, an axis or drawn."""
         first: dict[str, Path] = {}
         for name, raw in self.spec.parameters.items():
             within: Path = (0,) if isinstance(raw, list) else ("from",) if isinstance(raw, AxisSpec) else ()
@@ -307,14 +313,17 @@ class _Planner:
         return self.texts(first)
 
     def made_wrong(self, texts: Mapping[str, str], beside: Mapping[str, str]) -> list[Diagnostic]:
-        """The errors that texts make with others `beside` them, and that those do not make without."""
+        """Return the errors that `texts` cause with the settings `beside`, without those that occur without `texts`."""
         wrong = self.trial({**beside, **texts})
         others = self.trial(beside) if wrong else []
         return [one for one in wrong if one not in others]
 
     def trial(self, texts: Mapping[str, str]) -> list[Diagnostic]:
-        """The errors that the assembly has where texts are set or chosen, by themselves or with one of the assemblies that are chosen
-        around them, and has not without. Wrong values of its parameters are said where those are read."""
+        """Return the errors that settings cause in the assembly, alone or with one of the assemblies chosen around them, without its own
+        errors.
+
+        Invalid values of parameters are reported elsewhere.
+        """
         known = self.tried.get(key := tuple(texts.items()))
         if known is not None:
             return known
@@ -334,13 +343,13 @@ class _Planner:
                 break
         astray = {path for path in texts if any(one.path == f"{SET}{path}" for one in first or ())}
         rest = {name: text for name, text in texts.items() if name not in astray}
-        if astray and rest:  # where one leads nowhere, none is set
+        if astray and rest:  # if one path is unknown, none is set
             first = [*(first or ()), *(one for one in self.trial(rest) if one not in (first or ()))]
         self.tried[key] = first or []
         return self.tried[key]
 
     def say_once(self, code: Code, diagnostic: Diagnostic, path: str, at: Path, shown: str, *, key: bool) -> None:
-        """Say at a place of this document what the assembly says of a setting."""
+        """Report an error of the assembly about a setting at a place of this document."""
         if (path, diagnostic.message) in self.said:
             return
         self.said.add((path, diagnostic.message))
@@ -353,7 +362,7 @@ class _Planner:
         )
 
     def around(self, paths: Iterable[str]) -> Iterator[dict[str, str]]:
-        """Nothing, then each assembly that is chosen for a component on the way to one of the paths."""
+        """Yield no choices, then each assembly that is chosen for a component on the way to one of the paths."""
         yield {}
         root = self.sources.documents.root.relative
         for other, raw in self.spec.choices.items():
@@ -363,7 +372,7 @@ class _Planner:
                     yield {other: self.named(other, text, root)}
 
     def listed(self, reader: AxisParser, fixed: Setting, root: str) -> tuple[Setting, ...]:
-        """The variants that are written out."""
+        """Return the explicit variants."""
         met: dict[str, int] = {}
         made: list[Setting] = []
         for index, entry in enumerate(self.spec.list_):
@@ -401,7 +410,7 @@ class _Planner:
         return tuple(made)
 
     def sample(self, reader: AxisParser) -> tuple[Method | None, int, int]:
-        """Method, count and seed of what is drawn."""
+        """Return the method, count and seed of the sample."""
         sample = self.spec.sample
         if sample is None:
             return None, 0, 0
@@ -414,7 +423,7 @@ class _Planner:
         return sample.method, count or 0, seed or 0
 
     def grid_fits(self) -> bool:
-        """Whether a batch can have all variants of the grid; reported where it cannot, before any value of an axis is worked out."""
+        """Return whether the grid has at most `MOST` variants; report if not, before any value of an axis is evaluated."""
         axes = [(key, raw) for key in ("parameters", "choices") for raw in getattr(self.spec, key).values()]
         sized = [(key, raw.count if isinstance(raw, AxisSpec) else len(raw)) for key, raw in axes if isinstance(raw, (AxisSpec, list))]
         sizes = [(key, size) for key, size in sized if isinstance(size, int) and 1 < size <= MOST_VALUES]
@@ -428,14 +437,14 @@ class _Planner:
         )
         return False
 
-    # --- what it depends on -----------------------------------------------------------------------------------------
+    # --- inputs ------------------------------------------------------------------------------------------------------
 
     def inputs(self) -> dict[str, str]:
-        """The digests of the documents and of the code that the plan depends on, by path (in the workspace where it lies there)."""
+        """Return the digests of the documents and the code that the plan depends on, by path (in the workspace, if they are there)."""
         from thingc.driver.up_to_date import state_of
 
         digests = {
-            path if os.path.lexists(os.path.join(self.workspace.root, path)) else OUTSIDE + path: one.sha256  # one of a package
+            path if os.path.lexists(os.path.join(self.workspace.root, path)) else OUTSIDE + path: one.sha256  # a document of a package
             for path, one in self.sources.documents.by_path.items()
         }
         for path in sorted(self.environment.parts.inputs):
@@ -446,10 +455,10 @@ class _Planner:
         return dict(sorted(digests.items()))
 
     def error(self, code: Code, message: str, path: Path, help: str | None = None) -> None:
-        """Report it at a value of the document."""
+        """Report an error at a value of the document."""
         self.report.add(code, message, self.document.span(path), help=help, path=dotted(path), severity=Severity.ERROR)
 
 
 def _key(path: str) -> str:
-    """What the path of a choice ends in: `part`, `file`, `assembly` or `material`."""
+    """Return the last key of the path of a choice: `part`, `file`, `assembly` or `material`."""
     return path.rpartition(".")[2]

@@ -1,4 +1,4 @@
-"""One robot's episode: how it begins, what an action does, and what comes of it."""
+"""One episode of one robot: initial state, actions and rewards."""
 
 from __future__ import annotations
 
@@ -19,8 +19,11 @@ if TYPE_CHECKING:
 
 
 class EpisodeRules(FrozenStruct):
-    """What holds for all episodes: an action lasts `frame_skip` steps of the simulation, an episode `max_steps` actions; it begins with the
-    keyframe `pose` (None: the first), each degree of freedom moved by up to `noise` [rad or m]."""
+    """The rules of all episodes.
+
+    An action lasts `frame_skip` simulation steps, an episode `max_steps` actions. It starts in the keyframe `pose` (None: the first), with
+    each degree of freedom moved by up to `noise` [rad or m].
+    """
 
     reward: Reward
     terminated: Terminated | None
@@ -31,8 +34,10 @@ class EpisodeRules(FrozenStruct):
 
 
 class SimulationStep(FrozenStruct):
-    """Which models robots are simulated by: those of a `mode`, on a `floor` or without, with what is only drawn (`visual`) or without; so
-    many are kept (`cache`)."""
+    """Which models are simulated: those of a `mode`, with or without `floor`, with or without visual geometry (`visual`).
+
+    `cache` is the number of models to keep.
+    """
 
     mode: str
     floor: bool
@@ -43,8 +48,10 @@ class SimulationStep(FrozenStruct):
 def rules(
     reward: Reward | str, terminated: Terminated | None, frame_skip: int, max_steps: int, pose: str | None, noise: float,
 ) -> EpisodeRules:
-    """The rules with a task by its name. Raises `UnknownVariant` for an unknown one, and `FamilyError` for episodes without steps
-    and for a `noise` that is no length of a range."""
+    """Return the rules; `reward` may be the name of a task.
+
+    Raises `UnknownVariant` for an unknown task, and `FamilyError` for invalid values.
+    """
     if isinstance(reward, str):
         if reward not in TASKS:
             raise UnknownVariant(f"there is no task `{reward}`: {did_you_mean(reward, TASKS, what='tasks')}")
@@ -59,7 +66,7 @@ def rules(
 
 
 def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
-    """What a `reset` is asked for. Raises `FamilyError` for an option that it has not."""
+    """Return the options of `reset`. Raises `FamilyError` for unknown ones."""
     if options is not None and not isinstance(options, Mapping):
         raise FamilyError(f"expected `options` to be a mapping from names to values, found `{options}`")
     options = dict(options or {})
@@ -70,7 +77,7 @@ def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> di
 
 
 def as_actions(actions: Any, shape: tuple[int, ...] | None) -> Array:
-    """Actions as an array of this shape. Raises `FamilyError` for what is none."""
+    """Convert actions to an array of this shape. Raises `FamilyError` if this is impossible."""
     try:
         numbers = np.asarray(actions, np.float64)
     except (TypeError, ValueError):
@@ -81,8 +88,11 @@ def as_actions(actions: Any, shape: tuple[int, ...] | None) -> Array:
 
 
 class Episode:
-    """Of one robot: its `model` and `data`, the `variant` whose they are, and the `spans` of its controls. `begin` first; then `ask`, `run`
-    and `judge` for each action. `run` is the simulation: it may be called in another thread, for several episodes at once."""
+    """An episode of one robot: its `model` and `data`, its `variant`, and the `spans` of its controls (lower and upper bounds).
+
+    Call `begin` first; then `ask`, `run` and `judge` for each action. `run` is the simulation, and may be called in other threads, for
+    several episodes at once.
+    """
 
     __slots__ = ("_action", "_before", "_high", "_low", "_rules", "_started", "data", "model", "start", "steps", "unstable", "variant")
 
@@ -100,8 +110,7 @@ class Episode:
         self._started = 0.0
 
     def begin(self, source: np.random.Generator, name: str) -> None:
-        """The first state; `name` is what the variant is called where something is said of it. Raises `UnknownVariant` for a pose that it
-        has not."""
+        """Set the initial state; `name` is the name of the variant in errors. Raises `UnknownVariant` for an unknown pose."""
         import mujoco
 
         model, data, pose = self.model, self.data, self._rules.pose
@@ -117,8 +126,10 @@ class Episode:
         self.start = np.array(data.qpos)
 
     def ask(self, action: Array) -> None:
-        """An action (nu or more,): [-1, 1] spans each control's range. Raises `FamilyError` for one that is no number, in place of which
-        MuJoCo would take 0."""
+        """Set the action, shape (nu,) or longer: [-1, 1] is mapped to the range of each control.
+
+        Raises `FamilyError` for NaN, which MuJoCo would replace by 0.
+        """
         if np.isnan(action).any():
             raise FamilyError(f"expected an action of numbers, found {action}")
         self._action = np.clip(np.asarray(action, np.float64)[: self.model.nu], -1.0, 1.0)
@@ -126,7 +137,7 @@ class Episode:
         self._before, self._started = np.array(self.data.subtree_com[0]), self.data.time
 
     def run(self) -> None:
-        """Simulate what was asked for."""
+        """Simulate the action."""
         import mujoco
 
         mujoco.mj_step(self.model, self.data, self._rules.frame_skip)
@@ -136,8 +147,11 @@ class Episode:
             mujoco.mj_forward(self.model, self.data)
 
     def judge(self) -> tuple[float, bool, bool, Mapping[str, Any]]:
-        """The reward, whether the episode is terminated, and truncated, and what else is to be said. It ends early where `terminated` says
-        so, or where the simulation has become unstable (reward 0). Raises `FamilyError` for a reward that is no number."""
+        """Return the reward, whether the episode is terminated, whether it is truncated, and further infos.
+
+        It is terminated if `terminated` returns true or if the simulation is unstable (reward 0). Raises `FamilyError` for an invalid
+        reward.
+        """
         if self.unstable:
             return 0.0, True, False, {"unstable": True}
         done = StepInfo(
@@ -149,7 +163,7 @@ class Episode:
 
 
 def _number(reward: Any) -> float:
-    """Raises `FamilyError` for a reward that is none: learning would go on with it."""
+    """Convert a reward to a number. Raises `FamilyError` for NaN and other values, since training would continue with them."""
     try:
         number = float(reward)
     except (TypeError, ValueError):
@@ -167,7 +181,7 @@ def _keyframe(model: mujoco.MjModel, pose: str, name: str) -> int:
 
 
 def _unstable(data: mujoco.MjData) -> bool:
-    """Whether MuJoCo has met numbers that are none, or are huge, since the last reset, and has begun anew by itself."""
+    """Return whether MuJoCo has reset the simulation itself because of invalid or huge numbers."""
     import mujoco
 
     faults = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
@@ -175,6 +189,6 @@ def _unstable(data: mujoco.MjData) -> bool:
 
 
 def spans_of(model: mujoco.MjModel) -> tuple[Array, Array]:
-    """The least and the greatest control of each actuator; [-1, 1] where it has no limits."""
+    """Return the lower and upper bounds of all controls, shape (nu,); [-1, 1] without limits."""
     limited = model.actuator_ctrllimited.astype(bool)
     return np.where(limited, model.actuator_ctrlrange[:, 0], -1.0), np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)

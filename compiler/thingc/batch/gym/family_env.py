@@ -1,4 +1,4 @@
-"""A vector of Gymnasium environments over a family, in one process: every world another robot (`pip install thingc[learning]`).
+"""Vector environments of Gymnasium for a family, in one process, with a different robot in each world (`pip install thingc[learning]`).
 
     from thingc.batch.gym.family_env import make_vec_env
 
@@ -6,7 +6,7 @@
     observations, infos = envs.reset(seed=7)
 
 Importing this module registers `gymnasium.make_vec("thingc/Family-v0", num_envs=64, family="legs.yaml", mode="standing")`, and
-`gymnasium.make` of that name: one world by itself, as `make_env` gives it.
+`gymnasium.make` with this name for a single world (see `make_env`).
 """
 
 from __future__ import annotations
@@ -48,17 +48,20 @@ __all__ = [
 
 ENVIRONMENT = "thingc/Family-v0"
 CACHED = 1024
-"""Morphologies whose models are kept, besides those that are simulated, unless told otherwise."""
+"""Default number of cached morphologies, in addition to those being simulated."""
 DRAWS = 100
-"""How many settings in a row may be refused when an episode begins."""
+"""Maximum number of refused settings in a row when an episode starts."""
 
 Settings = Mapping[str, Any]
 Draw = Callable[[np.random.Generator], Settings]
 
 
 class MorphologyDistribution(FrozenStruct):
-    """Whose episodes there may be: `many` settings, of which all are alike likely, called by `ids` in `infos["variant"]` (empty: by their
-    places) and by `names`; or, where there are none, what `draw` makes of a source of chance."""
+    """The distribution of the robots of episodes: uniform over `many` settings, or, if there are none, the function `draw` of a random
+    generator.
+
+    `ids` are the values of `infos["variant"]` (empty: indices), `names` are the names of the settings.
+    """
 
     many: Sequence[Settings] = ()
     ids: Sequence[str] = ()
@@ -67,8 +70,8 @@ class MorphologyDistribution(FrozenStruct):
 
 
 class WorldPool(FrozenStruct):
-    """How many worlds there are, by how many threads they are stepped, when one that has ended begins anew, and the seed of the first
-    `reset` without one."""
+    """The number of worlds, the number of threads, when a world restarts after its episode, and the seed of the first `reset` without one.
+    """
 
     count: int
     threads: int
@@ -77,8 +80,10 @@ class WorldPool(FrozenStruct):
 
 
 class Morphology:
-    """A model, what observations of it end with, and the `spans` of its controls. A state (`MjData`) of it is one of every model of the
-    same `layout` too: all sizes, and all names."""
+    """A model, the end of its observations (`described`), and the `spans` of its controls.
+
+    Models with the same `layout` (all sizes and names) can share an `MjData`.
+    """
 
     __slots__ = ("described", "layout", "model", "settings", "spans")
 
@@ -92,11 +97,11 @@ class Morphology:
 
 
 class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
-    """Worlds of the robots of a family, stepped together in threads. Make it with `make_vec_env`, which says what it is given.
+    """Worlds with robots of a family, stepped together in threads. Create it with `make_vec_env`.
 
-    A world does what a single environment of `thingc.batch.gym.variants_env` does with that robot: observations, rewards and infos, and
-    from the same seed episodes are the same. A world that has ended begins anew as `metadata["autoreset_mode"]` says. Refused settings are
-    drawn again; `refused` counts them by their message.
+    A world behaves like a single environment of `thingc.batch.gym.variants_env` with the same robot, with the same observations, rewards
+    and infos, and with the same episodes for the same seed. When an episode has ended, the world restarts as defined by
+    `metadata["autoreset_mode"]`. Refused settings are drawn again; `refused` counts them by message.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}
@@ -125,7 +130,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         self._sources: list[np.random.Generator | None] = [None] * num_envs
         self._ended = np.zeros(num_envs, dtype=bool)
         if choices.many:
-            self._likely = np.full(len(choices.many), 1.0 / len(choices.many)).cumsum()  # as numpy's `choice` has it
+            self._likely = np.full(len(choices.many), 1.0 / len(choices.many)).cumsum()  # as in `choice` of numpy
             self._likely /= self._likely[-1]
         self._descriptor = Descriptor(family, descriptor)
         for key, settings in enumerate(choices.many or ({},)):
@@ -142,14 +147,16 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._observations = np.zeros((num_envs, length))
 
-    # --- Gymnasium's ------------------------------------------------------------------------------------------------------
+    # --- Gymnasium API --------------------------------------------------------------------------------------------------
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None,
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode in every world, or in those that `options["reset_mask"]` has: each with a variant that is drawn, or all with
-        `options["variant"]` (its place; of a document of variants its id or name, too). World k has the seed `seed + k`. Raises gymnasium's
-        `ClosedEnvironmentError` after `close`."""
+        """Start an episode in every world, or in those of `options["reset_mask"]`.
+
+        Each has a random variant, or all have `options["variant"]` (its index; for a variants document, also its id or name). World k has
+        the seed `seed + k`. Raises gymnasium's `ClosedEnvironmentError` after `close`.
+        """
         self._open()
         options = known_options(options, ("variant", "reset_mask"))
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
@@ -168,8 +175,10 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         return self._observations.copy(), infos
 
     def step(self, actions: Array) -> tuple[Array, Array, np.ndarray[Any, Any], np.ndarray[Any, Any], dict[str, Any]]:
-        """Apply an action (num_envs, nu) in every world. In the mode `NextStep` a world whose episode has ended begins anew instead.
-        Raises gymnasium's `ClosedEnvironmentError` after `close`."""
+        """Apply an action in every world, shape (num_envs, nu). In the mode `NextStep`, worlds whose episode has ended restart instead.
+
+        Raises gymnasium's `ClosedEnvironmentError` after `close`.
+        """
         self._open()
         actions = as_actions(actions, self.action_space.shape)
         if self._autoreset is AutoresetMode.DISABLED and self._ended.any():
@@ -200,23 +209,22 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
 
     @property
     def settings(self) -> tuple[Settings, ...]:
-        """Those of the robot in each world; others after each of its episodes."""
+        """The settings of the robot in each world, which change with every episode."""
         return tuple(self._world(k)[1].settings for k in range(self.num_envs))
 
     @property
     def models(self) -> tuple[mujoco.MjModel, ...]:
-        """The model of each world. Worlds of equal settings share one: it is not to be changed."""
+        """The model of each world. Worlds with equal settings share one, so do not change it."""
         return tuple(self._world(k)[2].model for k in range(self.num_envs))
 
     @property
     def data(self) -> tuple[mujoco.MjData, ...]:
-        """The state of each world, to look at or to draw with its model (of which it need not have been made: `data.model` may be another
-        one's)."""
+        """The state of each world, for reading or rendering with its model. `data.model` may be another model."""
         return tuple(self._world(k)[2].data for k in range(self.num_envs))
 
     @property
     def sources(self) -> tuple[np.random.Generator, ...]:
-        """Where the chance of each world comes from."""
+        """The random generator of each world."""
         return tuple(self._source(k) for k in range(self.num_envs))
 
     def close_extras(self, **named: Any) -> None:
@@ -226,15 +234,15 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         if self._owned:
             self.family.close()
 
-    # --- how ----------------------------------------------------------------------------------------------------------------
+    # --- implementation -------------------------------------------------------------------------------------------------
 
     def _open(self) -> None:
-        """Raises `ClosedEnvironmentError`, in the words of Gymnasium's own vectors, where `close` was called."""
+        """Raise `ClosedEnvironmentError` after `close`, with Gymnasium's message."""
         if self.closed:
             raise ClosedEnvironmentError(f"Trying to operate on `{type(self).__name__}`, after a call to `close()`.")
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        """A seed for each world (None: it goes on with its own)."""
+        """Return a seed for each world (None: it keeps its generator)."""
         if seed is None:
             return [None] * self.num_envs
         if isinstance(seed, Integral):
@@ -245,15 +253,17 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         return [None if one is None else int(one) for one in seeds]
 
     def _simulate(self, episodes: Sequence[Episode]) -> None:
-        """MuJoCo leaves the interpreter to others while it steps."""
+        """Run the episodes, in threads if there are enough of them: MuJoCo releases the GIL while it steps."""
         if self._pool is None or len(episodes) < 2 * self._threads:
             _run(episodes)
         else:
             list(self._pool.map(_run, [episodes[k:: self._threads] for k in range(self._threads)]))
 
     def _begin(self, worlds: Sequence[int], infos: dict[str, Any], wanted: Any) -> None:
-        """A new episode in each of these worlds. A world whose settings are refused draws others from its own source. Raises
-        `FamilyError` for a wanted variant that is refused, or if too many are refused in a row."""
+        """Start a new episode in each of these worlds. A world whose settings are refused draws others.
+
+        Raises `FamilyError` if the variant `wanted` is refused, or too many settings in a row.
+        """
         refused: NoModel | None = None
         for _ in range(DRAWS if wanted is None else 1):
             drawn = [self._drawn(self._source(k), wanted) for k in worlds]
@@ -274,13 +284,13 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
             raise _refusal(refused)
 
     def _drawn(self, source: np.random.Generator, wanted: Any) -> tuple[Any, Settings]:
-        """Settings, and what they are kept by."""
+        """Return settings, and their key in the cache."""
         if self._choices.draw is not None:
             if wanted is not None:
                 raise UnknownVariant(f"there is no variant `{wanted}`: settings are drawn by a function")
             settings = self._choices.draw(source)
             return _key(settings), settings
-        place = int(self._likely.searchsorted(source.random(), side="right"))  # drawn in any case: options do not change what follows
+        place = int(self._likely.searchsorted(source.random(), side="right"))  # always drawn, so that options do not change later draws
         if wanted is not None:
             place = self._place(wanted)
         return place, self._choices.many[place]
@@ -297,7 +307,10 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         return int(wanted) % count
 
     def _made(self, keys: Sequence[Any], many: Sequence[Settings], first: mujoco.MjModel | None) -> list[Morphology | NoModel]:
-        """The morphologies of settings, `NoModel` of refused ones. Raises `FamilyError` where a model has other sizes than the `first`."""
+        """Return the morphologies of settings, `NoModel` for refused ones.
+
+        Raises `FamilyError` if the sizes of a model differ from those of `first`.
+        """
         new = {key: settings for key, settings in zip(keys, many) if key not in self._kept}
         simulated = self._simulated
         models = self.family.models(new.values(), mode=simulated.mode, visual=simulated.visual, floor=simulated.floor)
@@ -317,7 +330,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         return morphologies
 
     def _state(self, k: int, morphology: Morphology) -> mujoco.MjData:
-        """What a world of this morphology is simulated in: as long as models differ in numbers only, always the same."""
+        """Return the state for a world with this morphology; it is reused as long as the models have the same layout."""
         import mujoco
 
         world = self._worlds[k]
@@ -342,7 +355,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         row[nq + nv:] = morphology.described
 
     def _called(self, k: int) -> dict[str, Any]:
-        """What is said of a world at every step: whose episode it is."""
+        """Return the infos of a world: the variant of its episode."""
         key = self._world(k)[0]
         return {} if self._choices.draw is not None else {"variant": self._choices.ids[key] if self._choices.ids else key}
 
@@ -356,17 +369,20 @@ def make_vec_env(
     frame_skip: int = 5, max_steps: int = 1000, descriptor: Sequence[str] | str = (), pose: str | None = None, noise: float = 0.0,
     threads: int = 0, cache: int = CACHED, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, seed: int | None = None,
 ) -> FamilyVectorEnv:
-    """`num_envs` worlds with robots of a family (or of a document, as `thingc.family` takes it), stepped together in `threads` (0: one for
-    each core). Nothing is written.
+    """Create `num_envs` worlds with robots of a family or document (see `thingc.family`), stepped together in threads.
 
-    `settings` are those of which each episode has one, all alike likely; or a function of a `numpy.random.Generator` that draws them.
-    Unless given they are the variants of its document that are right and keep their rules. `descriptor` are names of `family.space`
-    that the observation ends with, each scaled from its bounds to [-1, 1]. The models of `cache` morphologies are kept. `autoreset_mode`
-    says when a world whose episode has ended begins anew (`NextStep`, `SameStep` or `Disabled`). All else is as in `make_env`.
+    Args:
+        settings: The settings of episodes, with equal probability; or a function that draws them with a `numpy.random.Generator`. By
+            default, the valid variants of the document that satisfy its rules.
+        descriptor: Names in `family.space` whose values, scaled from their bounds to [-1, 1], are the end of the observation.
+        threads: Number of threads (0: one per core).
+        cache: Number of morphologies to cache.
+        autoreset_mode: When a world restarts after its episode (`NextStep`, `SameStep` or `Disabled`).
 
-    Settings that are refused are drawn again. Raises `FamilyError` where there is nothing to simulate, or if too many settings in a row are
-    refused, `UnknownVariant` for an unknown task or descriptor,
-    `UnknownChoice` for a mode, `CompileError` for a document with errors.
+    The other arguments are those of `thingc.batch.gym.variants_env.make_env`; `floor` is its `scene`.
+
+    Refused settings are drawn again. Raises `FamilyError` if there is nothing to simulate or too many settings in a row are refused,
+    `UnknownVariant` for an unknown task or descriptor, `UnknownChoice` for an unknown mode, and `CompileError` for a document with errors.
     """
     made = rules(reward, terminated, frame_skip, max_steps, pose, noise)
     threads = threads or os.cpu_count() or 1
@@ -389,7 +405,7 @@ def make_vec_env(
 
 
 class FamilyEnv(gymnasium.Env[Array, Array]):
-    """One world of a family, as a single environment. Make it with `make_env`, which says what it is given."""
+    """One world of a family as a single environment. Create it with `make_env`."""
 
     metadata: dict[str, Any] = {"render_modes": []}
     render_mode = None
@@ -400,30 +416,30 @@ class FamilyEnv(gymnasium.Env[Array, Array]):
         self.action_space = world.single_action_space
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode: of `options["variant"]` (its place; of a document of variants its id or name, too), else of a drawn one."""
+        """Start an episode with `options["variant"]` (its index; for a variants document, also its id or name), else with a random one."""
         observations, infos = self._world.reset(seed=seed, options=known_options(options, ("variant",)))
         self.np_random = self._world.sources[0]
         return observations[0], _first(infos)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Apply an action (nu,). An episode that has ended is to be reset."""
+        """Apply an action, shape (nu,). Call `reset` after an episode has ended."""
         actions = as_actions(action, self.action_space.shape)[None]
         observations, rewards, terminated, truncated, infos = self._world.step(actions)
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _first(infos)
 
     @property
     def settings(self) -> Settings:
-        """Those of the episode's robot."""
+        """The settings of the robot of the episode."""
         return self._world.settings[0]
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The model of the episode's robot; another one after each `reset`. It is not to be changed."""
+        """The model of the robot of the episode; another one after each `reset`. Do not change it."""
         return self._world.models[0]
 
     @property
     def data(self) -> mujoco.MjData:
-        """Its state, to look at or to draw (`mujoco.Renderer(env.model)`)."""
+        """The state, for reading or rendering (`mujoco.Renderer(env.model)`)."""
         return self._world.data[0]
 
     def close(self) -> None:
@@ -432,7 +448,7 @@ class FamilyEnv(gymnasium.Env[Array, Array]):
 
 
 def _first(infos: Mapping[str, Any]) -> dict[str, Any]:
-    """What is said of the one world."""
+    """Return the infos of the only world."""
     return {name: values[0] for name, values in infos.items() if not name.startswith("_")}
 
 
@@ -442,8 +458,7 @@ def make_env(
     max_steps: int = 1000, descriptor: Sequence[str] | str = (), pose: str | None = None, noise: float = 0.0, cache: int = CACHED,
     seed: int | None = None,
 ) -> FamilyEnv:
-    """One world by itself, as a `gymnasium.Env`: its episodes are those of the first world of `make_vec_env`, which says what is given and
-    what is raised."""
+    """Create a single environment. Its episodes are those of the first world of `make_vec_env`, which documents arguments and errors."""
     return FamilyEnv(make_vec_env(
         family, 1, settings=settings, mode=mode, floor=floor, visual=visual, reward=reward, terminated=terminated, frame_skip=frame_skip,
         max_steps=max_steps, descriptor=descriptor, pose=pose, noise=noise, threads=1, cache=cache,
@@ -469,7 +484,7 @@ def _choices(family: RobotFamily, settings: Iterable[Settings] | Draw | None) ->
 
 
 def _key(settings: Settings) -> tuple[tuple[str, Any], ...]:
-    """What settings are kept by. Raises `FamilyError` for what is no mapping from names to numbers or texts."""
+    """Return the key of settings in the cache. Raises `FamilyError` if they are not a mapping from names to numbers or texts."""
     try:
         key = tuple(sorted(settings.items()))
         hash(key)

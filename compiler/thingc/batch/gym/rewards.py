@@ -1,4 +1,4 @@
-"""What an episode is rewarded for."""
+"""Rewards of episodes, and the descriptor of observations."""
 
 from __future__ import annotations
 
@@ -19,9 +19,11 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
 class StepInfo(FrozenStruct):
-    """What a reward is worked out of, after a step: model and data as they are, the `action` (nu,) in [-1, 1], the robot's centre of
-    mass `before` and `after` it [m], and how much time has passed [s]. `variant` is whose episode it is; of a family in memory, its
-    settings."""
+    """The arguments of a reward after a step.
+
+    `action` (nu,) is in [-1, 1]; `before` and `after` are the centre of mass of the robot before and after the step [m]; `seconds` is the
+    duration of the step [s]. `variant` is the variant of the episode; for a family in memory, its settings.
+    """
 
     model: mujoco.MjModel
     data: mujoco.MjData
@@ -31,7 +33,7 @@ class StepInfo(FrozenStruct):
     after: Array
     seconds: float
     start: Array
-    """The coordinates (nq,) with which the episode began."""
+    """The coordinates (nq,) at the start of the episode."""
 
 
 Reward = Callable[[StepInfo], float]
@@ -39,13 +41,12 @@ Terminated = Callable[[StepInfo], bool]
 
 
 def forward(step: StepInfo) -> float:
-    """How fast the centre of mass moves along the world's x [m/s], less a thousandth of the action's square."""
+    """Return the velocity of the centre of mass along x of the world [m/s], minus 0.001 times the square of the action."""
     return float((step.after[0] - step.before[0]) / step.seconds - 1e-3 * step.action @ step.action)
 
 
 def hold(step: StepInfo) -> float:
-    """1 while the joints are as at the start, less the further they are away: exp(-|q - q0|^2), less a thousandth of the action's
-    square."""
+    """Return exp(-|q - q0|^2), minus 0.001 times the square of the action: 1 while the joints are as at the start."""
     import mujoco
 
     away = np.zeros(step.model.nv)
@@ -54,12 +55,14 @@ def hold(step: StepInfo) -> float:
 
 
 TASKS: Mapping[str, Reward] = {"forward": forward, "hold": hold}
-"""Rewards by name."""
+"""Rewards by name of the task."""
 
 
 class Descriptor:
-    """The numbers of settings that an observation ends with, each scaled from its bounds to [-1, 1]. Raises `UnknownVariant` for a name
-    that is not there, and `FamilyError` for one without bounds."""
+    """The numbers of settings at the end of an observation, each scaled from its bounds to [-1, 1].
+
+    Raises `UnknownVariant` for an unknown name, and `FamilyError` for one without bounds.
+    """
 
     def __init__(self, family: RobotFamily, names: Sequence[str]) -> None:
         self._names = tuple(names)
@@ -78,7 +81,7 @@ class Descriptor:
         self._span = np.array([high - low for low, high in spans])
 
     def __call__(self, settings: Mapping[str, Any]) -> Array:
-        """The scaled numbers (names,)."""
+        """Return the scaled numbers, shape (names,)."""
         if not self._names:
             return np.zeros(0)
         numbers = self._family.numbers(settings)

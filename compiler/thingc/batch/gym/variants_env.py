@@ -1,12 +1,12 @@
-"""A Gymnasium environment over a batch: every episode is another variant's (`pip install thingc[learning]`).
+"""A Gymnasium environment for a batch, in which every episode has another variant (`pip install thingc[learning]`).
 
     from thingc.batch.gym.variants_env import make_env
 
     env = make_env("build/leg_sweep", mode="standing", reward="hold", max_steps=200)
-    observation, info = env.reset(seed=7)           # info["variant"] is whose episode it is
-    env.reset(options={"variant": "leg_sweep_12"})  # an episode of this one
+    observation, info = env.reset(seed=7)           # info["variant"] is the variant of the episode
+    env.reset(options={"variant": "leg_sweep_12"})  # an episode with this variant
 
-Importing this module registers it, for vectors of environments: `gymnasium.make_vec("thingc/Variants-v0", num_envs=8,
+Importing this module registers it, for vector environments: `gymnasium.make_vec("thingc/Variants-v0", num_envs=8,
 vectorization_mode="async", folder="build/leg_sweep", mode="standing")`.
 """
 
@@ -36,14 +36,14 @@ __all__ = ["CACHED", "ENVIRONMENT", "TASKS", "Reward", "StepInfo", "Terminated",
 
 ENVIRONMENT = "thingc/Variants-v0"
 CACHED = 16
-"""Compiled models that an environment keeps, unless told otherwise."""
+"""Default number of cached compiled models."""
 
 
 class VariantsEnv(gymnasium.Env[Array, Array]):
-    """One robot of a batch at a time: `reset` chooses the variant. Make it with `make_env`, which says what it is given.
+    """One robot of a batch at a time; `reset` selects the variant. Create it with `make_env`.
 
-    An action in [-1, 1] spans each control's range. The observation is qpos, qvel and the descriptor; with `pad`, each of the
-    three has room for the largest variant, and what a variant has not is 0.
+    An action in [-1, 1] is mapped to the range of each control. The observation is qpos, qvel and the descriptor; with `pad`, qpos, qvel
+    and the action have the sizes of the largest variant, padded with 0.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}
@@ -68,20 +68,22 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         self.variant: BuiltVariant | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode: of the variant `options["variant"]` (its id, name or place), else of one that is drawn."""
+        """Start an episode with the variant `options["variant"]` (its id, name or index), else with a random one."""
         if seed is None:
             seed, self._seed = self._seed, None
         super().reset(seed=seed)
         wanted = known_options(options, ("variant",)).get("variant")
-        place = self.np_random.choice(len(self.family), p=self._weights)  # drawn in any case: options do not change what follows
+        place = self.np_random.choice(len(self.family), p=self._weights)  # always drawn, so that options do not change later draws
         self.variant = self.family[int(place) if wanted is None else wanted]
         episode = self._of(self.variant)
         episode.begin(self.np_random, self.variant.name)
         return self._observation(episode), {"variant": self.variant.id}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Apply an action (nu,) for `frame_skip` steps of the simulation. An episode ends early where `terminated` says so, or
-        where the simulation has become unstable (reward 0)."""
+        """Apply an action, shape (nu,), for `frame_skip` simulation steps.
+
+        An episode ends early if `terminated` returns true, or if the simulation is unstable (reward 0).
+        """
         episode = self._now()
         episode.ask(as_actions(action, self.action_space.shape))
         episode.run()
@@ -90,12 +92,12 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The model of the episode's variant; another one after each `reset`."""
+        """The model of the variant of the episode; another one after each `reset`."""
         return self._now().model
 
     @property
     def data(self) -> mujoco.MjData:
-        """Its state, to look at or to draw (`mujoco.Renderer(env.model)`)."""
+        """The state, for reading or rendering (`mujoco.Renderer(env.model)`)."""
         return self._now().data
 
     def _now(self) -> Episode:
@@ -112,7 +114,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         return seen
 
     def _of(self, variant: BuiltVariant) -> Episode:
-        """The episode of a variant, with its compiled model; those used least lately are forgotten."""
+        """Return the episode of a variant, with its compiled model; the least recently used ones are dropped."""
         import mujoco
 
         episode = self._episodes.get(variant.id)
@@ -132,18 +134,27 @@ def make_env(
     descriptor: Sequence[str] | str = (), weights: str | Callable[[BuiltVariant], float] | None = None, pose: str | None = None,
     noise: float = 0.0, pad: bool = False, cache: int = CACHED, seed: int | None = None,
 ) -> VariantsEnv:
-    """An environment over the variants of a batch (its folder, or a family of `load`, filtered as you like).
+    """Create an environment for the variants of a batch (its folder, or the result of `load`, possibly filtered).
 
-    `reward` is a function of a `StepInfo` or a name in `TASKS`, `terminated` one that ends an episode. An action holds for `frame_skip`
-    steps of the simulation, an episode lasts `max_steps` actions. `descriptor` are columns of the table that the observation ends
-    with, each scaled to [-1, 1] over the family (0 where all are equal). `weights` makes variants likelier: a column, or a function
-    of a variant; uniform unless given. `pose` is the keyframe that episodes begin with (the first one unless given), `noise` [rad
-    or m] how far at most each degree of freedom is moved from there. `cache` models are kept compiled; without `visual` they lack
-    what is only drawn, move in the same way, and are compiled in less than half the time. `seed` is that of the first `reset`
-    without one.
+    Args:
+        mode: The mode of the models (default: that of `load`, or the only one).
+        scene: Include the floor of the scene.
+        visual: Include visual geometry. Without it, models move in the same way and compile in less than half the time.
+        reward: A function of a `StepInfo`, or a name in `TASKS`.
+        terminated: A function of a `StepInfo` that ends an episode.
+        frame_skip: Number of simulation steps per action.
+        max_steps: Number of actions per episode.
+        descriptor: Columns of the table whose cells, scaled to [-1, 1] over the batch (0 if all are equal), are the end of the
+            observation.
+        weights: Relative probabilities of variants: a column, or a function of a variant (default: uniform).
+        pose: The keyframe in which episodes start (default: the first).
+        noise: Maximum change of each degree of freedom at the start [rad or m].
+        pad: Allow variants with different sizes.
+        cache: Number of compiled models to cache.
+        seed: The seed of the first `reset` without one.
 
-    Raises `FamilyError` for a batch without variants and where variants differ in nq, nv or nu (`pad` makes room for the
-    largest), and `UnknownVariant` for an unknown mode, column or task.
+    Raises `FamilyError` for a batch without variants, and if variants differ in nq, nv or nu without `pad`; `UnknownVariant` for an unknown
+    mode, column or task.
     """
     family = folder if isinstance(folder, BatchResults) else load(folder)
     if not len(family):
@@ -157,7 +168,7 @@ def make_env(
 
 
 def _sizes(family: BatchResults, mode: str, pad: bool) -> Sizes:
-    """The largest sizes. Raises `FamilyError` where they differ and need not be padded."""
+    """Return the largest sizes. Raises `FamilyError` if they differ and `pad` is not set."""
     sizes = [variant.sizes(mode) for variant in family]
     for name in ("nq", "nv", "nu") if not pad else ():
         values = [getattr(one, name) for one in sizes]
@@ -171,7 +182,10 @@ def _sizes(family: BatchResults, mode: str, pad: bool) -> Sizes:
 
 
 def _descriptors(family: BatchResults, columns: Sequence[str]) -> dict[str, Array]:
-    """By variant's id the cells of the columns, each scaled to [-1, 1]. Raises `FamilyError` for a cell that is no number."""
+    """Return the cells of the columns by id of the variant, each scaled to [-1, 1].
+
+    Raises `FamilyError` for a cell that is not a number.
+    """
     table = np.zeros((len(family), len(columns)))
     for k, name in enumerate(columns):
         table[:, k] = _numbers(family, name)
@@ -182,7 +196,7 @@ def _descriptors(family: BatchResults, columns: Sequence[str]) -> dict[str, Arra
 
 
 def _weights(family: BatchResults, weights: str | Callable[[BuiltVariant], float] | None) -> Array:
-    """Probabilities, one for each variant. Raises `FamilyError` where they cannot be made of the weights."""
+    """Return the probability of each variant. Raises `FamilyError` for invalid weights."""
     if weights is None:
         return np.full(len(family), 1.0 / len(family))
     if not isinstance(weights, str) and not callable(weights):

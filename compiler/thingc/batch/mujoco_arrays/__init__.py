@@ -1,1 +1,1 @@
-"""Models of MuJoCo that come of others by writing arrays: of numbers that differ (`Arrays`), or of many texts (`TextModels`)."""
+"""Create MuJoCo models from others by writing arrays: for other numbers (`Arrays`), or for many texts (`TextModels`)."""

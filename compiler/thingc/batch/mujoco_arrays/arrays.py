@@ -1,4 +1,4 @@
-"""A model whose arrays are written anew for every other set of numbers in its text."""
+"""A compiled model whose arrays are written for other numbers in its text."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     Places = list[Array]
 
 _LEAST = 1e-5
-"""The size [m] of a body, and of a model, that has none."""
+"""Size [m] of a body, and of a model, without extent."""
 _PLANE = 0.1
-"""The size [m] of a plane without an end; of a plane a tenth counts."""
+"""Default size [m] of an infinite plane, of which statistics use a tenth."""
 
 
 class Statistics:
-    """Those of one model, again and again: what belongs to what does not change. Those that are `stated` in its text stay as they are."""
+    """Computes MuJoCo's statistics of one model structure for many variants. Statistics that are `stated` in the text are left out."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, stated: Collection[str] = ()) -> None:
         import mujoco
@@ -54,19 +54,23 @@ class Statistics:
         self._inertia = model.dof_M0
 
     def room(self, variants: int) -> Places:
-        """For `note`: where anchors, centres, geoms, bodies and sites of so many variants are, each (number, variants, 3) in m."""
+        """Return arrays for `note`: positions of anchors, centres, geoms, bodies and sites of `variants` variants, each (number, variants,
+        3) [m].
+        """
         import numpy as np
 
         return [np.empty((len(place), variants, 3)) for place in self._places]
 
     def note(self, places: Places, variant: int) -> None:
-        """That `data`, at `qpos0`, has them where they are of a variant."""
+        """Copy the positions from `data`, at `qpos0`, for a variant."""
         for kind, place in zip(places, self._places):
             kind[:, variant] = place
 
     def of(self, places: Places, masses: Array) -> dict[str, list[Any]]:
-        """The statistics of many variants but `meaninertia`, of their `masses` (variants, bodies) in kg. `places` may be of one, where
-        those of all are the same."""
+        """Return the statistics of many variants, without `meaninertia`; `masses` (variants, bodies) are in kg.
+
+        `places` may contain one variant, if all have the same positions.
+        """
         import numpy as np
 
         anchors, centres, shapes, bodies, sites = places
@@ -76,7 +80,7 @@ class Statistics:
         sizes[len(self._joints):] += self._rbound[:, None]
         sizes = np.concatenate((sizes, np.full((self._count, count), _LEAST)))
         meansize, mass = np.zeros(count), np.zeros(len(masses))
-        for body, largest in enumerate(np.maximum.reduceat(sizes[self._order], self._starts), start=1):  # in the compiler's order
+        for body, largest in enumerate(np.maximum.reduceat(sizes[self._order], self._starts), start=1):  # MuJoCo's order
             meansize += largest / self._count
             mass += masses[:, body]
         box = np.concatenate((bodies[1:], centres[1:], anchors, sites, shapes - self._around, shapes + self._around))
@@ -89,7 +93,7 @@ class Statistics:
         return {name: values * (len(masses) // len(values)) for name, values in columns.items() if name not in self._stated}
 
     def write(self, values: Mapping[str, list[Any]], index: int) -> None:
-        """Write those of a variant, whose constants are set: with them `meaninertia`."""
+        """Write the statistics of a variant, with `meaninertia`, which needs the constants of the variant."""
         for name, column in values.items():
             setattr(self._stat, name, column[index])
         if self._nv and "meaninertia" not in self._stated:
@@ -100,24 +104,26 @@ class Statistics:
 
 
 BOXES = ("bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid")
-"""The fields of a body's tree of boxes."""
+"""The fields of the tree of boxes of a body."""
 
 TOGETHER = 128
-"""How many variants are worked out at once, where there are so many."""
+"""Number of variants that are computed together."""
 
 INERTIAL = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
-"""The fields of a body's mass properties."""
+"""The fields of the mass properties of a body."""
 PLACING = frozenset(("body_ipos", "body_pos", "body_quat", "jnt_pos", "site_pos"))
-"""The fields by which something stands elsewhere, of what statistics are of."""
+"""The fields that move the elements used for statistics."""
 
 Compile = Callable[[str], "mujoco.MjModel"]
 
 
 class Arrays:
-    """The model of one structure, and what of its arrays follows from numbers that differ. In `text` a word stands for each of these, in
-    `tokens` with which number it is; `plain` is the text with numbers in it, `assets` the meshes by file. `compile` makes a model of a
-    text. `lines` says which numbers `prepare` takes, in their order. Raises `NotInArrays` where a number does not stand in an array as it
-    is written."""
+    """The model of one structure, and the entries of its arrays that depend on varying numbers.
+
+    `text` has a word for each of these numbers, and `tokens` maps words to indices of numbers. `plain` is the text with numbers, `assets`
+    are the meshes by file, `compile` compiles a text. `lines` are the indices of the numbers for `prepare`, in order. Raises
+    `NotAnArrayEntry` if a number does not appear unchanged in an array.
+    """
 
     def __init__(self, text: str, tokens: Mapping[str, int], plain: str, assets: Mapping[str, bytes], compile: Compile) -> None:
         import mujoco
@@ -151,12 +157,12 @@ class Arrays:
             [column(tokens[word]) if word in tokens else float(word) for words in said for word in words] for said in inertials.values()
         ]
         self._traced = np.array([[word in tokens for words in said for word in words] for said in inertials.values()], dtype=bool)
-        self._resting = [  # tendons whose springs rest where those of the joints do
+        self._resting = [  # tendons whose springs relax where those of the joints do
             self.model.tendon(tendon.get("name", "")).id for tendon in root.iterfind("tendon/*") if "springlength" not in tendon.attrib
         ]
         self._constants = not self._bodies and self.written <= (INERT - TENSED if self.model.ntendon else INERT)
         self._data = mujoco.MjData(self.model)
-        self._first = copy.copy(self.model)  # into which no borrower writes
+        self._first = copy.copy(self.model)  # never lent, so never changed by others
         self._placed = mujoco.MjData(self._first)
         stated = {name for element in root.iter("statistic") for name in element.attrib}
         self._statistics = Statistics(self.model, self._placed, stated)
@@ -165,18 +171,18 @@ class Arrays:
         self._geoms = [self._colliding(body) for body in self._bodies]
 
     def lend(self) -> mujoco.MjModel:
-        """The model, to somebody who may write into it."""
+        """Return the model for a borrower, who may write into it."""
         self._is_lent = True
         return self.model
 
     def take_back(self) -> None:
-        """Undo what others have written into the model: `put` makes it that of a variant again, and of nothing else."""
+        """Undo the changes of borrowers, so that `put` gives exactly the model of a variant."""
         if self._is_lent:
             restore(self.model, self._first)
         self._is_lent = False
 
     def _take(self, field: str, entries: list[tuple[int, Entry]]) -> None:
-        """Note where the numbers of a field are written, each by its column: into an array, or an option of the model."""
+        """Record where the numbers of a field are written, each by its column: in an array, or in an option."""
         import numpy as np
 
         owner, name = owner_of(self.model, field)
@@ -190,7 +196,7 @@ class Arrays:
             self._options.append((owner, name, entries[-1][0]))
 
     def _colliding(self, body: int) -> Array:
-        """The geoms of a body that collide; behind them, where -1 leads, -1."""
+        """Return the colliding geoms of a body, followed by -1, so that the index -1 gives -1; empty if there are none."""
         import numpy as np
 
         m = self.model
@@ -199,7 +205,7 @@ class Arrays:
         return np.array([*colliding, -1] if colliding else [], dtype=int)
 
     def prepare(self, values: Sequence[tuple[float, ...]]) -> Prepared:
-        """What is worked out of many variants together, of the numbers of each. Raises `ValueError` where MuJoCo refuses one."""
+        """Compute the entries for many variants, from the numbers of each. Raises `ValueError` if MuJoCo rejects one."""
         import mujoco
         import numpy as np
 
@@ -228,8 +234,9 @@ class Arrays:
         return Prepared(plain, options, self._statistics.of(places, masses))
 
     def _inertial_writes(self, inertials: Array) -> list[tuple[str, Array, Array, Array]]:
-        """What is written of bodies' mass properties (variants, bodies, 10), and of the boxes around what collides: they stand along their
-        axes."""
+        """Return the entries for the mass properties of bodies (variants, bodies, 10), and for boxes of colliding geoms, which are aligned
+        with principal axes.
+        """
         import numpy as np
 
         model, count = self.model, len(inertials)
@@ -256,7 +263,7 @@ class Arrays:
         return writes
 
     def put(self, prepared: Prepared, index: int) -> None:
-        """Make `model` that of a variant."""
+        """Write the entries of a variant into `model`."""
         import mujoco
 
         model = self.model
@@ -265,15 +272,16 @@ class Arrays:
         for owner, name, values in prepared.options:
             setattr(owner, name, values[index])
         if prepared.statistics is not None:
-            mujoco.mj_setConst(model, self._data)  # which leaves it where the springs of its joints rest
+            mujoco.mj_setConst(model, self._data)  # does not set the rest lengths of tendon springs
             if self._resting:
                 model.tendon_lengthspring[self._resting] = self._data.ten_length[self._resting, None]
             self._statistics.write(prepared.statistics, index)
 
 
 class Prepared:
-    """Variants that are worked out and not written yet: of each a row for entries of arrays, a value for options, and its statistics where
-    MuJoCo sets constants anew."""
+    """Variants that are computed but not written: for each a row for array entries, a value for options, and its statistics if MuJoCo
+    recomputes constants.
+    """
 
     __slots__ = ("options", "statistics", "writes")
 
@@ -287,9 +295,11 @@ class Prepared:
 
 
 class Bodies:
-    """Bodies of a model, each `copies` times in a small model of their own, so that MuJoCo's compiler works out for many variants at once
-    what it makes of mass properties: principal axes, and the boxes around what collides, which lie along them. `text` is the model's,
-    `assets` its meshes by the names of their files."""
+    """Some bodies of a model, each `copies` times in a small model, so that MuJoCo's compiler computes principal axes and aligned boxes for
+    many variants at once.
+
+    `text` is the text of the whole model, `assets` are its meshes by file name.
+    """
 
     def __init__(self, text: str, assets: Mapping[str, bytes], names: Sequence[str], copies: int) -> None:
         import mujoco
@@ -322,8 +332,10 @@ class Bodies:
         self._bodies = [self._spec.body(f"{name}#{index}") for name in names for index in range(copies)]
 
     def work_out(self, inertials: Array) -> BodyArrays:
-        """Of as many variants as there are copies, or fewer: `inertials` (variants, bodies, 10) are masses, centres and inertias as
-        `fullinertia` has them. Raises `ValueError` where MuJoCo refuses one."""
+        """Compute as many variants as there are copies, or fewer.
+
+        `inertials` (variants, bodies, 10) are masses, centres and inertias, as in `fullinertia`. Raises `ValueError` if MuJoCo rejects one.
+        """
         count = len(inertials)
         for b in range(len(self.names)):
             for k in range(self.copies):
@@ -333,8 +345,11 @@ class Bodies:
 
 
 class BodyArrays:
-    """What came of it, of all copies: `inertia` (copies, bodies, 3) are principal moments, `axes` (copies, bodies, 4) the quaternions of
-    their axes; `boxes` of each body the fields of its tree of boxes."""
+    """The results for all copies:
+
+    `inertia` (copies, bodies, 3) are principal moments, `axes` (copies, bodies, 4) the quaternions of the axes; `boxes` are the fields of
+    the tree of boxes of each body.
+    """
 
     def __init__(self, model: mujoco.MjModel, copies: int, bodies: int) -> None:
         import numpy as np

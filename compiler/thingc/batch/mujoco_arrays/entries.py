@@ -1,4 +1,4 @@
-"""Where a number of an MJCF file stands in MuJoCo's model: which entries of which arrays, as the compiler puts it there unchanged."""
+"""Map the numbers of an MJCF file to the array entries of the MuJoCo model that contain them unchanged."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class NotAnArrayEntry(Exception):
-    """A number that the compiler works with: `attribute` is what it stands in, as `geom.pos`."""
+    """A number that the compiler processes; `attribute` is where it is, such as `geom.pos`."""
 
     def __init__(self, attribute: str) -> None:
         super().__init__(attribute)
@@ -21,8 +21,9 @@ class NotAnArrayEntry(Exception):
 
 
 class Entry(FrozenStruct):
-    """An entry of a field of `MjModel` (`opt.timestep`: of its options, `stat.extent`: of its statistics), counted through all of it, and
-    by what the number is multiplied (1 or -1)."""
+    """An entry of a field of `MjModel` (`opt.timestep` for options, `stat.extent` for statistics): its flat index, and the factor of the
+    number (1 or -1).
+    """
 
     field: str
     index: int
@@ -35,9 +36,9 @@ INERT = frozenset((
     "tendon_lengthspring", "key_qpos", "key_qvel", "key_ctrl", "key_mpos", "key_mquat", "numeric_data", "opt.timestep",
     "opt.gravity", "stat.center", "stat.extent", "eq_data", "geom_friction", "site_pos", "site_quat", "qpos_spring",
 ))
-"""Fields of which MuJoCo works nothing out when it sets constants."""
+"""Fields that do not affect the constants that MuJoCo computes."""
 TENSED = frozenset(("qpos_spring", "site_pos"))
-"""Those of which it works something out where there are tendons: how long they are."""
+"""Those of them that do if there are tendons, whose lengths depend on them."""
 
 _JOINT = {
     "damping": "dof_damping", "frictionloss": "dof_frictionloss", "armature": "dof_armature", "stiffness": "jnt_stiffness",
@@ -62,12 +63,15 @@ _GROUPS = {"option": "opt", "statistic": "stat"}
 _DRIVES = ("position", "velocity", "motor", "adhesion")
 _TENDONS = ("fixed", "spatial")
 _KINDS = {**dict.fromkeys(_DRIVES, "actuator"), **dict.fromkeys(_TENDONS, "tendon")}
-"""What the model calls an element of a tag, where that is not its tag."""
+"""Accessors of the model for tags with another name."""
 
 
 def places(root: Element, tokens: Mapping[str, int], model: mujoco.MjModel) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
-    """Of every token in the text of a model the places of its number, by the token's line; and by body what its `inertial` says of mass,
-    centre and inertia, as texts, where a token is among them. `model` is what became of the text. Raises `NotAnArrayEntry`."""
+    """Return the entries of every number, by the index of its token; and, by body, the texts of mass, centre and inertia of each `inertial`
+    with tokens.
+
+    `model` is the compiled text. Raises `NotAnArrayEntry`.
+    """
     entries: list[tuple[int, Entry]] = []
     inertials: dict[str, list[list[str]]] = {}
     for element, above in _walk(root):
@@ -87,7 +91,7 @@ def places(root: Element, tokens: Mapping[str, int], model: mujoco.MjModel) -> t
 
 
 def _walk(root: Element) -> Iterator[tuple[Element, Element]]:
-    """Every element and the one around it."""
+    """Yield every element with its parent."""
     waiting = [root]
     while waiting:
         above = waiting.pop()

@@ -1,4 +1,4 @@
-"""Whether two of MuJoCo's models are the same, to the last bit."""
+"""Compare two MuJoCo models bit by bit."""
 
 from __future__ import annotations
 
@@ -9,17 +9,19 @@ if TYPE_CHECKING:
     import mujoco
 
 GROUPS = ("opt", "stat", "vis", "vis.global_", "vis.quality", "vis.headlight", "vis.map", "vis.scale", "vis.rgba")
-"""The structures of a model that hold numbers besides its arrays."""
+"""The structures of a model that contain further numbers."""
 
 
 def different_fields(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]:
-    """The names of all fields in which two models differ: arrays, sizes and names, and numbers of `opt`, `stat` and `vis`; none where they
-    are the same. `signature` is left out: it is of the file."""
+    """Return the names of all fields in which two models differ: arrays, sizes, names, and numbers of `opt`, `stat` and `vis`.
+
+    `signature`, which depends on the file, is not compared.
+    """
     return [name for name in names(first) if content(first, name) != content(second, name)]
 
 
 def restore(model: mujoco.MjModel, first: mujoco.MjModel) -> None:
-    """Make a model the same as `first`, of which it was a copy, whatever has been written into it."""
+    """Undo all changes to a model that was a copy of `first`."""
     import numpy as np
 
     for name in different_fields(model, first):
@@ -32,7 +34,7 @@ def restore(model: mujoco.MjModel, first: mujoco.MjModel) -> None:
 
 
 def names(model: mujoco.MjModel) -> Iterator[str]:
-    """What a model is compared by: `body_mass`, `opt.gravity`, `vis.map.znear`."""
+    """Yield the names of the fields to compare: `body_mass`, `opt.gravity`, `vis.map.znear`."""
     import numpy as np
 
     for prefix in ("", *(f"{group}." for group in GROUPS)):
@@ -43,8 +45,8 @@ def names(model: mujoco.MjModel) -> Iterator[str]:
 
 
 def owner_of(model: Any, name: str) -> tuple[Any, str]:
-    """The structure that has a field (`model.vis.map` of `vis.map.znear`), and the name of the field there."""
-    if "." not in name:  # nearly all, and each model of a batch asks for each
+    """Return the structure that has a field (`model.vis.map` for `vis.map.znear`), and the name of the field in it."""
+    if "." not in name:  # the most frequent case
         return model, name
     *groups, field = name.split(".")
     for group in groups:
@@ -53,7 +55,7 @@ def owner_of(model: Any, name: str) -> tuple[Any, str]:
 
 
 def content(model: Any, name: str) -> bytes:
-    """The shape and the bytes of a field."""
+    """Return the shape and the bytes of a field."""
     import numpy as np
 
     value = np.asarray(getattr(*owner_of(model, name), None))

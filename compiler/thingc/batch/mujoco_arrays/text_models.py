@@ -1,4 +1,4 @@
-"""Models of many texts: of those that differ in nothing but numbers one is compiled, and its arrays are written for the others."""
+"""Models of many texts: of texts that differ in numbers only, one is compiled, and its arrays are written for the others."""
 
 from __future__ import annotations
 
@@ -18,16 +18,18 @@ if TYPE_CHECKING:
     import mujoco
 
 ENOUGH = 3
-"""So many texts of a kind are compiled before arrays are written: how that is done is found out by some compilations more."""
+"""Number of texts of a kind to compile before arrays are written, since preparing that takes some compilations."""
 KINDS, SHAPES = 32, 100_000
-"""How many kinds of texts are kept, those used last; and of how many values of attributes it is known whether they are numbers."""
+"""Maximum number of cached kinds of texts, and of cached results of whether attribute values are numbers."""
 
 _NUMBERS = re.compile(r"[-+0-9.e ]*[0-9][-+0-9.e ]*")
 
 
 class ModelText(FrozenStruct, eq=False):
-    """The text of a model, without includes. `meshes` says which its files are: equal where they are the same. `assets` reads them, by the
-    names that the text has for them; `compiled` gives MuJoCo's model of it."""
+    """The text of a model, without includes.
+
+    `meshes` identifies its files: equal values are equal files. `assets` reads them by name; `compiled` compiles the text.
+    """
 
     text: str
     meshes: Hashable
@@ -36,15 +38,18 @@ class ModelText(FrozenStruct, eq=False):
 
 
 class TextModels:
-    """The models of texts. Of those that come without a compilation the first, the second, the fourth, the eighth ... of each kind is
-    compared with its compiled one, and one that is not the same ends this for its kind. Not for several threads at once."""
+    """The models of texts.
+
+    Some models computed without a compilation (the first, second, fourth, eighth ... of each kind) are compared with the compiled one.
+    After a difference, the kind is always compiled. Not thread-safe.
+    """
 
     def __init__(self) -> None:
         self._kinds: OrderedDict[Hashable, _Kind] = OrderedDict()
         self._shapes: dict[str, str | int] = {}
 
     def each(self, many: Iterable[ModelText], *, share: bool) -> Iterator[mujoco.MjModel]:
-        """The models, in order; up to 128 texts are read ahead. With `share` one model is lent to each in turn, valid until the next."""
+        """Yield the models, in order; up to 128 texts are read ahead. With `share`, one model object is lent, valid until the next one."""
         texts = iter(many)
         while some := list(islice(texts, TOGETHER)):
             pieces = [one.text.split('"') for one in some]
@@ -60,7 +65,7 @@ class TextModels:
                 yield one.compiled() if made is None else made if share else copy.copy(made)
 
     def _kind(self, one: ModelText, pieces: Sequence[str]) -> _Kind:
-        """What is known of texts that are this one but for numbers."""
+        """Return the kind of a text: the texts that equal it except for numbers."""
         if len(self._shapes) > SHAPES:
             self._shapes.clear()
         shapes = self._shapes
@@ -78,7 +83,7 @@ class TextModels:
 
 
 class _Kind:
-    """Texts that differ in numbers only, all like the `first`, which is `pieces` between quotes."""
+    """Texts that differ in numbers only, like `first`; `pieces` are its parts between quotes."""
 
     def __init__(self, first: ModelText, pieces: Sequence[str]) -> None:
         self._first = first
@@ -89,7 +94,7 @@ class _Kind:
         self._seen = self._made = 0
 
     def prepared(self, texts: Sequence[Sequence[str]]) -> Prepared | None:
-        """What is to be written for each of these texts; None where they are to be compiled."""
+        """Return the entries to write for each of these texts; None if they must be compiled."""
         self._seen += len(texts)
         if self._slow or self._seen <= ENOUGH:
             return None
@@ -101,12 +106,12 @@ class _Kind:
             return self._arrays.prepare([self._numbers(self._arrays, pieces) for pieces in texts])
         except NotAnArrayEntry:
             self._slow = True
-        except ValueError:  # MuJoCo refuses one of them, and is to say so of that one
+        except ValueError:  # MuJoCo rejects one of them: compile each to find out which
             pass
         return None
 
     def put(self, one: ModelText, prepared: Prepared, index: int, *, share: bool) -> mujoco.MjModel | None:
-        """The model of a text, lent or to be copied; None where it is to be compiled."""
+        """Return the model of a text, lent or to be copied; None if it must be compiled."""
         if self._slow or self._arrays is None:
             return None
         self._made += 1
@@ -120,7 +125,7 @@ class _Kind:
         return self._arrays.lend() if share else self._arrays.model
 
     def _with(self, others: Iterable[int]) -> Arrays:
-        """The arrays, with further attributes whose numbers differ."""
+        """Return the arrays, with further attributes whose numbers differ."""
         self._gaps = sorted((*self._gaps, *others))
         tokens: dict[str, int] = {}
         tokened = self._pieces.copy()
@@ -132,6 +137,6 @@ class _Kind:
         return Arrays('"'.join(tokened), tokens, first.text, first.assets(), lambda text: first.compiled())
 
     def _numbers(self, arrays: Arrays, pieces: Sequence[str]) -> tuple[float, ...]:
-        """The numbers of a text, as `arrays` takes them."""
+        """Return the numbers of a text, as `arrays` needs them."""
         words = [float(word) for k in self._gaps for word in pieces[k].split()]
         return tuple(words[line] for line in arrays.lines)

@@ -1,1 +1,1 @@
-"""Plans: what compilations make of settings, worked out again for other numbers without a compilation. `Builds` gives whole builds so."""
+"""Plans: recorded computations that give the results of compilations for other numbers. `Builds` gives whole builds."""

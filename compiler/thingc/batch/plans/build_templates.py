@@ -1,5 +1,7 @@
-"""Whole builds of many settings: their files are made once, and the texts of other numbers are put into them.
-`TextTemplate` is a text with slots for numbers."""
+"""Whole builds for many settings: files are written once, with slots for numbers, which are filled for other settings.
+
+`TextTemplate` is a text with slots.
+"""
 
 from __future__ import annotations
 
@@ -39,26 +41,30 @@ if TYPE_CHECKING:
     from thingc.targets.request import EmitRequest
 
 FOLLOWED = frozenset(("mjcf", "mjz", "stl", "step", "urdf", "ros", "sdf", "usd", "bom"))
-"""The targets whose files hold no number that differs but in text, where it has a slot. Not so: `hag`, which writes the words of
-settings and is laid out around them; `glb` and `html`, whose numbers are bytes."""
+"""The targets whose varying numbers are all in text, where they have slots.
+
+Others: `hag` contains texts of settings, with a layout that depends on them; numbers in `glb` and `html` are binary.
+"""
 
 SETTING, DIGEST = "setting:", "digest:"
-"""How the names of slots begin that are for the texts of settings, and for the digests of files, in a manifest."""
+"""Prefixes of the names of slots in a manifest for texts of settings, and for digests of files."""
 
 PATIENCE = 16
-"""How many settings of a form are built by every pass before a plan is made, which takes as long as about as many of them."""
+"""Number of settings with the same names to compile before a plan is made, which takes about as long as this many compilations."""
 
 Emit = Callable[["EmitRequest", Sequence[str]], "dict[str, Artifacts]"]
-"""What gives the artifacts of targets: `emitted`, or less than that."""
+"""A function that returns the artifacts of targets: `emitted`, or one that returns fewer."""
 
 Measured = Callable[[Compilation], "dict[str, Any] | None"]
-"""What gives results of a compilation; None where there are none, and no build is wanted."""
+"""A function that returns results of a compilation; None if there are none, and no build is wanted."""
 
 
 class Build(FrozenStruct):
-    """What comes of settings that are sound: `results`, of whatever was measured; `problems`, all that was said; how many `losses` there
-    are, by what becomes of them; and of how many definitions its `parts` are. `files` makes those of the folder, by path, with the
-    manifest."""
+    """The build of valid settings.
+
+    `results` are those of `measured`; `problems` are all diagnostics; `losses` are counts by kind; `parts` is the number of part
+    definitions. `files` returns the files of the folder by path, including the manifest.
+    """
 
     results: dict[str, Any]
     problems: tuple[Diagnostic, ...]
@@ -68,10 +74,12 @@ class Build(FrozenStruct):
 
 
 class Builds:
-    """Builds of one document, for the same modes (none named: all) and targets; `measured` gives their results, `emit` their artifacts, and
-    a plan is made for the settings that are the `patience`-th (a power of two, default `PATIENCE`) of their form. `verify`: of each
-    plan the first and then one in so many is compared with that by every pass, which MuJoCo compiles, too (None: the first, the second, the
-    fourth, the eighth ...; 0: none)."""
+    """Builds of one document, for fixed modes (none: all) and targets.
+
+    `measured` returns their results, `emit` their artifacts. A plan is made for the `patience`-th (a power of two, default `PATIENCE`)
+    settings with the same names. For each plan, the first build and then one in `verify` is compared with a compilation, whose models
+    MuJoCo compiles, too (None: the first, second, fourth, eighth ...; 0: none).
+    """
 
     def __init__(
         self, session: Session, reader: SettingsReader, *, modes: Sequence[str], targets: Sequence[str], verify: int | None,
@@ -87,7 +95,7 @@ class Builds:
         self._forms: PlanCaches[_Template] = PlanCaches(patience or PATIENCE)
 
     def planned(self, settings: Settings) -> Build | None:
-        """The build of settings by a plan; None where there is no plan that they are of: then nothing is known of them."""
+        """Return the build of settings by a plan; None if there is no plan for them, which says nothing about the settings."""
         read = self._reader.read({**settings.parameters, **settings.choices})
         given = {*settings.parameters, *settings.choices}
         if given != {*read.names, *dict(read.texts)} or not FOLLOWED.issuperset(self._targets):
@@ -105,12 +113,12 @@ class Builds:
         return made
 
     def made(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
-        """The files by a plan or by every pass; none where the settings are refused; and all diagnostics."""
+        """Return the files, by a plan or a compilation (empty if the settings are refused), and all diagnostics."""
         planned = self.planned(settings)
         return self.passed(settings) if planned is None else (planned.files(), planned.problems)
 
     def passed(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
-        """The files by every pass, of which MuJoCo takes every model; none where the settings are refused; and all that was said."""
+        """Compile settings, and all models with MuJoCo; return the files (empty if the settings are refused), and all diagnostics."""
         build, problems = self._passed(settings)
         return build.files() if build is not None else {}, problems
 
@@ -132,7 +140,7 @@ class Builds:
         ), problems
 
     def _plan(self, read: ParsedSettings, form: PlanCache[_Template]) -> NumericPlan[_Template] | None:
-        """A plan that gives what passes do; None, and the reason in `form`, where there is none."""
+        """Return a plan that gives the same builds as compilations; None, with the reason in `form`, if there is none."""
         first, _ = self._passed(self._reader.settings(read))
         if first is None:
             return None
@@ -158,8 +166,7 @@ class Builds:
         return plan
 
     def _written(self, read: ParsedSettings, compilation: Compilation, tape: Tape) -> tuple[Mapping[str, Content], Mapping[str, Any]]:
-        """For `trace_compilation`: the files as they are written, with slots for numbers, and for the texts of settings; and results with
-        traced numbers."""
+        """Return the files with slots for numbers and texts of settings, and results with traced numbers (for `trace_compilation`)."""
         results = self._measured(compilation) or {}
         environment = copy.copy(self._session.environment)
         environment.memo = Memo()
@@ -178,7 +185,7 @@ class Builds:
 
 
 class _Kernel:
-    """The geometry service, which takes no number on a tape: those that the file of the whole robot depends on are pinned."""
+    """The geometry service, which does not accept traced numbers: those that the file of the whole robot depends on are pinned."""
 
     def __init__(self, service: Any) -> None:
         self._service = service
@@ -187,7 +194,7 @@ class _Kernel:
         return getattr(self._service, name)
 
     def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
-        """As a geometry service does; where there are such numbers some file, for the tape is of these values alone."""
+        """See `GeometryService`. With traced numbers, returns an empty file, since the plan is then for these values only."""
         rows: list[tuple[Any, ...]] = [row for one in instances for row in (*one.pose.rotation, one.pose.translation)]
         traced = [number for row in rows for number in row if isinstance(number, Traced)]
         for number in traced:
@@ -197,7 +204,7 @@ class _Kernel:
 
 
 class _Template:
-    """A build with slots for numbers. `outputs` are those that go into it; `like` is one build of this kind."""
+    """A build with slots for numbers. `outputs` are the numbers for them; `like` is a build of this kind."""
 
     def __init__(self, rehearsal: TraceResult, like: Build) -> None:
         files, results = rehearsal.made
@@ -219,7 +226,7 @@ class _Template:
         self.outputs = [*self._numbers.outputs, *self._shape.outputs]
 
     def build(self, outputs: Sequence[float], settings: Settings) -> Build | None:
-        """What comes of these values of `outputs`; None where a number of a file is not finite, which nothing can be said of."""
+        """Return the build for these values of `outputs`; None if a number in a file is not finite."""
         count, like = len(self._numbers.outputs), self._like
         if not all(map(math.isfinite, outputs[:count])):
             return None
@@ -229,7 +236,7 @@ class _Template:
         )
 
     def files(self, numbers: Sequence[float], settings: Settings) -> dict[str, Content]:
-        """The files, with these numbers and the texts of these settings."""
+        """Return the files with these numbers and texts of settings."""
         files = dict(self._files)
         words, digests = self._numbers.words(numbers), {}
         given = {**settings.parameters, **settings.choices}
@@ -245,28 +252,30 @@ class _Template:
 
 
 def _same(planned: Build, whole: Build | None) -> bool:
-    """Whether a plan gives what every pass does."""
+    """Return whether a plan gives the same build as a compilation."""
     said = ("results", "problems", "losses", "parts")
     return whole is not None and all(getattr(planned, name) == getattr(whole, name) for name in said) and planned.files() == whole.files()
 
 
 class TextTemplate:
-    """A text with slots. `slots` are their names, each once."""
+    """A text with slots. `slots` are their distinct names."""
 
     def __init__(self, text: str) -> None:
         self._pieces = SLOT.split(text)
         self.slots = list(dict.fromkeys(self._pieces[1::2]))
 
     def fill(self, words: Mapping[str, str]) -> str:
-        """The text with a word in each slot."""
+        """Return the text with a word in each slot."""
         pieces = self._pieces.copy()
         pieces[1::2] = [words[name] for name in pieces[1::2]]
         return "".join(pieces)
 
 
 class NumberSlots:
-    """The slots of numbers of a tape. `outputs` are these numbers, in the order of `names`. Raises `NotTraceable` where a text has a slot
-    that is none."""
+    """The slots for numbers of a tape.
+
+    `outputs` are these numbers, in the order of `names`. Raises `NotTraceable` for names of other slots.
+    """
 
     def __init__(self, tape: Tape, names: Iterable[str]) -> None:
         self.names = list(dict.fromkeys(names))
@@ -280,7 +289,7 @@ class NumberSlots:
             self._formatters.append(FORMATTERS[form] if form in FORMATTERS else partial(_formatted, form[1:]))
 
     def words(self, values: Sequence[float]) -> dict[str, str]:
-        """The words for these values of `outputs`."""
+        """Format these values of `outputs`; return the words by slot."""
         return {name: write(value) for name, write, value in zip(self.names, self._formatters, values, strict=True)}
 
 

@@ -1,5 +1,4 @@
-"""Plans: how settings of one form become a model, or results, without a compilation. Made once for many, and checked against
-compilations."""
+"""Plans: compute a model or results for other numbers without a compilation. A plan is made once, and checked against compilations."""
 
 from __future__ import annotations
 
@@ -23,29 +22,36 @@ Attempt = Callable[[Mapping[str, Quantity], Mapping[str, str]], "tuple[TraceResu
 
 
 class Rehearse(Protocol):
-    """How a compilation is rehearsed."""
+    """A function that traces a compilation."""
 
     def __call__(self, numbers: Mapping[str, Quantity], texts: Mapping[str, str], *, exact: Collection[str]) -> TraceResult:
-        """With numbers traced and texts as they are; by numbers that are `exact` parts may be modelled. Raises `NotTraceable`."""
+        """Trace numbers; texts are not traced. Parts may depend on numbers in `exact`. Raises `NotTraceable`."""
 
 
 MOST = 32
-"""Plans that are kept of one form of settings: those used least lately are given up."""
+"""Maximum number of plans for settings with the same names and texts; the least recently used are dropped."""
 PAYS = 32
-"""After so many settings that plans were of, another plan is made for the next that none is of: it takes as long as some compilations."""
+"""After this many uses of plans, another plan may be made for settings without one, since making it takes some compilations."""
 FORMS = 256
-"""How many forms are kept, and about as many plans: when there are more, all are forgotten."""
+"""Maximum number of caches, and of plans in all of them; above it, all are dropped."""
 SIDES = (1.0, -1.0)
-"""On either side of those that a plan is made for lie settings with which it is compared before it is used, besides these themselves: of a
-number that is at its bound one of them is sound."""
+"""Directions of the samples near the settings of a plan, with which it is compared before use.
+
+If a number is at its bound, one of them is valid.
+"""
 EXCHANGED = (2, 4)
-"""Which uses of a plan with an exchange are compared with compilations, however rarely others are; the first is of what it was made for."""
+"""Uses of a plan with an exchange that are compared with compilations in addition to those of `verify`; the first use has the numbers for
+which it was made.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumericPlan(Generic[Made]):
-    """How numbers of some names become `made`. `fixed` are those of the names that it is of one value of; `run` takes the values of the
-    others, `free`, and, where parts are modelled by some of them, what `exchange` gives of their records."""
+    """A function from numbers to the inputs of `made`.
+
+    `fixed` are the indices and values of numbers that must not change. `run` takes the values at `free`, and, if parts depend on them, the
+    numbers that `exchange` returns from their records.
+    """
 
     free: tuple[int, ...]
     fixed: tuple[tuple[int, float], ...]
@@ -55,7 +61,7 @@ class NumericPlan(Generic[Made]):
     _uses: Iterator[int] = field(default_factory=partial(count, 1), init=False, repr=False, compare=False)
 
     def outputs(self, values: Sequence[float]) -> tuple[float, ...] | None:
-        """What `made` works with, of the values of all names; None where the plan is not of these."""
+        """Return the inputs of `made` for the values of all names; None if the plan does not apply to them."""
         for at, value in self.fixed:
             if values[at] != value:
                 return None
@@ -71,12 +77,13 @@ class NumericPlan(Generic[Made]):
             return None
 
     def exchanged(self, values: Sequence[float]) -> Exchanged | None:
-        """What comes of the records of parts that are modelled by values of which there are outputs; None where none is."""
+        """Return the records of parts that depend on values to which the plan applies; None if there are no such parts."""
         return None if self.exchange is None else self.exchange.of([values[at] for at in self.free])
 
     def is_due(self, verify: int | None) -> bool:
-        """Whether what the plan gives now, which is counted, should be compared with a compilation: the first is and then one in `verify`
-        (None: the first, the second, the fourth, the eighth ...; 0: none)."""
+        """Count a use, and return whether to compare it with a compilation: the first, then one in `verify` (None: the first, second,
+        fourth, eighth ...; 0: none).
+        """
         use = next(self._uses)
         if verify is None:
             return use & (use - 1) == 0
@@ -84,9 +91,11 @@ class NumericPlan(Generic[Made]):
 
 
 class PlanCache(Generic[Made]):
-    """The plans of settings of the same names and the same texts. `why` says in words of each name that is not followed why that is so,
-    `modelled` of each name that is followed which part is modelled by it; `refused` why there is no plan at all. A plan is made for the
-    settings that are the `patience`-th (a power of two) of which none is."""
+    """The plans for settings with the same names and texts.
+
+    `why` has the reason for each number that is not traced, `modelled` the part that depends on each traced number, `refused` the reason
+    why there is no plan at all. A plan is made for the `patience`-th (a power of two) settings without one.
+    """
 
     def __init__(self, patience: int = 2) -> None:
         self.patience = patience
@@ -98,7 +107,7 @@ class PlanCache(Generic[Made]):
         self._seen: dict[tuple[float, ...], int] = {}
 
     def plan_for(self, read: ParsedSettings) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
-        """The plan that is of these settings, and what it works with."""
+        """Return the plan that applies to these settings, and its outputs; None if there is none."""
         for number, plan in enumerate(self.plans):
             outputs = plan.outputs(read.values)
             if outputs is not None:
@@ -109,8 +118,11 @@ class PlanCache(Generic[Made]):
         return None
 
     def worth_it(self, read: ParsedSettings) -> bool:
-        """Whether a plan should be made for settings that none is of, which takes as long as some compilations: not for those that come
-        once, and a number that is modelled is often never the same again."""
+        """Return whether to make a plan for settings without one.
+
+        This takes as long as some compilations, so it is not done for settings that may occur once only; numbers that parts depend on often
+        do not occur again.
+        """
         if self.refused is not None:
             return False
         if not self.why:
@@ -125,7 +137,7 @@ class PlanCache(Generic[Made]):
     def planned(
         self, read: ParsedSettings, make: Callable[[], NumericPlan[Made] | None],
     ) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
-        """`plan_for`; where there is none a plan is made, if that is `worth_it`."""
+        """Return `plan_for`; if there is no plan, make one if it is `worth_it`."""
         known = self.plan_for(read)
         if known is not None or not self.worth_it(read):
             return known
@@ -136,25 +148,25 @@ class PlanCache(Generic[Made]):
         return self.plan_for(read)
 
     def give_up(self, names: Collection[str], why: str) -> None:
-        """Follow some names no longer; of none, nothing at all."""
+        """Stop tracing these numbers; if there are none, make no more plans."""
         self.why.update((name, f"{self.modelled[name]}, and {why}" if name in self.modelled else why) for name in names)
         if not names:
             self.refused = why
 
     def wrong(self, why: str) -> None:
-        """A plan gave something else than a compilation: none is used from now on."""
+        """Drop all plans and make no more, because one gave a wrong result."""
         self.plans, self.refused = [], why
 
 
 class PlanCaches(Generic[Made]):
-    """What is known of settings, by their names and texts; `patience` as a `PlanCache` has it."""
+    """The caches of plans by names and texts of settings; `patience` is as in `PlanCache`."""
 
     def __init__(self, patience: int = 2) -> None:
         self._patience = patience
         self.kept: dict[Hashable, PlanCache[Made]] = {}
 
     def of(self, read: ParsedSettings) -> PlanCache[Made]:
-        """What is known of settings of these names and texts."""
+        """Return the cache for settings with these names and texts."""
         key = (read.names, read.texts)
         if key not in self.kept:
             if len(self.kept) >= FORMS or sum(len(form.plans) for form in self.kept.values()) >= FORMS:
@@ -174,7 +186,7 @@ class PlanCaches(Generic[Made]):
 
 
 class TracedResults:
-    """Values by name, of which some are numbers that differ: `outputs`, traced."""
+    """Values by name, some of which are traced numbers, `outputs`."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self.outputs = [value for value in values.values() if isinstance(value, Traced)]
@@ -182,7 +194,7 @@ class TracedResults:
         self._all = {name: None if isinstance(value, Traced) else value for name, value in values.items()}
 
     def of(self, outputs: Sequence[float]) -> dict[str, Any]:
-        """The values, with these in the place of `outputs`."""
+        """Return the values, with numbers for `outputs`."""
         return {**self._all, **dict(zip(self._names, outputs, strict=True))}
 
 
@@ -191,16 +203,18 @@ def make(
     finish: Callable[[TraceResult, Exchange | None], tuple[Sequence[Any], Made]], form: PlanCache[Made],
     exchanged: Callable[[TraceResult], Exchange] | None = None,
 ) -> NumericPlan[Made] | None:
-    """A plan for these settings; None, and the reason in `form`, where there is none. `finish` makes of a rehearsal what a plan needs, and
-    the numbers that this works with. `exchanged` makes of one by whose numbers parts are modelled what gives the records of others; None:
-    such numbers are not followed."""
+    """Return a plan for these settings; None, with the reason in `form`, if there is none.
+
+    `finish` returns the inputs that a plan computes, and the object that uses them. `exchanged` returns the exchange of records, if parts
+    depend on traced numbers; None: such numbers are not traced.
+    """
     while form.refused is None:
         free = [name for name in read.names if name not in form.why]
         if not free:
             form.refused = "none of the numbers is followed"
             break
         rehearsal = _rehearsed(read, reader, rehearse, form, exchanging=exchanged is not None)
-        if rehearsal is None:  # less is followed now
+        if rehearsal is None:  # retry with fewer numbers
             continue
         exchange = exchanged(rehearsal) if exchanged is not None and rehearsal.parts is not None else None
         try:
@@ -219,7 +233,7 @@ def make(
 def _rehearsed(
     read: ParsedSettings, reader: SettingsReader, rehearse: Rehearse, form: PlanCache[Any], *, exchanging: bool,
 ) -> TraceResult | None:
-    """A rehearsal with the numbers that `form` does not give up; None where it knows better now what to do with them."""
+    """Trace the numbers that `form` does not exclude; None if `form` was changed, and another attempt is necessary."""
     quantities = reader.quantities(read)
     free = {name: quantities[name] for name in read.names if name not in form.why}
     texts = {**dict(read.texts), **{name: text_of(quantities[name]) for name in read.names if name in form.why}}
@@ -229,7 +243,7 @@ def _rehearsed(
     rehearsal, fault = attempt(near, texts)
     if fault is not None:
         rehearsal, other = attempt(free, texts)
-        fault = fault if other is not None and other.unused else other  # nobody asks for what the document says already
+        fault = fault if other is not None and other.unused else other  # the document already has this value, so no pass asks for it
     if fault is not None:
         named = [name for name in fault.names if name in free]
         if fault.modelled and exchanging and (new := [name for name in named if name not in exact]):
@@ -245,7 +259,7 @@ def _rehearsed(
 
 
 def samples(read: ParsedSettings, reader: SettingsReader, form: PlanCache[Any]) -> list[ParsedSettings]:
-    """Settings by which a plan is judged: these, first, and some near them, for which no other part is modelled."""
+    """Return settings for checking a plan: these, then some near them that use the same parts."""
     settings = [read]
     for side in SIDES:
         source = random.Random(0)
@@ -268,7 +282,7 @@ def _attempt(
 
 
 def _culprits(attempt: Attempt, numbers: Mapping[str, Quantity], texts: Mapping[str, str]) -> list[str]:
-    """Those of several numbers that cannot be followed by themselves."""
+    """Return the numbers that cannot be traced even alone."""
     if len(numbers) == 1:
         return list(numbers)
     alone = {name: {**texts, **{other: text_of(one) for other, one in numbers.items() if other != name}} for name in numbers}
@@ -276,6 +290,6 @@ def _culprits(attempt: Attempt, numbers: Mapping[str, Quantity], texts: Mapping[
 
 
 def _near(quantity: Quantity, source: random.Random, side: float = 1.0) -> Quantity:
-    """A number beside another, which is nothing in particular; beside 0 one above it, for there is much that may not be below."""
+    """Return a number near another one, without special meaning; near 0, one above, since many numbers may not be negative."""
     share = side * source.uniform(-1e-3, 1e-3)
     return Quantity(quantity.value * (1.0 + share) if quantity.value else abs(share), quantity.dimension)

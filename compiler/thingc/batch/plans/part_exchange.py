@@ -1,5 +1,5 @@
-"""Parts that are modelled by numbers on a tape: their definitions are worked out by a tape, their records are asked for, and what a record
-says is put in the place of what the first one said.
+"""Parts that depend on traced numbers: their definitions are computed by a tape, their records are requested, and the numbers of a record
+replace those of the first one.
 """
 
 from __future__ import annotations
@@ -20,19 +20,20 @@ if TYPE_CHECKING:
     from thingc.geometry.part_source import PartSource
 
 KEPT = 512
-"""How many records of a plan are kept at hand."""
+"""Maximum number of cached records of a plan."""
 
 _PLAIN = (0.0, 1.0, -1.0)
-"""Numbers that are the same in every record that a plan is of: most of those in rotations, and they decide much."""
+"""Numbers that must be equal in all records of a plan, because they are frequent in rotations and many decisions depend on them."""
 _MEASURED = frozenset(("volume", "area", "centre", "inertia", "box", "fits", "slices"))
-"""Fields of which this is not so: that such a number is 0, or an axis of what fits round a part x, is a chance."""
+"""Fields in which these numbers may change, since they occur there by chance."""
 _ASIDE = frozenset(("text", "bom", "brep", "code", "slices"))
-"""Fields of a record from which nothing follows of a model or of what is said, or that are looked at later."""
+"""Fields of a record that do not affect models and diagnostics, or that are handled later."""
 
 
 class Exchanged(FrozenStruct):
-    """What comes of the records of some parameters: their numbers, in the order in which they stand there, the names of their meshes that
-    a model names, and all of its meshes by file."""
+    """The result of the records for some parameters: their numbers, in order, the names of their meshes in the model, and all meshes of the
+    model by file.
+    """
 
     numbers: tuple[float, ...]
     names: tuple[str, ...]
@@ -40,9 +41,12 @@ class Exchanged(FrozenStruct):
 
 
 class TracedParts:
-    """Who answers for parts in a rehearsal. Of definitions with traced numbers the record is that of the values which these have, its own
-    numbers are new variables, and its meshes are known by tokens. `allowed` says of which traced numbers parts may be modelled; raises
-    `PartDependsOnNumber` for others. `before` is the tape as it was then; None where there is no such definition."""
+    """The source of parts while tracing.
+
+    For definitions with traced numbers, it returns the record for their current values, in which numbers are new variables, and meshes are
+    tokens. `allowed` returns whether parts may depend on a traced number; if not, `PartDependsOnNumber` is raised. `before` is a copy of
+    the tape from before; None if there is no such definition.
+    """
 
     def __init__(self, parts: PartSource, allowed: Callable[[Traced], bool]) -> None:
         self._parts = parts
@@ -59,7 +63,7 @@ class TracedParts:
         return getattr(self._parts, name)
 
     def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None, **named: Any) -> Any:
-        """As a geometry service does; once. Nobody is told how parts will be sliced: that may go by traced numbers."""
+        """See `PartSource`; may be called once. Likely slicings are not passed on, since they may contain traced numbers."""
         traced = [one for one in definitions if _numbers_of(one)]
         for one in traced:
             for number in _numbers_of(one):
@@ -87,16 +91,16 @@ class TracedParts:
 
     @property
     def likeness(self) -> tuple[Hashable, ...]:
-        """What records have in common that a plan is of."""
+        """The properties that all records of a plan must share."""
         return tuple(self._walk.rest)
 
     @property
     def parameters(self) -> list[Traced]:
-        """The traced numbers of the definitions, in their order."""
+        """The traced numbers of the definitions, in order."""
         return [number for one in self.definitions for number in _numbers_of(one)]
 
     def slice(self, definitions: Sequence[PartDefinition], records: Any, slicings: Mapping[str, Collection[Slicing]]) -> Any:
-        """As a geometry service does."""
+        """See `PartSource`."""
         for one in definitions:
             for slicing in slicings.get(one.text, ()):
                 for value in (*slicing.up, *astuple(slicing)):
@@ -114,7 +118,7 @@ class TracedParts:
 
 
 class PartDependsOnNumber(Exception):
-    """A part is modelled by a traced number."""
+    """A part depends on a traced number."""
 
     def __init__(self, label: str, number: Traced) -> None:
         super().__init__(label)
@@ -123,8 +127,11 @@ class PartDependsOnNumber(Exception):
 
 
 class Exchange:
-    """The records of a plan. `rehearsed` are the parts of its rehearsal, `parts` answers for others, and `assets` are the meshes that the
-    model of the rehearsal names. `names` are those whose place others take."""
+    """The records of a plan.
+
+    `rehearsed` are the parts of the traced compilation, `parts` is the source of others, and `assets` are the meshes in the traced model.
+    `names` are those of its meshes that are replaced.
+    """
 
     def __init__(self, rehearsed: TracedParts, parts: PartSource, assets: Mapping[str, StoredArtifact]) -> None:
         assert rehearsed.before is not None
@@ -151,8 +158,10 @@ class Exchange:
         self._kept: OrderedDict[tuple[float, ...], Exchanged | None] = OrderedDict()
 
     def of(self, values: Sequence[float]) -> Exchanged | None:
-        """What comes of the records, of the values of the variables; None where the plan is not of these. What is not in the store is
-        modelled."""
+        """Return the records for values of the variables; None if the plan does not apply to them.
+
+        Parts that are not in the store are built.
+        """
         given = self._run(*values)
         if given is None:
             return None
@@ -164,11 +173,11 @@ class Exchange:
         return self._kept[given]
 
     def _traced(self, definitions: Sequence[PartDefinition]) -> dict[str, PartDefinition]:
-        """Those of definitions that stand where traced ones do, once each."""
+        """Return the distinct definitions in the places of traced ones."""
         return {one.text: one for one, rehearsed in zip(definitions, self._definitions, strict=True) if _numbers_of(rehearsed)}
 
     def _pattern_of(self, definitions: Sequence[PartDefinition]) -> list[int]:
-        """Which definitions are equal, and which are those that other parts are cut for: of each text the place of the first like it."""
+        """Return which definitions are equal, including those expected by other parts: the index of the first one with the same text."""
         first: dict[str, int] = {}
         return [first.setdefault(text, place) for place, text in enumerate((*(one.text for one in definitions), *self._expected))]
 
@@ -200,11 +209,11 @@ class Exchange:
         meshes = [walk.meshes[record, mesh] for record, mesh, _ in self._named]
         own = {f"{name}.obj": StoredArtifact(sha256=mesh.sha256, size=mesh.size) for name, mesh in zip(names, meshes, strict=True)}
         if len({file.casefold() for file in (*own, *self._others)}) < len(names) + len(self._others):
-            return None  # two meshes of one name, which is an error
+            return None  # two meshes with the same name, which is an error
         return Exchanged(numbers=tuple(walk.numbers), names=names, assets={**self._others, **own})
 
     def _made(self, rehearsed: PartDefinition, numbers: Any) -> PartDefinition:
-        """A definition of other numbers."""
+        """Return a definition with other numbers."""
         if rehearsed.plain is not None and rehearsed.mirror is not None:
             return self._made(rehearsed.plain, numbers).mirrored(rehearsed.mirror)
         values = {name: next(numbers) if isinstance(value, Traced) else value for name, value in rehearsed.parameters}
@@ -214,12 +223,15 @@ class Exchange:
 
 
 TOKEN = "mesh "
-"""What stands before the numbers of a record and of a mesh in it, in the place of the digest of a mesh that differs."""
+"""Prefix of the token that replaces the hash of a varying mesh, before the numbers of the record and of the mesh."""
 
 
 class _Walk:
-    """Goes through records, one after the other, always in the same order: every number is handed to `number`, which gives what stands in
-    its place; `rest` is all else that models follow from. `texts` are those of all definitions, in whose place their numbers stand."""
+    """Walks through records in a fixed order.
+
+    Every number is replaced by the result of `number`; `rest` collects all other values that models depend on. `texts` are those of all
+    definitions, which are replaced by their indices.
+    """
 
     def __init__(self, texts: Sequence[str], number: Callable[[float], Any]) -> None:
         self._texts = list(texts)
@@ -231,18 +243,18 @@ class _Walk:
         self.rest: list[Hashable] = []
 
     def slices(self, record: PartRecord) -> Any:
-        """What a record holds when it is printed, with other numbers."""
+        """Return the slicing results of a record, with other numbers."""
         return self._in("slices", record)
 
     def through(self, record: PartRecord) -> PartRecord:
-        """A record, with other numbers and meshes, but for what it holds when it is printed."""
+        """Return a record with other numbers and meshes, without its slicing results."""
         known = {name: getattr(record, name) for name in record.__struct_fields__ if name in _ASIDE}
         changed = {name: self._in(name, record) for name in record.__struct_fields__ if name not in known}
         self._record, self._mesh = self._record + 1, 0
         return PartRecord(**known, **changed)
 
     def _in(self, name: str, record: PartRecord) -> Any:
-        """A field of a record, with other numbers."""
+        """Return a field of a record, with other numbers."""
         self._plain = () if name in _MEASURED else _PLAIN
         return self._of(getattr(record, name))
 
@@ -257,7 +269,7 @@ class _Walk:
             self._mesh += 1
             self.rest.append((value.closed, value.flat))
             return replace(value, sha256=f"{TOKEN}{place[0]}:{place[1]}")
-        if isinstance(value, MountRecord):  # what it is meant for is said to people only
+        if isinstance(value, MountRecord):  # `interface` is used in messages only
             return replace(value, pose=self._of(value.pose), tolerance=self._of(value.tolerance))
         if isinstance(value, MountExpectation):
             what: Hashable = self._texts.index(value.text) if value.text in self._texts else value.text
@@ -277,12 +289,12 @@ class _Walk:
 
 
 def _numbers_of(definition: PartDefinition) -> list[Traced]:
-    """The traced numbers of a definition."""
+    """Return the traced numbers of a definition."""
     values: Sequence[tuple[str, Any]] = definition.parameters
     return [value for _, value in values if isinstance(value, Traced)]
 
 
 def _plain(definition: PartDefinition) -> PartDefinition:
-    """A definition with the values of traced numbers."""
+    """Return a definition with the values of traced numbers."""
     plain = None if definition.plain is None else _plain(definition.plain)
     return replace(definition, parameters=tuple((name, value_of(one)) for name, one in definition.parameters), plain=plain)

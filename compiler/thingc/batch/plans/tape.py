@@ -1,9 +1,9 @@
-"""The tape: it records what passes compute with a few numbers, to compute it again with others.
+"""The tape: it records what passes compute with some numbers, to repeat it with others.
 
-A `Traced` stands for a number in the passes. It knows its value. What is computed from it, by operators and the functions of
-`base/numeric.py`, is another `Traced` with a line on the tape: the operation and its arguments. A decision (`if mass > 0`) goes onto the
-tape as a *guard*: the tape does not hold for numbers that decide otherwise. Code that needs the value itself (a parameter of a part, a
-count) converts with `float` or `int`, and the value is guarded. In a file that is written the number is a slot.
+A `Traced` replaces a number in the passes and has its value. What is computed from it, by operators and the functions of `base/numeric.py`,
+is another `Traced` with a line on the tape: the operation and its arguments. A decision (`if mass > 0`) is recorded as a *guard*: the tape
+does not apply to numbers that decide otherwise. Code that needs the value itself (a parameter of a part, a count) converts with `float` or
+`int`, and the value is guarded. In a file that is written, the number is a slot.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ Number = Any
 """A float, an int or a `Traced`."""
 
 SLOT = re.compile("⟦(.*?)⟧")
-"""What holds the place of a number in a text; its name is between the brackets, which no format escapes."""
+"""Pattern of a slot for a number in a text. Its name is between brackets that no format escapes."""
 
 
 def slot(name: str) -> str:
-    """The text that `SLOT` matches."""
+    """Return a slot, which `SLOT` matches."""
     return f"⟦{name}⟧"
 
 
 class Tape:
-    """The lines, in the order in which they came to be. A line is `(operation, arguments)`; arguments are numbers, and `Ref`s to lines."""
+    """The lines, in the order of computation. A line is `(operation, arguments)`; arguments are constants, and `Ref`s to lines."""
 
     def __init__(self) -> None:
         self.lines: list[tuple[str, tuple[Any, ...]]] = []
@@ -40,26 +40,26 @@ class Tape:
         self._known: dict[tuple[str, tuple[Any, ...]], int] = {}
 
     def variable(self, value: float, of: Sequence[Traced] = ()) -> Traced:
-        """A number that will be another one next time; `of` what it depends on, in a way that nothing is written down of."""
+        """Add a number that will vary; `of` are the numbers that it depends on in a way that is not recorded."""
         return self._line("variable", (Const(len(self.lines)), *map(_argument, of)), value)
 
     def copy(self) -> Tape:
-        """The tape as it is now."""
+        """Return a copy of lines, values and guards."""
         made = Tape()
         made.lines, made.values, made.guards = list(self.lines), list(self.values), list(self.guards)
         return made
 
     def apply(self, operation: str, arguments: Sequence[Number], value: Any) -> Traced:
-        """The line of an operation that has just come to `value`, or the equal one that is there already."""
+        """Add the line of an operation with the result `value`, unless there is an equal one."""
         return self._line(operation, tuple(map(_argument, arguments)), value)
 
     def guard(self, operation: str, arguments: Sequence[Number], outcome: bool) -> bool:
-        """A decision; its outcome."""
+        """Record a decision; return its outcome."""
         self.guards.append((len(self.lines), operation, tuple(map(_argument, arguments)), outcome))
         return outcome
 
     def pin(self, number: Traced) -> Any:
-        """Somebody wants to know a value: the tape is of this value alone."""
+        """Record that a pass uses the value itself: the tape applies to this value only."""
         self.pinned.append(number)
         self.guards.append((len(self.lines), "==", (Ref(number.line), Const(number.value)), True))
         return number.value
@@ -75,7 +75,7 @@ class Tape:
 
 
 class Ref(int):
-    """The number of a line."""
+    """The index of a line."""
 
     __slots__ = ()
 
@@ -87,7 +87,7 @@ class Ref(int):
 
 
 class Const:
-    """A number that is the same whatever the variables are; of zeros the sign counts."""
+    """A constant. Zeros with different signs differ."""
 
     __slots__ = ("text", "value")
 
@@ -107,12 +107,12 @@ def _argument(number: Number) -> Ref | Const:
 
 
 def value_of(number: Number) -> Any:
-    """The value that a number has now, without a word to the tape."""
+    """Return the value of a number without recording it."""
     return number.value if isinstance(number, Traced) else number
 
 
 class Traced(Recorded):
-    """A number on a tape. It is hashed and, first of all, compared as the object that it is: what is kept by it is kept by nobody else."""
+    """A number on a tape. It is hashed by identity, and identity is compared first, so that caches keyed by it are never shared."""
 
     __slots__ = ("line", "tape", "value")
 
@@ -132,7 +132,7 @@ class Traced(Recorded):
     def __pow__(self, other: Number) -> Any:
         whole = isinstance(other, (int, float)) and other == int(other)
         if not whole and not self > 0.0:
-            self.tape.pin(self)  # else a complex number may come of it
+            self.tape.pin(self)  # otherwise, the result may be complex
         return _binary("**", self, other)
 
     def __rpow__(self, other: Number) -> Any: return _binary("**", other, self)
@@ -178,25 +178,25 @@ class Traced(Recorded):
         return self.tape.apply("round", (self, digits), round(self.value, digits))
 
     def __repr__(self) -> str:
-        return repr(self.tape.pin(self) if self.tape.writing else self.value)  # of labels and messages no file is made
+        return repr(self.tape.pin(self) if self.tape.writing else self.value)  # labels and messages are not part of files
 
     def __format__(self, form: str) -> str:
         return self.slot(f":{form}") if self.tape.writing else format(self.value, form)
 
     def operate(self, name: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """One line of the tape, whatever the function decides on the way; a guard where it is a test."""
+        """Record a function as one line, without the decisions in it; a test is recorded as a guard."""
         result = function(*map(value_of, arguments))
         if isinstance(result, bool):
             return self.tape.guard(name, arguments, result)
         return _items(self.tape.apply(name, arguments, result))
 
     def slot(self, form: str) -> str:
-        """The slot of the line."""
+        """Return the slot for the line."""
         return slot(f"{self.line}:{form}")
 
 
 def _items(result: Traced) -> Any:
-    """The numbers of a result, in tuples where it is tuples."""
+    """Return the numbers of a result, in tuples like the result."""
     if not isinstance(result.value, tuple):
         return result
     return tuple(_items(result.tape.apply("item", (result, place), one)) for place, one in enumerate(result.value))
@@ -257,7 +257,7 @@ def compiled(tape: Tape, outputs: Sequence[Any]) -> Run:
 
 
 def variables_of(tape: Tape, number: Traced) -> list[int]:
-    """The variables that a number depends on, by their number."""
+    """Return the indices of the variables that a number depends on."""
     variables = [line for line, (operation, _) in enumerate(tape.lines) if operation == "variable"]
     needed = _needed(tape, [Ref(number.line)])
     return [k for k, line in enumerate(variables) if line in needed]

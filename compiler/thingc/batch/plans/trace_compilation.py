@@ -1,4 +1,4 @@
-"""One compilation with numbers on a tape: what of a document's numbers reaches a model, and how."""
+"""Trace one compilation: record on a tape how the numbers of a document affect a model."""
 
 from __future__ import annotations
 
@@ -26,8 +26,11 @@ from thingc.targets.mjcf.emit import sources as model_sources
 
 
 class NotTraceable(Exception):
-    """A number that cannot be followed: `names` are the settings that it comes from (none: nobody knows), `why` in words. `modelled`: a
-    part is modelled by it. `unused`: no pass has asked for it."""
+    """A number cannot be traced.
+
+    `names` are the settings that it comes from (empty: unknown), `why` is the reason. `modelled`: a part depends on it. `unused`: no pass
+    uses it.
+    """
 
     def __init__(self, why: str, names: Sequence[str] = (), *, modelled: bool = False, unused: bool = False) -> None:
         super().__init__(why)
@@ -38,8 +41,11 @@ class NotTraceable(Exception):
 
 
 class TraceResult(FrozenStruct):
-    """What came of it: `made` of the compilation, whose numbers may be traced, the tape, and the names of the variables in their order
-    (behind them those of records); `parts` where some are modelled by traced numbers."""
+    """The result of tracing.
+
+    `made` is computed from the compilation, and may contain traced numbers. `names` are the names of the variables, in order (those of
+    records follow). `parts` is None unless parts depend on traced numbers.
+    """
 
     made: Any
     tape: Tape
@@ -51,8 +57,10 @@ def trace_compilation(
     session: Session, modes: Sequence[str], numbers: Mapping[str, Quantity], texts: Mapping[str, str],
     make: Callable[[Compilation, Tape], Any], exact: Collection[str] = (),
 ) -> TraceResult:
-    """Compile modes (none named: all) with `numbers` traced, and `texts` as they are, both by parameter or path, and `make` something of
-    that. By numbers that are `exact` parts may be modelled. Raises `NotTraceable`."""
+    """Compile modes (none: all) with `numbers` traced and `texts` unchanged, both by parameter or path, and return the result of `make`.
+
+    Parts may depend on numbers in `exact`. Raises `NotTraceable`.
+    """
     tape = Tape()
     parts = TracedParts(session.environment.parts, lambda number: set(_names(tape, list(numbers), number)) <= set(exact))
     environment = copy.copy(session.environment)
@@ -83,11 +91,11 @@ def trace_compilation(
 
 
 WrittenModel = tuple[str, Mapping[str, StoredArtifact]]
-"""The text of a model, with slots for numbers of the tape in it, and its meshes by file."""
+"""The text of a model, with slots for numbers of the tape, and its meshes by file."""
 
 
 def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilation, Tape], WrittenModel]:
-    """For `trace_compilation`: the model as it is written."""
+    """Return a function for `trace_compilation` that writes the model of a mode."""
 
     def make(compilation: Compilation, tape: Tape) -> WrittenModel:
         request = replace(pipeline.request_of(session.environment, compilation, verify=False), memo=Memo())
@@ -102,7 +110,7 @@ def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilatio
 
 
 def pinned(rehearsal: TraceResult) -> list[str]:
-    """The settings of which a pass wanted to know the very value."""
+    """Return the settings whose very value a pass has used."""
     names: dict[str, None] = {}
     for number in rehearsal.tape.pinned:
         names.update(dict.fromkeys(_names(rehearsal.tape, rehearsal.names, number)))
@@ -114,20 +122,20 @@ def _names(tape: Tape, names: Sequence[str], number: Traced) -> list[str]:
 
 
 class _ByPath(dict[str, Quantity]):
-    """Traced numbers by the paths at which they are set. `used` are the paths that were asked for."""
+    """Traced numbers by path. `used` are the paths that were looked up."""
 
     def __init__(self, numbers: Mapping[str, Quantity]) -> None:
         super().__init__(numbers)
         self.used: set[str] = set()
 
     def get(self, path: str, default: Any = None) -> Any:
-        """The number at a path."""
+        """Look up the number at a path, and record the path in `used`."""
         self.used.add(path)
         return super().get(path, default)
 
 
 def _with_parameters(session: Session, numbers: Mapping[str, Quantity]) -> Sources:
-    """The documents with other values of parameters."""
+    """Return the documents with other values of parameters."""
     own = session.sources
     assert own is not None
     relative = own.documents.root.relative
