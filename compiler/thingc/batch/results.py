@@ -138,10 +138,7 @@ class BuiltVariant(OneLineRepr):
             raise FamilyError(f"MuJoCo refuses the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
 
     def sources(self, mode: str | None = None, *, scene: bool = False) -> tuple[bytes, dict[str, bytes]]:
-        """Return the text of its model in a mode, and the files that it names; meshes are shared with the whole batch.
-
-        Raises as `model` does.
-        """
+        """Return the text of its model in a mode, and the files that it names (meshes of the whole batch). Raises as `model` does."""
         mode = self.family.chosen(mode)
         robot = f"{self.family.robot}_{mode}.xml"
         text = self._read(robot)
@@ -283,10 +280,7 @@ class BatchResults(Sequence[BuiltVariant]):
         return cells
 
     def filter(self, where: Where) -> BatchResults:
-        """Return the variants that match `where`.
-
-        Raises `UnknownVariant` for an unknown column, and `FamilyError` for an invalid filter.
-        """
+        """Return the variants that match `where`. Raises `UnknownVariant` for an unknown column, `FamilyError` for an invalid filter."""
         if isinstance(where, Mapping):
             kept = [True] * len(self)
             for name, wanted in where.items():
@@ -300,10 +294,7 @@ class BatchResults(Sequence[BuiltVariant]):
         return self._of(tuple(index for index, one in zip(self._indices, kept, strict=True) if one))
 
     def chosen(self, mode: str | None) -> str:
-        """Return the mode to use.
-
-        Raises `UnknownVariant` for a mode that was not built, and `FamilyError` if none is given and there are several.
-        """
+        """Return the mode to use. Raises `UnknownVariant` if it was not built, `FamilyError` if none of several is given."""
         name = mode if mode is not None else self.mode
         if name is None:
             if len(self.mode_names) > 1:

@@ -70,8 +70,7 @@ class MorphologyDistribution(FrozenStruct):
 
 
 class WorldPool(FrozenStruct):
-    """The number of worlds, the number of threads, when a world restarts after its episode, and the seed of the first `reset` without one.
-    """
+    """The numbers of worlds and threads, when a world restarts after its episode, and the seed of the first `reset` without one."""
 
     count: int
     threads: int
@@ -80,10 +79,7 @@ class WorldPool(FrozenStruct):
 
 
 class Morphology:
-    """A model, the end of its observations (`described`), and the `spans` of its controls.
-
-    Models with the same `layout` (all sizes and names) can share an `MjData`.
-    """
+    """A model, its descriptor, and the `spans` of its controls. Models with the same `layout` (sizes and names) can share an `MjData`."""
 
     __slots__ = ("described", "layout", "model", "settings", "spans")
 
@@ -175,9 +171,9 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         return self._observations.copy(), infos
 
     def step(self, actions: Array) -> tuple[Array, Array, np.ndarray[Any, Any], np.ndarray[Any, Any], dict[str, Any]]:
-        """Apply an action in every world, shape (num_envs, nu). In the mode `NextStep`, worlds whose episode has ended restart instead.
+        """Apply an action (num_envs, nu).
 
-        Raises gymnasium's `ClosedEnvironmentError` after `close`.
+        With `NextStep`, ended episodes restart instead. Raises `ClosedEnvironmentError` after `close`.
         """
         self._open()
         actions = as_actions(actions, self.action_space.shape)
@@ -260,10 +256,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
             list(self._pool.map(_run, [episodes[k:: self._threads] for k in range(self._threads)]))
 
     def _begin(self, worlds: Sequence[int], infos: dict[str, Any], wanted: Any) -> None:
-        """Start a new episode in each of these worlds. A world whose settings are refused draws others.
-
-        Raises `FamilyError` if the variant `wanted` is refused, or too many settings in a row.
-        """
+        """Start new episodes; refused settings are drawn again. Raises `FamilyError` if `wanted`, or too many in a row, are refused."""
         refused: NoModel | None = None
         for _ in range(DRAWS if wanted is None else 1):
             drawn = [self._drawn(self._source(k), wanted) for k in worlds]
@@ -307,10 +300,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         return int(wanted) % count
 
     def _made(self, keys: Sequence[Any], many: Sequence[Settings], first: mujoco.MjModel | None) -> list[Morphology | NoModel]:
-        """Return the morphologies of settings, `NoModel` for refused ones.
-
-        Raises `FamilyError` if the sizes of a model differ from those of `first`.
-        """
+        """Return morphologies, `NoModel` for refused settings. Raises `FamilyError` if the sizes of a model differ from `first`."""
         new = {key: settings for key, settings in zip(keys, many) if key not in self._kept}
         simulated = self._simulated
         models = self.family.models(new.values(), mode=simulated.mode, visual=simulated.visual, floor=simulated.floor)
