@@ -1,1 +1,1 @@
-"""What every other package builds on: diagnostics, source positions, units, poses, files."""
+"""Shared building blocks of all other packages: diagnostics, source positions, units, poses, files."""

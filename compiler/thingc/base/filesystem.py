@@ -108,8 +108,11 @@ def write_new(path: str, data: bytes, mode: int = 0o666) -> None:
 
 
 def write_whole(path: str, data: bytes, check: Callable[[], None] = lambda: None) -> bool:
-    """Write a file beside `path`, call `check`, then rename it, unless `path` has that content already. The mode of a file that is replaced
-    stays; a link is not followed. Returns whether the file was written. Raises `OSError`."""
+    """Write a file beside `path`, call `check`, then rename it, unless `path` has that content already. Return whether the file was
+    written.
+
+    The mode of an existing file is preserved; a link is replaced, not followed. Raises `OSError`.
+    """
     with contextlib.suppress(OSError), opened(path) as stream:
         if stream.read() == data:
             return False
@@ -122,7 +125,7 @@ def write_whole(path: str, data: bytes, check: Callable[[], None] = lambda: None
         check()
         os.replace(fresh, path)
     finally:
-        with contextlib.suppress(FileNotFoundError):  # it has taken its place
+        with contextlib.suppress(FileNotFoundError):  # it has been renamed
             os.unlink(fresh)
     return True
 

@@ -1,4 +1,4 @@
-"""Child processes that exchange lines of JSON: the worker that models parts, runners of batches, and the renderer of their pictures."""
+"""Child processes that exchange lines of JSON: the worker that builds parts, runners of batches, and the renderer of their pictures."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def _is_slip(name: str, candidate: str) -> bool:
 
 
 class Suggestion(str):
-    """A hint. `mends` is (written, meant) if the fix is unambiguous; `Report.add` makes a fix of it."""
+    """A hint. `mends` is (written, meant) if the fix is unambiguous: `Report.add` then adds it to the diagnostic."""
 
     mends: tuple[str, str] | None
 

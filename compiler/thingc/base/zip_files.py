@@ -16,7 +16,7 @@ MODEL = "model.xml"
 """File name of the model that MuJoCo looks for first in a `.mjz`."""
 
 DATE, TIME = 0x21, 0
-"""File name of the model that MuJoCo looks for first in a `.mjz`."""
+"""Date (1980-01-01) and time of all entries, in MS-DOS format."""
 
 _DEFLATED, _VERSION, _UNIX, _UTF8 = 8, 20, 3 << 8, 0x800
 _MODE = 0o100644 << 16

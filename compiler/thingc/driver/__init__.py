@@ -1,1 +1,1 @@
-"""The order of the passes, and what `import thingc` gives."""
+"""The driver, which runs the passes in order, and the Python API of `import thingc`."""

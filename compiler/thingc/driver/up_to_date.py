@@ -1,8 +1,8 @@
-"""Nothing changed, nothing done: a stamp remembers everything that one finished run had read.
+"""Skip runs without changes: a stamp records everything that a finished run has read.
 
-A stamp is valid while every input has the same content, every file that was looked for and absent is still absent,
-and the same thingc runs with the same installed packages. Then the run's answer (its diagnostics, and for a build the
-folder it wrote) still stands, and no document needs to be parsed.
+A stamp is valid while every input has the same content, every file that was looked for and missing is still missing, and the same thingc
+runs with the same installed packages. Then the run's answer (its diagnostics, and for a build the folder that it wrote) is valid, and no
+document needs to be parsed.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ FOLDER = "folder:"
 
 
 def fingerprint() -> str:
-    """A digest of the interpreter, the installed packages (names of their metadata folders carry the version), the variables that
-    workers are given, and the state of thingc's own files."""
+    """Return a digest of the interpreter, the installed packages (names of their metadata folders contain the version), the variables that
+    workers get, and thingc's own files.
+    """
     from thingc.geometry.key.environment_variables import passed
 
     digest = hashlib.sha256(f"{sys.version}\n{sorted(passed().items())}\n".encode("utf-8", "surrogateescape"))
@@ -126,8 +127,11 @@ def inputs(environment: Environment, compilation: Compilation) -> dict[str, str 
 
 
 def looked_at(environment: Environment, compilation: Compilation) -> set[str]:
-    """Absolute paths of everything that a compilation, sound or not, depends on in the workspace and in packages tracked by content: files
-    and folders, there or not."""
+    """Return the absolute paths of everything in the workspace, and in packages tracked by content, that a compilation depends on, with or
+    without errors.
+
+    These are files and folders, existing or not.
+    """
     from thingc.documents.workspace import settings_files
     from thingc.model.resolve.choices import chosen_files
 

@@ -1,1 +1,1 @@
-"""From documents and part records to assemblies, robots, loads."""
+"""The robot: from documents and part records to assemblies, trees of modes, and loads."""

@@ -1,1 +1,1 @@
-"""Kinds of joints, one file each: the twists of their coordinates and the limits that they take."""
+"""Kinds of joints: the twists of their coordinates and the limits that they accept."""

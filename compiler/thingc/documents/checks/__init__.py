@@ -1,7 +1,7 @@
-"""Kinds of document tests (`tests:` of a document), one file each: what is written, what is read of it, its documentation.
+"""Kinds of document tests (`tests:` of a document), one file each: their model, what is read from it, and their documentation.
 
-A file of this room that has a `KIND` is a kind. The language, its schema and its page in the documentation, references and linking
-follow from what that declares. `driver/testing/kinds/` measures.
+A module of this folder with a `KIND` is a kind. The language, its schema and its page in the documentation, references and linking follow
+from its declarations. `driver/testing/kinds/` measures.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from thingc.documents.checks.kind import CheckKind
 
 @cache
 def kinds() -> dict[str, CheckKind[Any, Any]]:
-    """Every kind by its name, in the order of the documentation."""
+    """Return every kind by its name, in the order of the documentation."""
     files = (name.removesuffix(".py") for name in os.listdir(os.path.dirname(__file__)) if name.endswith(".py"))
     modules = [import_module(f"{__name__}.{stem}") for stem in files if stem != "__init__"]
     unsorted: list[CheckKind[Any, Any]] = [module.KIND for module in modules if hasattr(module, "KIND")]

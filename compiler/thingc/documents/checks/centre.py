@@ -54,7 +54,7 @@ class CentreTest(Model):
 
 
 class CentreCheck(OneLineRepr, FrozenStruct):
-    """The centre of mass of components (none named: of the robot) in a box: `box["x"]` is (smallest, largest) [m]."""
+    """The centre of mass of components (none named: of the robot) is in a box: `box["x"]` is (smallest, largest) [m]."""
 
     of: tuple[Reference, ...]
     frame: Reference | None
@@ -62,7 +62,7 @@ class CentreCheck(OneLineRepr, FrozenStruct):
 
 
 def read_centre(written: CentreTest, reader: Reader) -> CentreCheck:
-    """A box for the centre of mass."""
+    """Read a `centre` test."""
     box: dict[str, tuple[float, float]] = {}
     for axis in ("x", "y", "z"):
         bounds = getattr(written.within, axis)

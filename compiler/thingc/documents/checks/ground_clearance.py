@@ -37,7 +37,7 @@ class GroundClearanceTest(Model):
 
 
 class GroundClearance(OneLineRepr, FrozenStruct):
-    """No part but those of the components `spared` is lower than `least` [m] over z = `plane` [m] of the mode's world."""
+    """All parts except those of the components `spared` are at least `least` [m] above z = `plane` [m] of the mode's world."""
 
     plane: float
     least: float
@@ -45,7 +45,7 @@ class GroundClearance(OneLineRepr, FrozenStruct):
 
 
 def read_ground_clearance(written: GroundClearanceTest, reader: Reader) -> GroundClearance:
-    """A plane and a height over it."""
+    """Read a `ground_clearance` test."""
     plane = 0.0 if written.plane is None else reader.number(written.plane, "plane", LENGTH)
     least = reader.number(written.at_least, "at_least", LENGTH, least=0.0)
     spared = [reference for index, text in enumerate(written.except_) for reference in reader.components(text, ("except", index))]

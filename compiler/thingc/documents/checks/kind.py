@@ -26,20 +26,20 @@ Stated = TypeVar("Stated", bound=OneLineRepr)
 
 
 class CheckKind(FrozenStruct, Generic[Written, Stated]):
-    """One kind of test.
+    """A kind of test.
 
-    `model` is what is written under the key `name`. With a field `mode` the test is run in modes, with a field `pose` in poses of these,
-    else once. `read(written, reader)` gives what is stated, in SI and with names worked out (None, where something of it was wrong: the
-    reader has reported it); `reader` is a `model.resolve.tests.Reader`. References are found in what is stated by their type, and linked.
+    `model` is the model of the value under the key `name`. With a field `mode` the test runs in modes, with a field `pose` in their poses,
+    else once. `read(written, reader)` returns the specification, in SI units and with names resolved (None if it is invalid, which the
+    reader has reported); `reader` is a `model.resolve.tests.Reader`. References in the specification are found by their type, and linked.
 
-    `link(test, stated, joints by path, findings)` reports what is only known of the linked assembly. (The types of these arguments belong
-    to later passes, which this module must not import: every kind's functions name them.) The module of the same name in
-    `driver/testing/kinds/` measures what is stated.
+    `link(test, stated, joints by path, findings)` reports errors that depend on the linked assembly. (The types of these arguments belong
+    to later passes, which this module must not import: the functions of each kind name them.) The module of the same name in
+    `driver/testing/kinds/` measures.
 
-    `position` is the place among the kinds in the documentation; `summary` one sentence for a schema and a table; `examples` values
-    of the key; `stub` what a new test of this kind says, which is right in any robot, `$mount` and `$base` standing for mounts of it;
-    `page` what the documentation says, with a table of keys for each model of the file. `lengths`: names of measured and expected values
-    that are lengths [m], which `thingc diff` prints with a unit. `of_limits`: what is read depends on the limits of joints.
+    `position` is the place among the kinds in the documentation; `summary` is one sentence for a schema and a table; `examples` are values
+    of the key; `stub` is the content of a new test of this kind, which is valid in any robot, with `$mount` and `$base` in place of mounts;
+    `page` is the documentation, with a table of keys for each model of the file. `lengths` are names of measured and expected values that
+    are lengths [m], which `thingc diff` prints with a unit. `of_limits`: the specification depends on the limits of joints.
     """
 
     name: str

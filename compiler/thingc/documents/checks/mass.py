@@ -38,7 +38,7 @@ class MassTest(Model):
 
 
 class MassCheck(OneLineRepr, FrozenStruct):
-    """The mass [kg] of components (none named: of the robot) within bounds."""
+    """The mass [kg] of components (none named: of the robot) is within bounds."""
 
     of: tuple[Reference, ...]
     minimum: float | None
@@ -46,7 +46,7 @@ class MassCheck(OneLineRepr, FrozenStruct):
 
 
 def read_mass(written: MassTest, reader: Reader) -> MassCheck:
-    """Bounds of a mass."""
+    """Read a `mass` test."""
     low, high = reader.bounds(written.min, written.max, MASS, "the mass")
     return MassCheck(of=reader.components(written.of, "of"), minimum=low, maximum=high)
 

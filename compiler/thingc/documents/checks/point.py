@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from thingc.model.resolve.types import Reference
 
 ANGLE_OFF = radians(1.0)
-"""How far a mount may be off the direction [rad] of a test that does not say."""
+"""Default deviation from the direction [rad]."""
 
 
 class PointTest(Model):
@@ -65,7 +65,7 @@ class PointCheck(OneLineRepr, FrozenStruct):
 
 
 def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
-    """A point that a mount has to reach."""
+    """Read a `point` test; None if it is invalid (reported)."""
     mount, frame = reader.mount(written.mount, "mount"), reader.mount(written.in_, "in")
     at = reader.vector(written.at, "at", LENGTH)
     within = reader.number(written.within, "within", LENGTH, above=0.0)

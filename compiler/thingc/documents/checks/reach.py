@@ -39,7 +39,7 @@ class ReachTest(Model):
 
 
 class ReachCheck(OneLineRepr, FrozenStruct):
-    """The greatest distance [m] of the mounts `of` and `base` over the ranges of all joints within bounds."""
+    """The largest distance [m] of the mounts `of` and `base` over the ranges of all joints is within bounds."""
 
     of: Reference
     base: Reference
@@ -48,7 +48,7 @@ class ReachCheck(OneLineRepr, FrozenStruct):
 
 
 def read_reach(written: ReachTest, reader: Reader) -> ReachCheck | None:
-    """Bounds of the greatest distance of two mounts."""
+    """Read a `reach` test; None if it is invalid (reported)."""
     of, base = reader.mount(written.of, "of"), reader.mount(written.from_, "from")
     low, high = reader.bounds(written.min, written.max, LENGTH, "the reach")
     return ReachCheck(of=of, base=base, minimum=low, maximum=high) if of is not None and base is not None else None

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from thingc.model.resolve.tests import Reader
 
 LONGEST = 600.0
-"""The longest simulation [s] that a document may ask for, so that no document can keep a machine busy for ever."""
+"""Longest simulation [s] that a document can request, so that no document can occupy a machine for ever."""
 HOLD = 1.0
-"""How long rest has to last [s] in a test that does not say."""
+"""Default time [s] for which the robot must be at rest."""
 GIVES = 5e-3
-"""How deep [m] contacts may be in a test that does not say: one that carries a robot gives way by less, and one that is deeper began so."""
+"""Default depth [m] of contacts: those that carry a robot are less deep, and deeper ones overlapped at the start."""
 
 
 class SettlesTest(Model):
@@ -46,8 +46,9 @@ class SettlesTest(Model):
 
 
 class SettleCheck(OneLineRepr, FrozenStruct):
-    """In simulation every point of every link is, from `within` [s] on for `hold` [s], nearer than `drift` [m] to where it ends;
-    at most `moved` [m] from the pose (None: any), with contacts at most `penetration` [m] deep."""
+    """In simulation every point of every link is, from `within` [s] on for `hold` [s], less than `drift` [m] from its final position; it is
+    at most `moved` [m] from the pose (None: any), with contacts at most `penetration` [m] deep.
+    """
 
     within: float
     drift: float
@@ -58,7 +59,7 @@ class SettleCheck(OneLineRepr, FrozenStruct):
 
 
 def read_settles(written: SettlesTest, reader: Reader) -> SettleCheck:
-    """A simulation that comes to rest."""
+    """Read a `settles` test."""
     within = reader.number(written.within, "within", TIME, above=0.0, most=LONGEST)
     drift = reader.number(written.drift, "drift", LENGTH, above=0.0)
     hold = HOLD

@@ -1,4 +1,4 @@
-"""Expressions: `=reach / 2 + 8 mm`. A small grammar of its own, with positions; dimensions are checked as it is worked out.
+"""Expressions such as `=reach / 2 + 8 mm`: a small grammar with positions. Dimensions are checked during evaluation.
 
     comparison := sum [("<" | "<=" | ">" | ">=" | "==" | "!=") sum]
     sum        := product (("+" | "-") product)*
@@ -7,6 +7,6 @@
     power      := atom ["**" unary]
     atom       := number [unit] | name | function "(" comparison ("," comparison)* ")" | "(" comparison ")"
 
-A unit binds to the number before it, without spaces around its own `*` and `/`: `10 mm/rad * q` is (10 mm/rad) q.
-Nothing else can be written, and working out is bounded by the length of the text: every value is one double.
+A unit belongs to the number before it, without spaces around its own `*` and `/`: `10 mm/rad * q` is (10 mm/rad) q. There are no other
+forms, and the cost of evaluation is bounded by the length of the text: every value is one double.
 """

@@ -1,1 +1,1 @@
-"""The text of documents, rewritten without changing what it means: canonical layout, and edits at places."""
+"""Rewrite the text of documents without changing its meaning: canonical layout, and edits at places."""

@@ -79,7 +79,7 @@ def autofix(
     """
     before = look(contents)
     done, texts, left = _autofix(look, before, contents, allowed, read, strict=False)
-    # TextEdit one fault may show those that it hid. Where more came to light than were mended, each change must lessen them.
+    # A fixed error may reveal others. If there are now more than were fixed, each change must reduce the errors.
     if any(_faults(left, one.file) >= _faults(before.found, one.file) for one in done):
         return _autofix(look, before, contents, allowed, read, strict=True)
     return done, texts, left
@@ -157,9 +157,7 @@ def _word_counts(documents: Iterable[Document]) -> tuple[Counter[str], set[str]]
 
 
 def _told_apart(edit: Edit, words: Counter[str], given: set[str]) -> bool:
-    """Return whether a name is certainly misspelt where it is used: not if the other spelling is declared but not used
-    elsewhere.
-    """
+    """Return whether a name is certainly misspelt where it is used: not if the other spelling is declared but not used elsewhere."""
     written, meant = (_base(word.rpartition(".")[2]) for word in (edit.written, edit.replacement))
     if words[written] != 1:
         return False

@@ -1,6 +1,7 @@
-"""Values in braces and brackets, and scalars: one space where one belongs, keys in order; lines stay as they are.
+"""Format values in braces and brackets, and scalars: one space between elements, keys in order; line breaks are preserved.
 
-The order of keys is that of the document models; the keys that a person chooses stay as they are."""
+The order of keys is that of the document models; user-defined keys keep their order.
+"""
 
 from __future__ import annotations
 
@@ -77,10 +78,7 @@ def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
 
 
 def ordered(names: Sequence[str], shape: FieldType | None) -> list[int]:
-    """Return the canonical order of the keys of a mapping, as indices into `names`.
-
-    Unknown keys stay behind the key that precedes them.
-    """
+    """Return the canonical order of the keys of a mapping, as indices into `names`. Unknown keys stay after the key before them."""
     if shape is None or shape.kind != "model" or shape.model is None:
         return list(range(len(names)))
     ranks = _keys(shape.model)[0]
@@ -145,7 +143,7 @@ class Inline:
             return self.scalar(piece, written, shape, by)
         if piece.odd:
             return shifted(written, by)
-        # an alias may stand where a person chooses the keys, and there their order counts
+        # an alias may be among user-defined keys, whose order matters
         shape = None if piece.body > piece.start else shape_for(shape, outline(piece))
         head = self.text[piece.start : piece.body].rstrip()
         opening, closing = self.text[piece.body], self.text[piece.end - 1]

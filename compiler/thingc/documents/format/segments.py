@@ -1,6 +1,6 @@
-"""The text of a document cut into pieces: where every key and value begins and ends, and which comments stand by it.
+"""Split the text of a document into segments: the range of every key and value, and the comments beside it.
 
-A piece knows nothing of values. All places are indices into the text, whose lines end with a line feed.
+Segments do not contain values. All positions are indices into the text, whose lines end with a line feed.
 """
 
 from __future__ import annotations

@@ -195,7 +195,7 @@ class _Commenter:
     def list_item(self, item: Item, piece: Segment) -> None:
         dash = self.at
         while dash < item.value.start:
-            # a comment above may hold dashes, too: that of the list stands in its column
+            # a comment above may contain dashes, too: that of the list is in its column
             if self.text[dash] == "-" and dash - (self.text.rfind("\n", 0, dash) + 1) == piece.column:
                 break
             dash += 1
@@ -292,7 +292,7 @@ class _Printer:
         self.inline = Inline(text, ": ")
 
     def mapping(self, piece: Segment, shape: FieldType | None, indent: int, *, top: bool = False) -> list[str]:
-        # an alias may stand where a person chooses the keys, and there their order counts
+        # an alias may be among user-defined keys, whose order matters
         shape = None if piece.body > piece.start else shape
         shape = shape_for(shape, outline(piece))
         items = [piece.items[at] for at in order_of(piece.items, shape)]

@@ -1,1 +1,1 @@
-"""Reading documents: text to trees whose every key and value has a position; nothing is interpreted here."""
+"""Read documents: text becomes trees in which every key and value has a position. Nothing is interpreted here."""

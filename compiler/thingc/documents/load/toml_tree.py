@@ -96,7 +96,7 @@ _Item = Union[_Leaf, _Array, _Table]
 
 
 class _Statements:
-    """The statements of a TOML text in order, put where they belong. With a report, keys written twice are reported."""
+    """Process the statements of a TOML text in order, and add them to their tables. With a report, duplicate keys are reported."""
 
     def __init__(self, source: Source, syntax: TomlSyntax, report: Report | None) -> None:
         self.source = source
@@ -172,7 +172,7 @@ class _Statements:
         return True
 
     def descend(self, table: _Table, parts: list[tuple[str, tuple[int, int]]], start: int, end: int) -> _Table | None:
-        """The table at a dotted key, made where it is not there; of an array of tables the last."""
+        """Return the table at a dotted key, created if necessary; for an array of tables the last one."""
         for name, place in parts:
             entry = table.entries.get(name)
             if isinstance(entry, _Array) and entry.items:
@@ -204,7 +204,7 @@ class _Statements:
 
 
 class _Joiner:
-    """Values and places to nodes."""
+    """Combines values and positions to nodes."""
 
     def __init__(self, source: Source, report: Report) -> None:
         self.source = source
@@ -212,7 +212,7 @@ class _Joiner:
         self.before = len(report.diagnostics)
 
     def fault(self, code: Code, message: str, span: Span, help: str | None = None) -> None:
-        """Say a fault, as long as there are not too many."""
+        """Report an error, unless too many have been reported."""
         if len(self.report.diagnostics) - self.before < MAX_FAULTS:
             self.report.add(code, message, span, help=help)
 

@@ -41,7 +41,7 @@ def report_syntax(error: Any, source: Source, report: Report) -> None:
     """Report a syntax error of YAML, with its place and what was probably meant."""
     problem, context = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
     at = min(problem.index if problem is not None else 0, len(source.text))
-    # libyaml has a bound of its own, 1 000 levels. It is beyond MAX_LEVELS, but libyaml reads ahead of what we have been given.
+    # libyaml has its own limit of 1 000 levels. It is larger than MAX_LEVELS, but libyaml reads ahead of the events that it has returned.
     if "nesting depth" in str(getattr(error, "problem", "")):
         report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(at, at + 1))
         return
@@ -291,7 +291,7 @@ class _Builder:
             return None
         start = event.start_mark.index
         if self.source.text[max(0, start - 1) : start] == "?" and not self.source.text[start : start + 1].isspace():
-            # libyaml takes the `?` of `{?_knee: 1}` for its mark of a long key, though no space follows
+            # libyaml reads the `?` of `{?_knee: 1}` as an explicit key, although no space follows
             self.report.add(Code.SYNTAX, "`?` cannot begin a name here", self.source.span(start - 1, start), help="put the name in quotes")
             raise _Stop
         node = self.node(event, level + 1)
@@ -311,7 +311,7 @@ class _Builder:
                 return None
             return node.value, node.span
         if node.text.isdecimal() and node.text.isascii() and not event.style:
-            return node.text, node.span  # one of several by its number, as in `limit: {0: ..., 1: ...}`
+            return node.text, node.span  # an index, as in `limit: {0: ..., 1: ...}`
         if node.text == "":
             self.report.add(Code.KEY_NOT_TEXT, "a key is missing before the `:`", self.source.span(start, start))
             return None
@@ -322,8 +322,8 @@ class _Builder:
         )
         return None
 
-    # An unquoted comma inside `{length: =min(a, 80 mm)}` ends the value: what follows comes as keys without values, in
-    # a list as further items. One diagnostic says so, and the pieces are put together again.
+    # An unquoted comma inside `{length: =min(a, 80 mm)}` ends the value: the rest becomes keys without values, or further items of a list.
+    # Report this once, and join the pieces again.
 
     def numbers(self, following: Any) -> tuple[list[tuple[Any, Any]], Any]:
         """Return up to two keys without values that are elements of a vector, from the event `following` on, and the next

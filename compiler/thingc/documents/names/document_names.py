@@ -55,7 +55,7 @@ def _in(node: Node, shape: FieldType, path: Path) -> Iterator[NameOccurrence]:
                 yield NameOccurrence(path=path, key=False, text=node.value, names=names)
     elif isinstance(node, SequenceNode):
         listed = next((one for one in alternatives(shape) if one.kind == "list"), None)
-        inner = shape if listed is None else shape_of(listed.members[0])  # a vector is a field as a whole: what is in it are expressions
+        inner = shape if listed is None else shape_of(listed.members[0])  # a vector is a field as a whole, and contains expressions
         for index, item in enumerate(node.items):
             yield from _in(item, inner, (*path, index))
     elif RefersTo("raw") in {one.names for one in alternatives(shape)}:

@@ -121,7 +121,7 @@ class PartClass:
         for module, node in self.lineage:
             for attribute, mounts in module.inside(node).assigned.items():
                 owners.setdefault(attribute, (module, node))
-                if mounts:  # of others nobody knows what is in them
+                if mounts:  # the content of others is unknown
                     several.add(attribute)
         fitting = [name for name in owners if pattern is not None and pattern.match(name)]
         whole = [name for name in owners if (name == text and pattern is None) or (name in several and text.startswith(f"{name}_"))]

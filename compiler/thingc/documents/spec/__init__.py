@@ -1,1 +1,1 @@
-"""Document models and their check. They are imported late: pydantic costs more than reading a document."""
+"""Document models and their validation. They are imported lazily, because importing pydantic takes longer than reading a document."""

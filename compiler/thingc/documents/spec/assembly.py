@@ -79,7 +79,7 @@ _WORDS = "text, a number, true or false, a list of such, or a mapping"
 
 
 def _raw(value: Any) -> Any:
-    """An attribute for a target: a scalar, a list of scalars, or a mapping of such."""
+    """Validate an attribute for a target: a scalar, a list of scalars, or a mapping of these."""
     wrong: list[PydanticCustomError] = []
     kept = _sound_raw(value, (), wrong)
     raise_all(wrong)
@@ -90,9 +90,9 @@ def _sound_raw(value: Any, path: tuple[str | int, ...], wrong: list[PydanticCust
     if isinstance(value, dict):
         return {key: _sound_raw(item, (*path, key), wrong) for key, item in value.items()}
     scalars = value if isinstance(value, list) else [value]
-    if isinstance(value, list) and any(isinstance(one, dict) for one in value):  # elements that are added
+    if isinstance(value, list) and any(isinstance(one, dict) for one in value):  # added elements
         return [_sound_raw(one, (*path, number), wrong) for number, one in enumerate(value)]
-    if not all(one is None or isinstance(one, (str, int, float)) for one in scalars):  # that a null is no value is said of every key
+    if not all(one is None or isinstance(one, (str, int, float)) for one in scalars):  # null values are reported for every key
         error = fault("type", f"expected {_WORDS}, found {found(value)}")
         wrong.append(within(error, path) if path else error)
     return value

@@ -1,9 +1,9 @@
-"""The types of values in documents: quantities, expressions, vectors, names, references, colours.
+"""Types of values in documents: quantities, expressions, vectors, names, references, colours.
 
-Each is an `Annotated` type that pydantic validates with one function of ours (no unions, no regular expressions of its
-own), so that a wrong value is one error, in our words. The errors are `PydanticCustomError`s whose type is the word that
-`spec.validation` turns into a code, and whose context holds `message`, `help`, `offset` and `end` (characters inside
-the scalar) where a part of it is to blame, `path` where something inside the value is, and `others`, the errors of more such.
+Each is an `Annotated` type that pydantic validates with one function (without unions and regular expressions of pydantic), so that an
+invalid value is one error with our own message. The errors are `PydanticCustomError`s whose type is a word that `spec.validation` converts
+to a code. Their context contains `message`, `help`, `offset` and `end` (characters inside the scalar) if only a part is invalid, `path` if
+the error is inside the value, and `others`, further such errors.
 """
 
 from __future__ import annotations
@@ -220,7 +220,7 @@ InertiaField = Annotated[Value, quantity(INERTIA)]
 
 
 def any_value(value: Any) -> Value | bool | str:
-    """A parameter's value: a quantity of any dimension, an expression, a flag, or text (not beginning with a number)."""
+    """Validate the value of a parameter: a quantity of any dimension, an expression, a boolean, or text (not beginning with a number)."""
     if isinstance(value, bool | Quantity):
         return value
     if is_expression(value):
@@ -243,14 +243,14 @@ def _begins_with_number(text: str) -> bool:
 
 
 def _joint_value(value: Any) -> Value | str:
-    """A joint's coordinate, or (in a pose) the name of a nested document's pose."""
+    """Validate a joint's coordinate, or (in a pose) the name of a nested document's pose."""
     if isinstance(value, str) and _NAME.fullmatch(value.strip()):
         return value.strip()
     return read_value(value, (ANGLE, LENGTH), "an angle or a length", "30 deg")
 
 
 def _vector(dimension: Dimension) -> FieldValidator:
-    """The type of three values of one dimension: `[10 mm, 0, =h]` or `0 120 30 mm`; validated to a tuple of three."""
+    """Return the type of three values of one dimension: `[10 mm, 0, =h]` or `0 120 30 mm`; validated to a tuple of three."""
     words = f"three values, each {dimension.words}"
     number, _, unit = dimension.example.partition(" ")
     short = f"0 0 -{number} {unit}" if dimension == ACCELERATION else f"0 {number} 30 {unit}"
@@ -292,14 +292,14 @@ def _vector(dimension: Dimension) -> FieldValidator:
 
 
 def within(error: PydanticCustomError, path: tuple[str | int, ...]) -> PydanticCustomError:
-    """The fault of something inside the value, with its `path` there, so that `spec.validation` can point at it."""
+    """Return an error inside a value, with its `path` there, so that `spec.validation` can locate it."""
     context = dict(error.context or {})
     context["path"] = path
     return PydanticCustomError(error.type, "{message}", context)
 
 
 def raise_all(errors: list[PydanticCustomError]) -> None:
-    """Raise the first fault of what is inside a value, if there is any, with the others."""
+    """Raise the first of the errors inside a value, if any, with the others in its context."""
     if errors:
         first, *others = errors
         raise PydanticCustomError(first.type, "{message}", {**(first.context or {}), "others": others})
@@ -309,7 +309,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 
 
 def name_of(value: Any) -> str:
-    """A name as documents write it. Raises a fault for what is none."""
+    """Validate a name of a document. Raises an error if it is invalid."""
     if not isinstance(value, str):
         raise fault("type", f"expected a name, found {found(value)}")
     if _NAME.fullmatch(value):
@@ -323,7 +323,7 @@ def name_of(value: Any) -> str:
 
 
 def _index(value: Any) -> str:
-    """The number of one of several, from 0."""
+    """Validate the index of a coordinate, from 0."""
     if isinstance(value, str) and value.isdecimal() and value.isascii() and len(value) < 3:
         return value
     raise fault("name", f"expected the number of a coordinate such as `0`, found {found(value)}")
@@ -333,7 +333,7 @@ _REFERENCE_WORD = re.compile(r"(?:[A-Za-z*?\[]|\$\{?[A-Za-z])(?:[A-Za-z0-9_*?\[\
 
 
 def _reference(value: Any) -> str:
-    """Dotted words; `$i` inside a repeat; `*`, `?`, `[...]` where globs are allowed."""
+    """Validate dotted words, with `$i` inside a repeat, and with `*`, `?`, `[...]` where patterns are allowed."""
     if not isinstance(value, str):
         raise fault("type", f"expected a reference such as `plate.servo_seat`, found {found(value)}")
     at = 0
@@ -354,7 +354,7 @@ _HEX = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})", re.ASCII)
 
 
 def _color(value: Any) -> str:
-    """A CSS colour name or `#rgb`, `#rrggbb`, normalised to `#rrggbb`."""
+    """Validate a CSS colour name or `#rgb`, `#rrggbb`, normalised to `#rrggbb`."""
 
     if not isinstance(value, str):
         raise fault("type", f"expected a colour, found {found(value)}", help='write a CSS name or `"#rrggbb"`')
@@ -370,7 +370,7 @@ def _color(value: Any) -> str:
 
 
 def _count(value: Any) -> int | Expression:
-    """A whole number from 0 on, or an expression."""
+    """Validate a whole number of at least 0, or an expression."""
     if is_expression(value):
         return read_expression(value)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -392,7 +392,7 @@ _COST = re.compile(r"\d+(?:\.\d+)? [A-Z]{3}", re.ASCII)
 
 
 def _cost(value: Any) -> str:
-    """An amount and a currency, kept as written."""
+    """Validate an amount and a currency, unchanged."""
     if isinstance(value, str) and _COST.fullmatch(value):
         return value
     amount = value if isinstance(value, (int, float)) and not isinstance(value, bool) else "12.50"

@@ -1,7 +1,6 @@
-"""What other formats, other programs and other habits call what documents say: words of URDF, SDFormat, MJCF, ROS, printing and CAD,
-and what takes their place here.
+"""Words of other formats and programs for the keys and values of documents: URDF, SDFormat, MJCF, ROS, printing and CAD.
 
-`KEYS` has keys, by the model of a mapping; `WORDS` has values of choices; `WHOLE` are mappings that people write as their values alone.
+`KEYS` has keys, by the model of a mapping; `WORDS` has values of choices; `WHOLE` has mappings that people write as their values alone.
 """
 
 from __future__ import annotations

@@ -90,8 +90,7 @@ def _describe(definition: dict[str, Any], documented: dict[str, str]) -> None:
 
 
 def _complete(name: str, field: dict[str, Any], definitions: dict[str, Any]) -> None:
-    """Give a field what an editor shows of it and what its type knows: its title, the words of the mapping that it takes, and
-    its choices as examples."""
+    """Add to a field what editors show: its title, the description of the accepted mapping, and its choices as examples."""
     field.setdefault("title", name.replace("_", " ").title())
     if "$ref" in field:
         inner = definitions[field["$ref"].rpartition("/")[2]]

@@ -49,7 +49,7 @@ class UnknownKey:
             self.help = did_you_mean(self.key, self.known, what="keys")
 
     def _called(self, told: str) -> str:
-        """The words for a key that is called `told` here, or of which `told` says what takes its place."""
+        """Return the help for the intended key `told`, or `told` itself if it is a sentence about what to use instead."""
         if told not in self.known:
             return told
         if told in self.present:

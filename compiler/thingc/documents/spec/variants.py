@@ -22,7 +22,7 @@ def _choice_path(value: Any) -> str:
 
 
 def _rule_text(value: Any) -> Expression:
-    """A comparison over parameters and results."""
+    """Validate a comparison over parameters and results."""
     if not isinstance(value, str):
         raise fault("type", f"expected a comparison such as `mass < 2.5 kg`, found {found(value)}")
     try:
@@ -37,7 +37,7 @@ def _rule_text(value: Any) -> Expression:
 
 
 def _setting(value: Any) -> str:
-    """What a variant sets: a parameter by its name, or a value by its path."""
+    """Validate the key of a setting: the name of a parameter, or the path of a value."""
     if not isinstance(value, str) or "." not in value:
         return name_of(value)
     if parse(value) is not None:

@@ -1,1 +1,1 @@
-"""Running the tests that a document states of its robot: `thingc test`."""
+"""Run the tests of a document on its robot: `thingc test`."""

@@ -22,8 +22,10 @@ ROUND = np.pi
 
 
 class NumpyTree:
-    """The coordinates of a robot are its joints that mimic none (`paths`, n of them, `lower` and `upper` [rad or m]); `q(x)`
-    gives all joints. A base that floats stays where it is."""
+    """The tree of a robot whose coordinates are the joints that do not mimic others.
+
+    `paths` are their n paths, `lower` and `upper` their limits [rad or m]; `q(x)` returns all joints. A floating base does not move.
+    """
 
     def __init__(self, robot: Robot, base: Pose | None = None) -> None:
         self.robot = robot
@@ -48,8 +50,9 @@ class NumpyTree:
         return coordinates(self._joints.values(), free | in_cones(self._balls, free))
 
     def cones(self, x: Array) -> tuple[Array, Array]:
-        """How far within its cone each ball is that has one, as the difference of the squares of the angles [rad^2], and the derivative
-        (k x n) by coordinates."""
+        """Return the distance of each ball with a cone from its limit, as the difference of the squares of the angles [rad^2], and the
+        derivative `(k, n)` by coordinates.
+        """
         room, slope = [], []
         for ball in self._balls:
             if ball[0].limit.cone is not None:
@@ -70,8 +73,10 @@ class NumpyTree:
         return self._body_of[assembly.link_of[mount.occurrence]], pose
 
     def jacobian(self, body: int | None, point: Array, q: Mapping[str, float], at: tuple[Pose, ...]) -> Array:
-        """At `q`, where the bodies are `at`, the velocity of a point (3, in the world) of a body by coordinates: 6 x n, linear over
-        angular; 0 of the world (None)."""
+        """Return the velocity of a point (3, in the world) of a body by coordinates `(6, n)`, linear over angular; 0 for the world (None).
+
+        `at` are the poses of the bodies at `q`.
+        """
         x, y, z = (float(one) for one in point)
         J = np.zeros((6, len(self.paths)))
         follows = self._loops.follows(q)
@@ -84,7 +89,7 @@ class NumpyTree:
         return J
 
     def closing(self, q: Mapping[str, float]) -> tuple[Array, Array]:
-        """How far the loops are from closed (6 for each: [m] over [rad], in the world), and its derivative by coordinates."""
+        """Return the loop errors (6 for each: [m] over [rad], in the world), and their derivative by coordinates."""
         error, columns = self._loops.linearized(SolverState(q=dict(q), base=self.base))
         return np.array(error), np.array(columns, dtype=np.float64).reshape(len(self.paths), -1).T
 

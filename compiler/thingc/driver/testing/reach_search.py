@@ -27,11 +27,11 @@ CLOSED = 1e-6
 
 
 def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[float, dict[str, float]]:
-    """The greatest distance [m] found of two mounts, and the joints there: positions spread over the joint ranges, the best of them
-    followed uphill within the limits (SLSQP, the loops of the document as constraints). A lower bound of the true one.
+    """Return the largest distance [m] of two mounts that was found, and the joints there. It is a lower bound of the true one.
 
-    Which mode it is does not matter: `robot` has neither a hold nor a base that moves the mounts against each other. `origin` is
-    whose the poses are that are tried.
+    Samples spread over the joint ranges are evaluated, and the best ones are optimized within the limits (SLSQP, with the loops of the
+    document as constraints). `robot` may be in any mode without holds and with a base that does not move the mounts relative to each other.
+    `origin` is that of the tried poses.
     """
     chain = NumpyTree(robot)
     ends = chain.mount(of), chain.mount(base)
@@ -51,11 +51,11 @@ def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[
 
 
 def _starts(chain: NumpyTree, origin: Origin) -> list[Array]:
-    """Positions within the limits; of a robot with loops the poses of its document and others, closed."""
+    """Return positions within the limits; for a robot with loops the poses of its document and others, with closed loops."""
     assembly = chain.robot.assembly
     if not chain.robot.closures:
         return [chain.lower + part * (chain.upper - chain.lower) for part in quasi_random(SAMPLES, len(chain.paths))]
-    # A loop follows the joints that are driven; told where all of its joints should be, it would close almost nowhere.
+    # A loop follows its driven joints: with given values for all joints, it would rarely close.
     following = on_loops(len(assembly.occurrences), assembly.mates)
     led = {joint.path for joint in joints_of(assembly) if joint.path not in following or joint.actuator is not None}
     led |= set() if led & following else {next(path for path in chain.paths if path in following)}
@@ -109,8 +109,10 @@ def _climb(chain: NumpyTree, ends: Ends, start: Array) -> tuple[float, Array] | 
 
 
 class ReachGoal(FrozenStruct):
-    """Where a mount is to go: to a point [m] of a frame (None: the world), `within` [m] of it; with a direction (a unit vector in the
-    same frame) its z at most `angle` [rad] off that."""
+    """The goal for a mount: a point [m] in a frame (None: the world), with a tolerance `within` [m].
+
+    With a `direction` (a unit vector in the same frame), its z axis may differ from it by at most `angle` [rad].
+    """
 
     mount: MountAt
     frame: MountAt | None
@@ -152,8 +154,9 @@ def _tries(chain: NumpyTree, frame: Keyframe) -> list[Array]:
 def _situation(
     chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, x: Array,
 ) -> tuple[dict[str, float], tuple[Pose, ...], tuple[Array, Array], tuple[Array, Array]]:
-    """The coordinates and the poses of all bodies at x; and, in the world, the origin and z of the mount, and the point and direction of
-    the target."""
+    """Return the coordinates and the poses of all bodies at x; and, in the world, the origin and z of the mount, and the point and
+    direction of the target.
+    """
     q = chain.q(x)
     at = chain.bodies(q)
     there, X_WF = at[mount[0]] @ mount[1], NO_POSE if frame is None else at[frame[0]] @ frame[1]

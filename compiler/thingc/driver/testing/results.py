@@ -33,9 +33,9 @@ class Failure(FrozenStruct):
 
 
 class Outcome(FrozenStruct):
-    """What was measured (SI, by name), what was expected, both in words, and why it failed, if it did.
+    """The result of a measurement: measured and expected values (SI, by name), a description, and the failure, if any.
 
-    `needed` are the numbers of the allowances of a collision test that were needed.
+    `needed` are the indices of the allowances of a collision test that were needed.
     """
 
     measured: Mapping[str, Measure]
@@ -82,8 +82,11 @@ def unclosed() -> Outcome:
 
 
 class TestCase(FrozenStruct):
-    """A test to be run once: `robot` in a mode, with keyframes for the poses that the test looks at in this case (`frames`), of which
-    `missing` could not be closed. A test that is of no mode has the first mode's robot and no frames."""
+    """A single run of a test: `robot` in a mode, with keyframes for the poses of this run (`frames`).
+
+    `missing` is the number of poses in which loops do not close. A test that does not depend on the mode has the first mode's robot and no
+    frames.
+    """
 
     linked: LinkedTest
     robot: Robot
@@ -116,15 +119,15 @@ class Result(FrozenStruct):
 
     @property
     def where(self) -> str:
-        """`bench, home`: the mode and the pose, if any."""
+        """The mode and the pose, if any: `bench, home`."""
         return ", ".join(word for word in (self.mode, self.pose) if word is not None)
 
 
 def as_junit(name: str, results: Sequence[Result], others: Sequence[Diagnostic]) -> str:
-    """One suite, called like the robot, with a case for each test, mode and pose.
+    """Return a JUnit report: one suite with the name of the robot, and a case for each test, mode and pose.
 
-    The text of a failure is its diagnostic as the command line shows it. `others` are the errors that are the failure
-    of no test, such as those that have kept the tests from running: together they are one error of the suite.
+    The text of a failure is its diagnostic as on the command line. `others` are errors that belong to no test, such as those that prevented
+    the tests from running; together they are one error of the suite.
     """
     root = ElementTree.Element("testsuites")
     suite = ElementTree.SubElement(root, "testsuite", {

@@ -22,8 +22,9 @@ BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoc
 
 
 class SettleResult(FrozenStruct):
-    """Where points of the robot went: `path` (times x points x 3) [m], a time every `step` [s]; and how `deep` [m] contacts were, at most,
-    from when the robot should have been at rest."""
+    """The motion of points of the robot: `path` (times, points, 3) [m] with a time `step` [s], and the largest depth of contacts [m] while
+    the robot should be at rest.
+    """
 
     path: Array
     step: float
@@ -53,9 +54,11 @@ def simulated(
     robot: Robot, frame: Keyframe, scene: str, files: Mapping[str, bytes], *, seconds: float, resting: float, floor: bool,
     separator: str = "/",
 ) -> SettleResult | float:
-    """Simulate the scene of the robot's mode, which is among the MJCF `files`, from its keyframe `frame` for some `seconds`, and look at
-    the box corners of every link's parts; contacts are looked at from `resting` [s] on. Names in the model have `separator` in their paths.
-    The time [s] at which it diverges, if it does."""
+    """Simulate the scene of the robot's mode, one of the MJCF `files`, from its keyframe `frame`.
+
+    Recorded are the box corners of every link's parts for `seconds`, and the depth of contacts from `resting` [s] on. Names in the model
+    have `separator` in their paths. If the simulation diverges, return the time [s] at which it does.
+    """
     with heard():
         model = _model(scene, files, floor=floor)
         data = mujoco.MjData(model)
@@ -68,7 +71,7 @@ def simulated(
         path[0] = _placed(points, data)
         for step in range(1, count + 1):
             mujoco.mj_step(model, data)
-            # After mj_step the state is new and what depends on it is not: one more kinematics, so that frames belong to the time.
+            # After mj_step, poses still belong to the state before the step: compute them for the new state.
             mujoco.mj_kinematics(model, data)
             path[step] = _placed(points, data)
             if any(data.warning[kind].number for kind in BAD):

@@ -169,7 +169,7 @@ class Tree:
 
     def _say(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
         self._findings.leave_out()
-        # One line of a document may refer to many things (a `repeat`, a nested document used twice): report it once.
+        # One line of a document may contain many references (a `repeat`, a nested document used twice): report it once.
         place = (fault.code, re.sub(r"\d+", "#", reference.text), reference.origin[:1])
         if not fault.silent and place not in self._said:
             self._said.add(place)

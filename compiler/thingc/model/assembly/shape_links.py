@@ -1,4 +1,4 @@
-"""The geometry of a link, whose shapes are listed: what it weighs, and which mesh files have to be read."""
+"""The geometry of links with listed shapes: their mass, and the mesh files to read."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import AssemblyDefinition, Material, Overrides
 
 Meshes = Mapping[MeshFile, MeshRecord]
-"""What is known of mesh files, as far as anybody has looked."""
+"""Known records of mesh files."""
 
 
 def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> Listed:
-    """What of a link of this material is drawn, and what touches. Mesh files of which nothing is known are left out."""
+    """Return the geometry of a link of this material. Mesh files without a record are left out."""
     boxes = [_box(shape, meshes) for shape in definition.shapes if isinstance(shape.solid, MeshFile) or shape.solid.shape != "plane"]
     return Listed(
         drawn=tuple(surface for shape in definition.shapes if shape.drawn for surface in _drawn(shape, material, meshes)),
@@ -141,8 +141,10 @@ def weight_of(definition: LinkDefinition, material: Material | None, meshes: Mes
 
 
 def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, tuple[Origin, bool]]:
-    """Every mesh file, where it is listed first, and whether it has to be read: it is to be `drawn`, some link weighs by it, or a mode
-    stands on the floor."""
+    """Return every mesh file with the place where it is listed first, and whether it must be read.
+
+    It must be read if it is to be `drawn`, if the mass of a link depends on it, or if a mode is `on_floor`.
+    """
     every = drawn or any(mode.on_floor for mode in model.modes)
     files: dict[MeshFile, tuple[Origin, bool]] = {}
     for assembly in assemblies_of(model):

@@ -11,20 +11,23 @@ from thingc.model.resolve.types import AssemblyDefinition, Component
 
 
 def with_own_images(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> AssemblyDefinition:
-    """The model with what is its own mirror image in mirrored assemblies as it is there: no part of its own, and bought by its number.
-    `records` are those of all definitions of the model, and of what they mirror."""
+    """Return the model in which parts of mirrored assemblies that equal their mirror image are replaced by the original part, with its
+    order number.
+
+    `records` contains all definitions of the model, and the originals of mirror images.
+    """
     return _Substituted(records).of(model)
 
 
 class _Substituted:
-    """Equal definitions stay one object, and what has nothing of that kind is what it was."""
+    """Replaces the parts, with results cached, so that equal definitions stay one object and unchanged ones are the same object."""
 
     def __init__(self, records: Mapping[str, PartRecord | PartFailure]) -> None:
         self._records = records
         self._made: dict[int, AssemblyDefinition] = {}
 
     def of(self, definition: AssemblyDefinition) -> AssemblyDefinition:
-        """That of one assembly."""
+        """Return the result for one assembly."""
         if id(definition) not in self._made:
             components = tuple(map(self._component, definition.components))
             same = all(new is old for new, old in zip(components, definition.components, strict=True))

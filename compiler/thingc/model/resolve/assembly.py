@@ -41,9 +41,9 @@ def resolved(
     context: ResolveRun, relative: str, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression],
     choices: chosen.Choices = (), *, top: bool = False,
 ) -> DocumentScope:
-    """The table of a document, its `definition` filled in; equal parameters and choices of one document give the same table.
+    """Return the scope of a document, with its `definition`. Equal parameters and choices of a document give the same scope.
 
-    Only of the top document are modes worked out: a parent does not use them.
+    Modes are only resolved for the `top` document, because a parent does not use them.
     """
     document = context.documents.by_path[relative]
     own = declared(context, document, spec)

@@ -119,7 +119,7 @@ def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSp
     if not table.choices:
         return spec, frozenset()
     names = (str(item.path[-1]), item.name)
-    # Of a repeated component what is chosen for all is said once.
+    # For a repeated component, report an error of a choice for all items once.
     label = item.name if any(path.startswith(f"components.{item.name}.") for path, _ in table.choices) else names[0]
     kind = next((key for key in ("part", "file", "assembly", "link") if getattr(spec, key) is not None), "frame")
     taken: dict[str, str] = {}

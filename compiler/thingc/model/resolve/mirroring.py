@@ -1,14 +1,14 @@
-"""The mirror image of a nested document: every part of it mirrored, every placement and every motion reflected.
+"""The mirror image of a nested document: every part is mirrored, and every placement and motion is reflected.
 
-With S the reflection in the frame of each component, D that in the frame of each mount (see `thingc.base.pose`), what is mated by
-mounts A and B is there where
+With S the reflection in the frame of each component, D that in the frame of each mount (see `thingc.base.pose`), the relative pose of
+components mated by mounts A and B becomes
 
     X'_PC = S X_PC S = (S X_PA D) (D Rz(turn) Tz(gap) X_J(q + offset) M D) inv(S X_CB D)
 
-and the middle is `Rz(pi - turn) Tz(gap) Rx(pi) X_J'(q + offset) Rx(pi) M`, X_J' being X_J with its slides negated: so turns stay what they
-are, about the axes of a frame that is upside down, and a joint at the same q is the mirror image. (Mounts that coincide are mated without
-M: then the middle is the same motion about -D axis, with slides along D axis.) Limits, poses, drives, what follows what
-and loops stay as they are written. What lies `at` X in a frame lies at `D X D`.
+and the middle is `Rz(pi - turn) Tz(gap) Rx(pi) X_J'(q + offset) Rx(pi) M`, with X_J' being X_J with negated slides. So turns are unchanged,
+about the axes of a frame that is upside down, and a joint at the same q is the mirror image. (Mounts that coincide are mated without M:
+then the middle is the same motion about -D axis, with slides along D axis.) Limits, poses, drives, mimics and loops are unchanged. A
+component `at` X in a frame is at `D X D`.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
         if scope.index is not None:
             if name == scope.index[0]:
                 return scope.index[1]
-            # `$i_upper` is `$i` and `_upper`: the longest beginning that is the index ends where `_` does.
+            # `$i_upper` is `$i` and `_upper`: the longest prefix that is the index ends where `_` begins.
             if match.group(1) is None and name.startswith(scope.index[0] + "_"):
                 return scope.index[1] + name[len(scope.index[0]):]
         unknown.append(match.group())

@@ -1,1 +1,1 @@
-"""Spanning trees: one robot per mode, a tree of bodies whose joints mean the same whatever its root."""
+"""Spanning trees: one robot per mode, a tree of bodies whose coordinates have the same meaning for every root."""

@@ -1,4 +1,4 @@
-"""The tree of bodies below a root: which joints it takes, which loops it leaves open, and how it crosses each joint."""
+"""The tree of bodies below a root: which joints it contains, which loops it leaves open, and the direction of each joint."""
 
 from __future__ import annotations
 

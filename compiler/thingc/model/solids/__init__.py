@@ -1,1 +1,1 @@
-"""The true shapes of parts, as meshes without gaps, and what lies in what."""
+"""Exact shapes of parts as closed meshes, and their overlaps."""

@@ -1,1 +1,1 @@
-"""Statics: what drives have to give for a robot to stay where it is, and what part of their limits that is."""
+"""Statics: the efforts of drives that hold a robot still, relative to their limits."""

@@ -1,12 +1,12 @@
-"""What drives have to give against gravity and springs while nothing moves, and their margins.
+"""Efforts of drives against gravity and springs while nothing moves, and their margins.
 
-The coordinates of a robot are the joints that follow none. With Q what gravity and springs do on them, C the derivative of the
-loops' closing conditions and N a basis of what they leave free, the efforts t of the drives S balance it where
+The coordinates of a robot are the joints that do not mimic others. With Q the load of gravity and springs on them, C the derivative of the
+loops' closing conditions and N a basis of the motions that these allow, the efforts t of the drives S balance the load if
 
     N' (Q + S t) = 0
 
 A tree has no C: every coordinate is balanced by the drives on it, in closed form. Loops, holds and feet on the floor share the load by
-least squares (`load_sharing.py`, which alone needs numpy). Dry friction in joints holds nothing.
+least squares (`load_sharing.py`, which alone needs numpy). Dry friction in joints is not taken into account.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission])
     efforts: dict[str, float] = {}
     for path, ((leader, factor),), _, weight in drives:
         share = squared(leader, factor, weight)
-        # A drive alone has a share of 1, exactly; one that does not move with its coordinate holds nothing.
+        # A single drive has a share of exactly 1; one that does not move with its coordinate has none.
         efforts[path] = 0.0 - load[leader] * (share / total[leader]) / factor if share > 0.0 else 0.0
     held = {leader for leader, value in total.items() if value > 0.0}
     unheld, where = 0.0, next(iter(load), "")

@@ -1,15 +1,15 @@
-"""Static efforts where the load can be shared in more than one way: loops, holds, and feet on the floor, by least squares.
+"""Static efforts if the load can be shared in several ways: by loops, holds, and feet on the floor, by least squares.
 
-With the coordinates x of a robot (of a floating one the base's six as well), Q what gravity and springs do on them, N a basis of the
-motions that loops and holds leave free, S the drives, and J the velocities of the feet, the efforts t and the forces f of the floor hold
-the robot where
+With the coordinates x of a robot (for a floating one with the six of the base), Q the load of gravity and springs on them, N a basis of the
+motions that loops and holds allow, S the drives, and J the velocities of the feet, the efforts t and the forces f of the floor balance the
+load if
 
-    N' (Q + S t + J' f) = 0,    every f within the cone |f_t| <= mu f_n of its foot, moved down its axis by what adhesion pulls
+    N' (Q + S t + J' f) = 0,    every f within the cone |f_t| <= mu f_n of its foot, moved down its axis by the force of adhesion
 
-Of all such t the answer is the one with the least sum of squares of effort by limit. Without feet that is a pseudo-inverse. With them the
-f are nonnegative sums of the edges of pyramids within the cones, and the problem one of nonnegative least squares with equality
-constraints, which weigh so much more that they are met (Haskell and Hanson, "An algorithm for linear least squares problems with equality
-and nonnegativity constraints", 1981); the edges that are used are then taken as they are and the rest is solved exactly.
+The result is the t with the smallest sum of squares of effort by limit. Without feet this is a pseudo-inverse. With feet, the f are
+nonnegative sums of the edges of pyramids within the cones, and the problem is nonnegative least squares with equality constraints, which
+have a weight large enough to be satisfied (Haskell and Hanson, "An algorithm for linear least squares problems with equality and
+nonnegativity constraints", 1981); then the set of used edges is fixed, and the rest is solved exactly.
 """
 
 from __future__ import annotations

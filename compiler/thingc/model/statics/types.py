@@ -58,11 +58,11 @@ def answer(
     drives: Iterable[DriveTransmission], efforts: dict[str, float], greatest: float, unheld: float, where: str, choices: int,
     fall: Topple | None = None,
 ) -> Efforts:
-    """The efforts found, with their margins; `unheld` [N m or N] of the load, which is `greatest` somewhere, is left at `where`."""
+    """Return the efforts with their margins; `unheld` [N m or N] of the load, which is at most `greatest`, is not balanced at `where`."""
     margins = {path: margin(limit, efforts[path]) for path, _, limit, _ in drives if limit is not None}
     return Efforts(efforts, margins, unheld / greatest if unheld else 0.0, where, choices, fall)
 
 
 def margin(limit: float, effort: float) -> float:
-    """A drive's limit by what it gives [both N m or N]; `inf` where it gives nothing."""
+    """Return the ratio of a drive's limit to its effort [both N m or N]; `inf` if the effort is 0."""
     return limit / abs(effort) if abs(effort) > NO_LOAD else numeric.inf

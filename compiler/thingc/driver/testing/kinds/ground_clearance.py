@@ -49,8 +49,10 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
 
 
 def _heights(case: TestCase, check: GroundClearance) -> Iterator[tuple[float, str]]:
-    """How high [m] the lowest points of parts and links are over the plane, each with its path: of the lowest one, and of every one that is
-    too low. Others are left out where their boxes show that they are higher."""
+    """Yield the height [m] of the lowest point of parts and links above the plane, with their paths.
+
+    The lowest one and every one that is too low are included; others may be left out if their boxes show that they are higher.
+    """
     spared = {index for reference in check.spared for index in case.linked.components[reference]}
     poses = occurrence_poses(case.robot, case.frames[0].q, case.frames[0].base)
     boxed = [

@@ -36,7 +36,7 @@ def measure(case: TestCase, check: SettleCheck) -> Outcome:
 def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
     """Evaluate the paths of all points."""
     rest, drift, moved, deepest = motion.rest(check.drift), motion.drift(check.within), motion.moved, motion.deepest
-    # In the last instant everything is where it ends: rest is only what lasts.
+    # In the last instant everything is at its final position: rest must last.
     settled = rest <= check.within + 1e-9
     measured: dict[str, Measure] = {"rest": rest if settled else None, "drift": drift, "moved": moved, "penetration": max(deepest, 0.0)}
     expected: dict[str, Measure] = {
