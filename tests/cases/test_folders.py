@@ -394,7 +394,7 @@ def test_what_a_person_did_to_a_build_is_kept_until_they_give_it_up(
     assert said(capsys, *words, "--force")[0] == 0
     assert sorted(path.name for path in two.iterdir()) == sorted(whole)
     assert (two / "bom.csv").read_bytes() == whole["bom.csv"] or changed
-    assert said(capsys, *words)[1] == ["out/two: nothing changed (6 files)"]
+    assert said(capsys, *words)[1] == ["out/two is up to date (6 files)"]
 
 
 CORNER = "v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nv 0 0 {0}\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
@@ -431,7 +431,7 @@ def test_a_build_folder_that_is_a_link_no_more(folder: Path, capsys: pytest.Capt
         assert said(capsys, *words)[0] == 0
     assert (folder / "kept" / "bom.csv").exists()
     two.unlink()
-    assert said(capsys, *words) == (0, ["build/two: 3 files; 0 parts modelled, 2 reused"])
+    assert said(capsys, *words) == (0, ["Built build/two: 3 files; 0 parts modelled, 2 reused"])
     assert (two / "bom.csv").read_bytes() == (folder / "kept" / "bom.csv").read_bytes()
 
 

@@ -10,6 +10,7 @@ import tomllib
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from textwrap import dedent
 from typing import Any
 
 import pytest
@@ -63,7 +64,7 @@ def test_nothing_heavy_is_loaded_where_nothing_is_modelled(copy: Path, shared_st
 def test_a_build_that_changes_nothing_loads_next_to_nothing(arm: Path, shared_store: str) -> None:
     build(ARM, "-o", arm.parent, store=shared_store)
     said, found = loaded(["build", ARM, "-o", str(arm.parent)], shared_store, ROOT, ("pydantic", "yaml", "asyncio", "ctypes"))
-    assert "nothing changed" in said and found == []
+    assert "is up to date" in said and found == []
 
 
 def test_check_says_nothing_of_a_good_document(arm: Path, shared_store: str) -> None:
@@ -193,16 +194,29 @@ def test_a_folder_with_files_of_somebody_else_is_left_alone(copy: Path, shared_s
     assert tree(copy / "out") == {"arm/thesis.tex": b"everything"}
 
 
-def test_what_another_build_wrote_and_this_one_takes_away_is_said(tmp_path: Path) -> None:
-    write(tmp_path, {"thingc.toml": 'thingc = "workspace/1"\n', "point.yaml": """\
+def test_outputs_that_are_current_stay_and_outdated_ones_go(tmp_path: Path) -> None:
+    """Targets built one after another give the bytes of one build of all; after a change, only what was asked for is left."""
+    point = """\
         thingc: assembly/1
         name: point
         components: {a: {frame: true, mass: 1 kg, inertia: {ixx: 1 g*m^2, iyy: 1 g*m^2, izz: 1 g*m^2}}}
-    """})
+    """
+    write(tmp_path, {"thingc.toml": 'thingc = "workspace/1"\n', "point.yaml": point})
     build = partial(thingc_here, "build", "point.yaml", store=tmp_path / "store", cwd=tmp_path)
-    said = [build("--emit", targets).err for targets in ("bom,urdf", "bom", "bom,urdf")]
-    assert "1 file of the build before is gone, `urdf/`: a build holds what its --emit asks for" in said[1], said
-    assert "gone" not in said[0] + said[2]
+    for targets in ("urdf", "bom"):
+        assert "removed" not in build("--emit", targets).err
+    assert build("--emit", "bom,urdf", "-o", "both").code == 0
+    both = tree(tmp_path / "both")
+    assert tree(tmp_path / "build") == both and {"point/bom.csv", "point/urdf/point_default.urdf"} <= {*both}
+    for words in (["--emit", "urdf"], ["--emit", "bom"], ["--emit", "bom,urdf"]):
+        assert build(*words).err == f"build/point is up to date ({len(both)} files)\n"
+    (tmp_path / "point.yaml").write_text(dedent(point).replace("mass: 1 kg", "mass: 2 kg"))
+    assert build("--emit", "bom").err == (
+        "removed 1 file of the previous build: `urdf/`\nBuilt build/point: 3 files; 0 parts modelled, 0 reused\n"
+    )
+    (tmp_path / "build" / "point" / "bom.csv").unlink()
+    assert build("--emit", "urdf").code == 0
+    assert {*tree(tmp_path / "build")} == {"point/manifest.json", "point/urdf/point_default.urdf"}, "a damaged build is not current"
 
 
 def test_a_raw_attribute_that_mujoco_refuses_is_shown_at_its_line(copy: Path, shared_store: str) -> None:

@@ -119,7 +119,7 @@ def test_a_build_without_a_change_touches_nothing(base: Path, tmp_path: Path) ->
     left = stats()
     for _ in range(2):
         again = thingc(*words, store=tmp_path / "store", cwd=tmp_path / "ws")
-        assert again.code == 0 and again.out == "" and "nothing changed" in again.err
+        assert again.code == 0 and again.out == "" and "is up to date" in again.err
         answer = build_here(*words[1:], store=tmp_path / "store", cwd=tmp_path / "ws")
         assert answer["modelled"] == [] and set(answer["reused"]) == shelf.EVERYTHING
         assert stats() == left

@@ -77,7 +77,7 @@ def test_the_command_line_counts_before_the_workspace(document: Path, shared_sto
     capsys.readouterr()
     assert chosen(built(document, shared_store, "--compat", "mjx", "--compat", "drake")) == ["mjx", "drake"]
     said = capsys.readouterr().err
-    assert "nothing changed" in said
+    assert "is up to date" in said
     assert f"thingc why --losses {document} --emit=mjcf,mjz --compat=mjx --compat=drake" in said
 
 

@@ -106,7 +106,7 @@ def test_a_part_that_the_store_has_from_something_else_is_named(build: Callable[
     assert build("Plain", "Asks")[0] == 0
     (tmp_path / "height.txt").write_text("4")
     code, said = build("Plain", "Asks")
-    assert (code, "nothing changed" in said) == (0, True)
+    assert (code, "is up to date" in said) == (0, True)
     before = {path: path.read_bytes() for path in (tmp_path / "build").rglob("*") if path.is_file()}
     code, said = build("Plain", "Asks", options=("--twice",))
     assert (code, heads(said)) == (1, ["`odd:Asks` is not the same twice: its volume is 0.3 cm^3 and 0.4 cm^3"])

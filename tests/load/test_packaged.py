@@ -109,4 +109,4 @@ def test_commands_in_a_workspace_of_its_own(tmp_path: Path, shared_store: str) -
     assert "x: 8.50 g" in thingc("info", "a.yaml", **run).out
     assert thingc("build", "a.yaml", "--emit", "bom", **run).code == 0
     assert '"thingc_stock.materials": "' in (tmp_path / "build/x/manifest.json").read_text()
-    assert "nothing changed" in thingc("build", "a.yaml", "--emit", "bom", **run).err
+    assert "is up to date" in thingc("build", "a.yaml", "--emit", "bom", **run).err

@@ -227,7 +227,7 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     lines += [f"{summary.duplicates} more are equal to one of these"] if summary.duplicates else []
     if summary.lossy:
         number = counted(sum(summary.losses.values()), "thing")
-        how = console.losses_in_words(summary.losses)
+        how = ", ".join(f"{count} {how}" for how, count in summary.losses.items())
         lines.append(f"{counted(summary.lossy, 'variant')} with targets that cannot express {number} ({how}): see the column `losses`")
     where = f" -o {shlex.quote(arguments.output)}" if arguments.output is not None else ""
     command = f"thingc batch {shlex.quote(arguments.document)}{where}"

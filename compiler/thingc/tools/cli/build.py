@@ -7,6 +7,7 @@ import os
 import shlex
 import sys
 import textwrap
+from collections import Counter
 from collections.abc import Mapping
 from functools import partial
 from typing import Any
@@ -23,7 +24,7 @@ from thingc.driver.environment import Environment, Options, attempted, store_of
 from thingc.driver.output import OutputError, build_folder, listed, unswept, verify
 from thingc.driver.pipeline import UnknownChoice
 from thingc.geometry.store.local import Store
-from thingc.targets.artifact import CARRIED, counts_of
+from thingc.targets.artifact import CARRIED
 from thingc.targets.registry import TARGETS, chosen, unknown
 from thingc.tools.cli import console
 
@@ -67,26 +68,29 @@ def run(arguments: argparse.Namespace) -> int:
         reused=said["reused"],
     )
     if answer is not None and arguments.format != "json":
-        tell(answer, arguments)
+        tell({**answer, "losses": {target: count for target, count in answer["losses"].items() if target in targets}}, arguments)
     return console.exit_code(diagnostics)
 
 
 def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
     """Build, or return the cached result of an earlier build if nothing has changed: diagnostics, and the result (None if it failed).
 
+    If only some targets are missing from an earlier build that is up to date, they are added to its folder.
     Raises `UnknownChoice` and `OutputError`."""
     key = up_to_date.key_of("build", arguments.document, {
-        "parameters": dict(options.parameters), "choices": dict(options.choices), "modes": arguments.mode, "targets": targets,
+        "parameters": dict(options.parameters), "choices": dict(options.choices), "modes": arguments.mode,
         "compat": options.compat, "strict": arguments.strict,
         "output": os.path.abspath(arguments.output) if arguments.output else None, "deny_loss": arguments.deny_loss,
     })
     store = store_of(options)
     earlier = up_to_date.load(store, key) if not arguments.twice else None
     if earlier is not None:
-        said, answer = earlier
+        found, answer = earlier
         if _stands(answer, store):
-            parts = sorted({*answer["reused"], *answer["modelled"]})
-            return said, {**answer, "modelled": [], "reused": parts, "unchanged": True}
+            if not set(targets) - set(answer["targets"]):
+                parts = sorted({*answer["reused"], *answer["modelled"]})
+                return found, {**answer, "modelled": [], "reused": parts, "unchanged": True}
+            targets = chosen([*targets, *answer["targets"]])  # the other outputs in the folder are current: they stay
     return attempted(arguments.document, options, partial(_built, wish_of(arguments, targets), key))
 
 
@@ -106,22 +110,21 @@ def _built(wish: BuildRequest, key: str, environment: Environment) -> tuple[list
         return diagnostics, None
     before = listed(build_folder(*built.place))
     folder = build_document.write(environment, built, wish, console.say_waiting)
-    if wish.targets and (gone := before - built.files.keys()):
+    if gone := before - built.files.keys():
         folders = {path.partition("/")[0] + ("/" if "/" in path else "") for path in gone}
-        console.say(f"{shown_path(folder)}: {counted(len(gone), 'file')} of the build before {'is' if len(gone) == 1 else 'are'} gone, "
-                   f"{quoted(sorted(folders), 4)}: a build holds what its --emit asks for", stream=sys.stderr)
-    answer = {**answer_of(built, folder), "place": built.place, "manifest": up_to_date.state_of(os.path.join(folder, "manifest.json"))}
+        console.say(f"removed {counted(len(gone), 'file')} of the previous build: {quoted(sorted(folders), 4)}", stream=sys.stderr)
+    manifest = up_to_date.state_of(os.path.join(folder, "manifest.json"))
+    answer = {**answer_of(built, folder), "targets": wish.targets, "place": built.place, "manifest": manifest}
     up_to_date.save(environment.store, key, up_to_date.inputs(environment, built.compilation), diagnostics, answer)
     return diagnostics, {**answer, "twice": built.twice}
 
 
 def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
     """Return the data to report about a written build."""
-    targets = dict.fromkeys(loss.target for loss in built.losses)
-    lost = {target: counts_of(loss for loss in built.losses if loss.target == target) for target in targets}
+    lost = Counter(loss.target for loss in built.losses if loss.how != CARRIED)
     return {
         "folder": folder, "artifacts": sorted(built.files or ()), "modelled": built.compilation.modelled,
-        "reused": built.compilation.reused, "losses": lost,
+        "reused": built.compilation.reused, "losses": dict(lost),
     }
 
 
@@ -133,30 +136,21 @@ def _stands(answer: Mapping[str, Any], store: Store) -> bool:
     return up_to_date.state_of(os.path.join(folder, "manifest.json")) == answer["manifest"] and verify(folder, store) is not None
 
 
-def unsaid(counts: Mapping[str, int]) -> str:
-    """Format counts of losses: `3 features it cannot express (1 omitted, 2 approximated), 4 stored in its files as custom data`."""
-    lost = {how: count for how, count in counts.items() if how != CARRIED}
-    carried = counts.get(CARRIED, 0)
-    words = [f"{counted(sum(lost.values()), 'feature')} it cannot express ({console.losses_in_words(lost)})"] if lost else []
-    words += [f"{carried if lost else counted(carried, 'feature')} stored in its files as custom data"] if carried else []
-    return ", ".join(words)
-
-
 def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
-    """Print a summary of the build to standard error."""
+    """Print a summary of the build to standard error; the last line is what was built, and where."""
     if answer.get("twice"):
         console.say(f"{counted(answer['twice'], 'part')} modelled twice: equal", stream=sys.stderr)
-    folder = shown_path(answer["folder"])
-    count = len(answer["artifacts"])
+    if lost := answer["losses"]:
+        words = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={word}" for word in arguments.emit),
+                            *(f"--compat={word}" for word in arguments.compat)])
+        counts = ", ".join(f"{count} in {target}" for target, count in lost.items())
+        console.say(f"{counted(sum(lost.values()), 'feature')} not expressed ({counts}); to list: {words}", stream=sys.stderr)
+    folder, files = shown_path(answer["folder"]), counted(len(answer["artifacts"]), "file")
     if answer.get("unchanged"):
-        console.say(f"{folder}: nothing changed ({counted(count, 'file')})", stream=sys.stderr)
+        console.say(f"{folder} is up to date ({files})", stream=sys.stderr)
     else:
         modelled, reused = len(answer["modelled"]), len(answer["reused"])
-        console.say(f"{folder}: {counted(count, 'file')}; {counted(modelled, 'part')} modelled, {reused} reused", stream=sys.stderr)
-    words = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={word}" for word in arguments.emit),
-                        *(f"--compat={word}" for word in arguments.compat)])
-    for target, counts in answer["losses"].items():
-        console.say(f"{target}: {unsaid(counts)}: {words}", stream=sys.stderr)
+        console.say(f"Built {folder}: {files}; {counted(modelled, 'part')} modelled, {reused} reused", stream=sys.stderr)
 
 
 # --- options of several commands ------------------------------------------------------------------------------------------

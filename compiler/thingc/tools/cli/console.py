@@ -8,6 +8,7 @@ import errno
 import os
 import re
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TextIO
 
@@ -201,7 +202,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
         parameters=parameters(getattr(arguments, "parameter", [])),
         choices=paths(choices, "--set PATH=TEXT", example, "--set chooses `{}` twice"),
         store=arguments.store, jobs=arguments.jobs, part_timeout=timeout, compat=chosen_compat(getattr(arguments, "compat", [])),
-        progress=show_progress if getattr(arguments, "format", "text") == "text" else None,
+        progress=ProgressLine() if getattr(arguments, "format", "text") == "text" else None,
         printed=show_printed if getattr(arguments, "format", "text") == "text" else None,
     )
 
@@ -287,12 +288,24 @@ def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator
             yield document
 
 
-def show_progress(what: str, done: int, total: int) -> None:
-    """Print progress to standard error: a line that updates in place on a terminal, else one at the start and one at the end."""
-    if sys.stderr.isatty():
-        say_in_place(f"{what} parts: {done} of {total}" if done < total else "")
-    elif done in (0, total):
-        say(f"{what} parts: {done} of {total}", stream=sys.stderr)
+class ProgressLine:
+    """Progress of modelling on standard error, with the seconds since it was created.
+
+    On a terminal it is a line that updates in place; otherwise a line at the start, at the end and at most once a second.
+    """
+
+    def __init__(self) -> None:
+        self._started = self._shown = time.monotonic()
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        """Show that `done` of `total` parts are finished."""
+        now = time.monotonic()
+        line = f"{what} parts: {done} of {total} ({now - self._started:.0f} s)"
+        if sys.stderr.isatty():
+            say_in_place(line if done < total else "")
+        elif done in (0, total) or now - self._shown >= 1:
+            self._shown = now
+            say(line, stream=sys.stderr)
 
 
 def show_printed(part: str, lines: Sequence[str]) -> None:
@@ -401,11 +414,6 @@ def _documentation() -> str | None:
         return None
     labelled = (address.partition(",") for address in addresses)
     return next((url.strip() for label, _, url in labelled if label.strip().lower() == "diagnostics"), None)
-
-
-def losses_in_words(counts: Mapping[str, int]) -> str:
-    """Format counts of losses: `2 omitted, 1 approximated`."""
-    return ", ".join(f"{count} {how}" for how, count in counts.items())
 
 
 def final(report: Report, *, strict: bool) -> list[Diagnostic]:
