@@ -1,16 +1,16 @@
-"""Does the compiler still write what it wrote? `make freeze`, then, after a change of its inside, `make frozen`.
+"""Compare the outputs of the compiler with earlier ones: `make freeze`, then, after a refactoring, `make frozen`.
 
-A corpus of outputs is kept as digests: both robots and what they nest, every document of `docs/`, every right example of
+A corpus of outputs is stored as hashes: both robots and the documents that they nest, every document of `docs/`, every right example of
 `tests/cases/codes` and the random robots of `benchmarks/conformance` in all formats, 200 random designs of MInchW (`benchmarks/designs`),
-and 50 sampled variants of it. Each entry is one command of `thingc`, with its exit code, what it printed and the SHA-256 of every file
-that it wrote. What `thingc` says of wrong documents is frozen already, as the texts of `tests/cases`.
+and 50 sampled variants of it. Each entry is one command of `thingc`, with its exit code, output and the SHA-256 of every file that it
+wrote. Diagnostics of wrong documents are tested by `tests/cases`.
 
-    python benchmarks/corpus.py freeze build/corpus.json      # some ten minutes on two cores that do nothing else
-    python benchmarks/corpus.py compare build/corpus.json     # the same again; prints what differs, 1 where anything does
+    python benchmarks/corpus.py freeze build/corpus.json      # about ten minutes on two idle cores
+    python benchmarks/corpus.py compare build/corpus.json     # the same again; prints differences, exits with 1 if there are any
 
-`--only PATTERN...` takes part of it (`--only 'robots/*' 'designs/00?'`, or a page, `docs/things.md`; `make frozen ONLY='trees/*'`): of the
-time, the designs, whose parts are all of other sizes, take most. What is frozen is written as it comes, so that one that is stopped keeps
-what it has. Both are of one machine with one set of installed packages: another kernel or another MuJoCo may write other digits.
+`--only PATTERN...` selects a part of it (`--only 'robots/*' 'designs/00?'`, or a page, `docs/things.md`; `make frozen ONLY='trees/*'`). The
+designs take most of the time, because all of their parts differ. Results are written as they come, so an interrupted run is not lost. Use
+the same machine and installed packages for both: another kernel or another MuJoCo may write other digits.
 """
 
 from __future__ import annotations
@@ -53,16 +53,16 @@ emit: [mjcf, bom]
 """
 ASSEMBLY = re.compile(r"^thingc *[:=] *\"?assembly/1", re.MULTILINE)
 PASSING = re.compile(r"^(modelling|decomposing|slicing) parts: .*\n|\d+ parts? modelled.*|\d+\.\d+ s\b", re.MULTILINE)
-"""What depends on the store or the clock."""
+"""Output that depends on the store or the clock."""
 OF_THE_RUN = frozenset({"journal.jsonl", "results.parquet", "shown.json"})
-"""Files of a batch that say how long each variant took; the table without that stands in `results.csv`, too."""
+"""Files of a batch that contain durations; the rest of the table is in `results.csv`, too."""
 
 Entry = dict[str, str]
-"""`exit`, `printed` (a digest), and every file by its path in the output folder, with the SHA-256 of its content."""
+"""`exit`, `printed` (a hash), and the SHA-256 of every file by its path in the output folder."""
 
 
 def main() -> int:
-    """Freeze or compare; 1 where an entry differs."""
+    """Freeze or compare; return 1 if an entry differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=["freeze", "compare"])
     parser.add_argument("file", type=Path)
@@ -84,7 +84,7 @@ def main() -> int:
 
 
 def freeze(entries: dict[str, Entry], file: Path) -> None:
-    """Keep what there is so far."""
+    """Write the entries so far."""
     file.parent.mkdir(parents=True, exist_ok=True)
     aside = file.with_suffix(".part")
     aside.write_text(json.dumps(entries, indent=1, sort_keys=True) + "\n")
@@ -92,12 +92,12 @@ def freeze(entries: dict[str, Entry], file: Path) -> None:
 
 
 def fits(name: str, only: Sequence[str]) -> bool:
-    """Whether an entry is asked for, by its name or as one of a page."""
+    """Return whether an entry is selected, by its name or its page."""
     return any(fnmatch(name, pattern) or fnmatch(name, f"{pattern}/*") for pattern in only)
 
 
 def compared(before: dict[str, Entry], now: dict[str, Entry]) -> int:
-    """Prints every entry that differs, and by kind of file how many; 1 where there are any."""
+    """Print every entry that differs, and counts by kind of file; return 1 if there are any."""
     kinds: Counter[str] = Counter()
     for name in sorted(before.keys() | now.keys()):
         one, other = before.get(name, {}), now.get(name, {})
@@ -111,7 +111,7 @@ def compared(before: dict[str, Entry], now: dict[str, Entry]) -> int:
 
 
 def entries(folder: Path, only: Sequence[str]) -> Iterator[tuple[str, Entry]]:
-    """Every entry of the corpus, by name; `folder` is scratch."""
+    """Yield every entry of the corpus by name; `folder` is temporary."""
     robots = folder / "robots"
     drawing.workspace(robots)
     for document in sorted((robots / "assemblies").rglob("*.yaml")):
@@ -161,13 +161,13 @@ def documents(page: str, folder: Path, shown: Collection[str | None], only: Sequ
 
 
 def build(folder: Path, document: Path, *words: str) -> Entry:
-    """All that one build of a document in a workspace writes and says."""
+    """Build a document in a workspace; return files and output."""
     out = fresh(folder.parent / f"{folder.name}_out")
     return run(folder, out, ["build", os.path.relpath(document, folder), "-o", str(out), *words])
 
 
 def run(folder: Path, out: Path, words: list[str]) -> Entry:
-    """One command of `thingc` in `folder`, which writes to `out`."""
+    """Run one command of `thingc` in `folder`, which writes to `out`."""
     printed = io.StringIO()
     with contextlib.chdir(folder), contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
         code = thingc(words)
@@ -181,7 +181,7 @@ def run(folder: Path, out: Path, words: list[str]) -> Entry:
 
 
 def content(path: Path) -> bytes:
-    """What a file says, a table without the columns of the run: what was modelled, and how long it took."""
+    """Return the content of a file; for a table, without the columns about the run."""
     if path.name != "results.csv":
         return path.read_bytes()
     with path.open(newline="") as stream:
@@ -191,7 +191,7 @@ def content(path: Path) -> bytes:
 
 
 def fresh(folder: Path) -> Path:
-    """An empty folder of that name."""
+    """Return a new empty folder with this name."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     return folder

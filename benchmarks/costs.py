@@ -1,4 +1,4 @@
-"""What a process costs."""
+"""Measure the costs of a process."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Cost:
-    """Of one process: wall seconds, the peak resident memory [MB] of the largest process under it, and its standard output."""
+    """The costs of one process: wall time [s], the largest peak resident memory [MB] of it and its children, and its standard output."""
 
     wall: float
     memory: float
@@ -19,7 +19,7 @@ class Cost:
 
 
 def cost(command: list[str], folder: Path, environment: dict[str, str]) -> Cost:
-    """Run a command to its end. Raises where it fails: a failing command is not fast."""
+    """Run a command. Raises if it fails: a failing command is not fast."""
     program = (
         "import json, os, resource, subprocess, sys, time\n"
         "start = time.perf_counter()\n"

@@ -1,4 +1,4 @@
-"""A URDF of 80 links, each with a mesh of 50 000 facets of its own: what it costs to import and build, beside MuJoCo's own reading."""
+"""The cost of importing and building a URDF file with 80 links, each with a mesh of 50 000 facets, compared to MuJoCo's own reader."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from costs import cost
 
 LINKS = 80
 ROUND, HIGH = 250, 101
-"""Vertices around and between the poles: 2 * 250 * 100 facets."""
+"""Numbers of vertices around and between the poles: 2 * 250 * 100 facets."""
 
 
 def write_eighty(folder: Path) -> Path:
-    """Write a chain of 80 links that are drawn and touched as their meshes, which are bodies with dents [m]; the file."""
+    """Write a chain of 80 links with meshes for display and collision, as bodies with dents [m]; return the file."""
     (folder / "meshes").mkdir(parents=True)
     lines = ['<robot name="eighty">', '  <mujoco><compiler discardvisual="false" strippath="false"/></mujoco>']
     for number in range(LINKS):
@@ -35,7 +35,7 @@ def write_eighty(folder: Path) -> Path:
 
 
 def _dented(number: int) -> trimesh.Trimesh:
-    """An egg of 5 cm with a wave on it that is only its own, closed."""
+    """Return a closed egg of 5 cm with a wave that depends on the number."""
     around, down = numpy.meshgrid(numpy.linspace(0.0, 2.0 * numpy.pi, ROUND, endpoint=False), numpy.linspace(0.0, numpy.pi, HIGH)[1:-1])
     radius = 0.05 + 0.002 * numpy.sin((5 + number % 7) * down) * numpy.cos((3 + number % 11) * around) + 1e-5 * number
     rings = numpy.stack((radius * numpy.sin(down) * numpy.cos(around), radius * numpy.sin(down) * numpy.sin(around),
@@ -53,17 +53,17 @@ def _dented(number: int) -> trimesh.Trimesh:
 
 
 def rows(thingc: str, folder: Path, environment: dict[str, str], unit: float) -> list[tuple[str, float, str, float | None]]:
-    """Name, figure, its unit, and what it must stay below; `unit` is I [s]. Each is run once: they are long."""
+    """Return names, values, units and upper bounds; `unit` is I [s]. Each command runs once, since they take long."""
     file = write_eighty(folder / "eighty")
     theirs = cost([sys.executable, "-c", f"import mujoco; mujoco.MjModel.from_xml_path({str(file)!r})"], folder, environment)
     empty = cost([sys.executable, "-c", "import mujoco"], folder, environment)
     reading = theirs.wall - empty.wall
     document = "eighty_thingc/eighty.yaml"
     imported = cost([thingc, "import", str(file), "-o", "eighty_thingc"], folder, environment)
-    cost([thingc, "set", document, "modes.source.at={xyz: 0 0 200 mm}"], folder, environment)  # nothing lies under the floor
+    cost([thingc, "set", document, "modes.source.at={xyz: 0 0 200 mm}"], folder, environment)  # above the floor
     unverified = cost([thingc, "build", document, "--emit", "urdf", "--store", "eighty_store"], folder, environment)
     built = cost([thingc, "build", document], folder, environment)
-    time.sleep(2.5)  # digests are kept of files that have settled
+    time.sleep(2.5)  # hashes of recently changed files are not cached
     cost([thingc, "build", document], folder, environment)
     same = cost([thingc, "build", document], folder, environment)
     cost([thingc, "set", document, "joints.joint_7.limit.upper=0.9 rad"], folder, environment)

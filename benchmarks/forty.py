@@ -1,4 +1,4 @@
-"""Forty parts in one module, and a robot of them: what an edit of one of them costs, since the key of their code is that of the module."""
+"""A robot of forty parts in one module: the cost of editing one of them, since the key of their code covers the module."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Plate{number}(Thing):
 
 
 def write_forty(workspace: Path) -> str:
-    """Write the module and the document into a workspace; returns the document's path in it."""
+    """Write the module and the document into a workspace; return the path of the document in it."""
     (workspace / "parts" / "forty.py").write_text(_HEAD + "".join(_PART.format(number=k, thickness=3.0) for k in range(PARTS)))
     lines = ["thingc: assembly/1", "name: forty", "materials: {steel: {density: 7850 kg/m^3}}", "components:", "  base: {frame: true}"]
     for k in range(PARTS):

@@ -1,9 +1,9 @@
-"""`make bench`: what thingc costs, as ratios within one run.
+"""`make bench`: the costs of thingc, as ratios within one run.
 
-I is one `python -c "import build123d"` of the same run: it stands for this machine at this moment, so that the ratios mean
-something elsewhere. Every command is a whole process, from start to exit; memory is the largest resident set of any one process
-that it started. The documents and parts of both robots are copied into a scratch workspace, and the edits are made there. Where parts
-are counted, as many must have been modelled as have other parameters than before.
+I is the time of `python -c "import build123d"` in the same run: it represents the speed of the machine, so that ratios can be compared
+between machines. Every command is a whole process, from start to exit; memory is the largest resident set of a process that it started. The
+documents and parts of both robots are copied to a temporary workspace and edited there. If parts are counted, exactly those with changed
+parameters must have been modelled.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 class Workspace:
-    """A scratch copy of the arm, with a store of its own, and edits that never repeat."""
+    """A temporary copy of the arm with its own store, and edits that never repeat."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -46,7 +46,7 @@ class Workspace:
         self.environment = {**os.environ, "THINGC_STORE": str(self.store), "PYTHONDONTWRITEBYTECODE": ""}
 
     def edit(self, file: str, pattern: str, values: Callable[[int], str]) -> None:
-        """Replace the one place that matches by a value never used before."""
+        """Replace the only match by a new value."""
         self.count += 1
         path = self.folder / file
         text, times = re.subn(pattern, lambda match: match.group(1) + values(self.count), path.read_text())
@@ -55,7 +55,7 @@ class Workspace:
         path.write_text(text)
 
     def write_thousand(self, file: str) -> None:
-        """A document of 1 000 components with comments, its keys not in order."""
+        """Write a document of 1 000 components with comments and unordered keys."""
         lines = ["thingc: assembly/1", "components:", "  base: {frame: true}", "name: thousand"]
         components = []
         for n in range(1, 1000):
@@ -67,26 +67,26 @@ class Workspace:
         (self.folder / file).write_text("\n".join([*lines[:3], *components, lines[3], ""]))
 
     def known(self, document: str) -> None:
-        """See to it that the store has the parts of a document."""
+        """Ensure that the store contains the parts of a document."""
         cost([str(Path(sys.executable).parent / "thingc"), "check", document], self.folder, self.environment)
 
     def lock_once(self) -> None:
-        """Make the lock, unless it is there, and forget the store: what --no-code checks with is the lock alone."""
+        """Write the lock unless it exists, and delete the store, so that --no-code uses only the lock."""
         if not (self.folder / "parts.lock.json").exists():
             cost([str(Path(sys.executable).parent / "thingc"), "lock"], self.folder, self.environment)
         self.empty()
 
     def unbuilt(self) -> None:
-        """Forget every build, and keep the parts."""
+        """Delete all builds, but not the parts."""
         shutil.rmtree(self.folder / "build", ignore_errors=True)
 
     def empty(self) -> None:
-        """Forget every part and every build."""
+        """Delete all parts and builds."""
         shutil.rmtree(self.store, ignore_errors=True)
         shutil.rmtree(self.folder / "build", ignore_errors=True)
 
     def two_revisions(self) -> None:
-        """A repository in which a limit was edited; parts of both revisions are in the store."""
+        """Create a repository in which a limit was edited; the store has the parts of both revisions."""
         if (self.folder / ".git").exists():
             return
         arm = "assemblies/arm.yaml"
@@ -101,8 +101,10 @@ class Workspace:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A command, what to do before each run, and what it must reach: a ratio to I (None: only printed) and a bound on memory
-    [MB]. With `counted`, it must model those definitions that it did not have before, and no other."""
+    """A command, the preparation of each run, and its bounds: a ratio to I (None: only printed) and memory [MB].
+
+    If `counted`, it must model exactly the definitions that it did not have before.
+    """
 
     name: str
     command: tuple[str, ...]
@@ -113,7 +115,7 @@ class Scenario:
 
 
 def scenarios(workspace: Workspace) -> list[Scenario]:
-    """The arm and MInchW, cold, unchanged and after one edit of each kind."""
+    """Return the scenarios for the arm and MInchW: cold, unchanged and after one edit of each kind."""
     arm, minchw = "assemblies/arm.yaml", "assemblies/minchw/minchw.yaml"
 
     def edited(file: str, pattern: str, value: Callable[[int], str]) -> Callable[[], None]:
@@ -160,9 +162,11 @@ def scenarios(workspace: Workspace) -> list[Scenario]:
 
 @dataclass(frozen=True)
 class Save:
-    """A save while `thingc watch DOC --emit mjcf` runs, and what it must reach from the save to the new folder: a ratio to I, without the
-    time in which parts were modelled. The workers tell that: from when a part's class is there until its record is, so that to load modules
-    counts among the rest."""
+    """A save while `thingc watch DOC --emit mjcf` runs, and its bound: the ratio to I of the time from the save to the new folder, without
+    the time in which parts were modelled.
+
+    Workers report that time, from the loaded class of a part to its record, so loading modules counts for the rest.
+    """
 
     name: str
     document: str
@@ -171,7 +175,7 @@ class Save:
 
 
 def saves(workspace: Workspace) -> list[Save]:
-    """One number, and one part, of both robots."""
+    """Return the saves: one number and one part of both robots."""
     arm, minchw = "assemblies/arm.yaml", "assemblies/minchw/minchw.yaml"
 
     def edited(file: str, pattern: str, value: Callable[[int], str]) -> Callable[[], None]:
@@ -180,7 +184,7 @@ def saves(workspace: Workspace) -> list[Save]:
     yaw = edited(arm, r"(yaw:(?:.|\n)*?lower: -)[\d.]+", lambda n: f"{140 - n / 1000.0:.3f}")
     knee = edited("assemblies/minchw/leg.yaml", r"(knee:(?:.|\n)*?upper: )[\d.]+", lambda n: f"{113 - n / 1000.0:.3f}")
     plate = edited("parts/arm.py", r"(class BasePlate(?:.|\n)*?thickness: Annotated.* = )[\d.]+", lambda n: f"{5.2 + n / 1000.0:.3f}")
-    # documents give its thickness, so that another default would change nothing
+    # documents set its thickness, so another default would change nothing
     bracket = edited("parts/minchw/leg.py", r"(class HipBracket(?:.|\n)*?boss_diameter__add=)[\d.]+", lambda n: f"{6.2 + n / 100.0:.2f}")
     return [
         Save("arm: watch, a limit saved", arm, yaw, 0.065),
@@ -191,7 +195,7 @@ def saves(workspace: Workspace) -> list[Save]:
 
 
 def watched(workspace: Workspace, saved: Save, times: int) -> tuple[list[float], list[float]]:
-    """The seconds from each save to its new build folder, and those of them in which parts were modelled."""
+    """Return the times [s] from each save to its new build folder, and the parts of them in which parts were modelled."""
     thingc = str(Path(sys.executable).parent / "thingc")
     folder = workspace.folder / "build" / Path(saved.document).stem
     command = [thingc, "watch", saved.document, "--emit", "mjcf", "--format", "json"]
@@ -220,13 +224,13 @@ def watched(workspace: Workspace, saved: Save, times: int) -> tuple[list[float],
 
 
 def definitions(out: str) -> tuple[set[str], set[str]]:
-    """From the JSON answer of a build: the texts of the parts that it modelled, and of all that it has."""
+    """Return the modelled and all definitions from the JSON output of a build."""
     answer = json.loads(out)
     return set(answer["modelled"]), {*answer["modelled"], *answer["reused"]}
 
 
 def main() -> int:
-    """Print the table; exit code 1 when a figure that must be reached is not."""
+    """Print the table; return 1 if a bound is exceeded."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-n", type=int, default=5, help="runs of each scenario; medians are printed")
     parser.add_argument("--only", default="", help="only scenarios whose name contains this")
@@ -238,7 +242,7 @@ def main() -> int:
         units: list[float] = []
         rows: list[tuple[Scenario, float, float, str]] = []
         thingc = str(Path(sys.executable).parent / "thingc")
-        # once unmeasured: byte code of thingc itself is written on the first run
+        # not measured: thingc's own byte code is written
         cost([thingc, "build", "assemblies/arm.yaml"], workspace.folder, workspace.environment)
         for scenario in scenarios(workspace):
             if arguments.only not in scenario.name:
@@ -264,7 +268,7 @@ def main() -> int:
                 units.append(cost(importing, workspace.folder, workspace.environment).wall)
                 live.append((saved, *watched(workspace, saved, 2 * arguments.n)))
         typed: list[tuple[str, float, str, float | None]] = []
-        if arguments.only in "minchw: lsp":  # all of it is one session
+        if arguments.only in "minchw: lsp":  # one session for all
             units.append(cost(importing, workspace.folder, workspace.environment).wall)
             workspace.known(document := "assemblies/minchw/minchw.yaml")
             workspace.known(f"wide/{write_wide(workspace.folder / 'wide')}")

@@ -1,4 +1,4 @@
-"""What somebody feels who types: the time from a keystroke to its diagnostics, from a request to its answer, over `thingc lsp`."""
+"""Latency in an editor: the time from a keystroke to its diagnostics, and from a request to its answer, with `thingc lsp`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 
 
 class Editor:
-    """An editor: `thingc lsp` over its standard input and output, and the texts that are open in it."""
+    """An editor: `thingc lsp` over standard input and output, and its open texts."""
 
     def __init__(self, thingc: str, folder: Path, environment: dict[str, str]) -> None:
         self.process = subprocess.Popen([thingc, "lsp"], cwd=folder, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
@@ -29,7 +29,7 @@ class Editor:
         self.process.stdin.flush()
 
     def hear(self, wanted: Callable[[Any], bool]) -> Any:
-        """The next message that is wanted."""
+        """Return the next matching message."""
         assert self.process.stdout is not None
         while True:
             length = 0
@@ -48,7 +48,7 @@ class Editor:
         return self.hear(lambda one: one.get("id") == self.number)["result"]
 
     def put(self, path: Path, text: str) -> list[Any]:
-        """Open a file, or give it another text; its diagnostics."""
+        """Open a file or change its text; return its diagnostics."""
         uri, version = path.as_uri(), self.versions.get(path.as_uri(), 0) + 1
         self.versions[uri] = version
         if version == 1:
@@ -63,7 +63,7 @@ class Editor:
         return diagnostics
 
     def quiet(self, path: Path) -> None:
-        """Wait until nothing more is looked at: requests are answered behind one document each."""
+        """Wait until the server is idle: each request is answered after one more document."""
         for _ in range(len(self.versions) + 1):
             beside = {"uri": f"{path.as_uri()}.txt"}
             self.ask("textDocument/formatting", {"textDocument": beside, "options": {"tabSize": 2, "insertSpaces": True}})
@@ -83,7 +83,7 @@ class Editor:
 
 
 def keystrokes(editor: Editor, path: Path, times: int) -> list[float]:
-    """The seconds from each of twice so many keystrokes to its diagnostics: letters go, and are typed again, anywhere in the document."""
+    """Return the times [s] from 2 * `times` keystrokes to diagnostics: letters anywhere in the document are deleted and typed again."""
     text = path.read_text()
     if any(one["severity"] == 1 for one in editor.put(path, text)):
         raise SystemExit(f"{path.name} is not sound")
@@ -92,7 +92,7 @@ def keystrokes(editor: Editor, path: Path, times: int) -> list[float]:
     seconds = []
     for _ in range(times):
         place = chance.choice(words)
-        for typed in (text[:place] + text[place + 1:], text):  # a letter goes, and is typed again
+        for typed in (text[:place] + text[place + 1:], text):  # delete a letter, and type it again
             start = time.perf_counter()
             editor.put(path, typed)
             seconds.append(time.perf_counter() - start)
@@ -102,7 +102,7 @@ def keystrokes(editor: Editor, path: Path, times: int) -> list[float]:
 
 
 def completions(editor: Editor, path: Path, times: int) -> list[float]:
-    """The seconds of so many completions, anywhere in the document."""
+    """Return the times [s] of `times` completions anywhere in the document."""
     lines = path.read_text().split("\n")
     chance = random.Random(2)
     seconds = []
@@ -116,15 +116,16 @@ def completions(editor: Editor, path: Path, times: int) -> list[float]:
 
 
 def slowest(seconds: list[float]) -> float:
-    """What 99 % stay below."""
+    """Return the 99th percentile."""
     return statistics.quantiles(seconds, n=100)[98]
 
 
 def rows(
     thingc: str, folder: Path, environment: dict[str, str], document: Path, wide: list[Path], times: int,
 ) -> list[tuple[str, float, str, float | None]]:
-    """Name, figure, its unit, and what it must stay below: of a `document`, and of those of a `wide` workspace, which are all open; in the
-    last of these is typed, as well."""
+    """Return names, values, units and upper bounds: for a `document`, and for a `wide` workspace whose documents are all open; typing in
+    the last one is measured, too.
+    """
     editor = Editor(thingc, folder, environment)
     typed = keystrokes(editor, document, times)
     stroke = statistics.median(typed)

@@ -1,4 +1,4 @@
-"""A machine of 1 000 components in 20 documents, each of which nests two others: what `check` of a large robot costs."""
+"""A machine of 1 000 components in 20 documents, each of which nests two others, to measure `check` of a large robot."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ COMPONENTS = 1000
 
 
 def write_wide(folder: Path) -> str:
-    """Write the documents into a folder; returns the name of the one that nests all others."""
+    """Write the documents to a folder; return the name of the one that nests all others."""
     own = COMPONENTS // DOCUMENTS
     for number in range(DOCUMENTS):
         inner = [child for child in (2 * number + 1, 2 * number + 2) if child < DOCUMENTS]

@@ -1,4 +1,4 @@
-"""catkin_pkg, which colcon reads packages with, on the manifest of a ROS package: `python ask_catkin_pkg.py REQUESTS ANSWERS`."""
+"""Read the manifest of a ROS package with catkin_pkg, which colcon uses: `python ask_catkin_pkg.py REQUESTS ANSWERS`."""
 
 from __future__ import annotations
 

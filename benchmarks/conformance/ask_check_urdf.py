@@ -1,4 +1,4 @@
-"""`check_urdf`, the parser of ROS, on URDF: whether it takes a file and finds every link. `python ask_check_urdf.py REQUESTS ANSWERS`."""
+"""Check that `check_urdf`, the parser of ROS, accepts a URDF file and finds every link: `python ask_check_urdf.py REQUESTS ANSWERS`."""
 
 from __future__ import annotations
 

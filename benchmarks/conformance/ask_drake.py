@@ -1,7 +1,8 @@
-"""Drake on MJCF, URDF and SDF, as a discrete plant with SAP, without which it leaves mimics out: `python ask_drake.py REQUESTS ANSWERS`.
+"""Read MJCF, URDF and SDF with Drake, as a discrete plant with SAP, since it ignores mimics otherwise: `python ask_drake.py REQUESTS
+ANSWERS`.
 
-It says of no joint what it mimics. So it simulates: a leader is pushed, and a line through where it and the follower are in the second half
-of 400 steps has the multiplier and the offset.
+Drake does not report mimics, so they are found by simulation: a leader is pushed, and a line is fitted to the positions of leader and
+follower in the second half of 400 steps; it gives multiplier and offset.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
 from pydrake.systems.analysis import Simulator
 
 STEP, STEPS, SPEED = 0.001, 400, 0.1
-"""How long a step is [s], how many there are, and how fast a leader is pushed [rad/s or m/s]."""
+"""Timestep [s], number of steps, and speed of a pushed leader [rad/s or m/s]."""
 
 ElementTree.register_namespace("drake", "http://drake.mit.edu")
 logging.getLogger("drake").setLevel(logging.ERROR)
@@ -45,7 +46,7 @@ def answer(asked):
     joints = [(plant.GetJointByName(name), axis) for name, axis in zip(asked["joints"], asked["axes"])]
     dofs = [joint.velocity_start() + axis for joint, axis in joints]
     plant.mutable_gravity_field().set_gravity_vector(asked["gravity"])
-    reflected = np.zeros(plant.num_velocities())  # the armature, of which the bodies know nothing
+    reflected = np.zeros(plant.num_velocities())  # the armature, which is not part of the bodies
     for index in plant.GetJointActuatorIndices():
         actuator = plant.get_joint_actuator(index)
         reflected[actuator.joint().velocity_start()] += actuator.calc_reflected_inertia(context)
@@ -68,7 +69,7 @@ def answer(asked):
         "meshes": boxes,
         "range": [None if np.isinf(ends).all() else list(ends) for ends in limits],
     }
-    if file.suffix != ".xml":  # whose equalities between joints it does not read
+    if file.suffix != ".xml":  # Drake does not read equalities of joints in MJCF
         answers["mimic"] = [leader and [leader, *followed(plant, leader, name)] for name, leader in zip(asked["joints"], asked["leaders"])]
     if asked.get("efforts", True):
         answers["effort"] = efforts(plant, [joint for joint, _ in joints], asked["driven"], called=file.suffix != ".sdf")
@@ -76,8 +77,11 @@ def answer(asked):
 
 
 def efforts(plant, joints, driven, called):
-    """How strong what drives each joint is; None where it knows nothing of that: of a joint with several axes, of a screw, and but for SDF
-    of one without a drive. Drives are `called` like their joints, but in SDF."""
+    """Return the effort limits of the drives of joints, None if unknown.
+
+    Unknown are those of joints with several axes, of screws and, except in SDF, of joints without a drive. `called`: drives have the names
+    of their joints, as in all formats but SDF.
+    """
     actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
     found = {actuator.joint().name(): actuator for actuator in actuators}
     if called and any(name != actuator.name() for name, actuator in found.items()):
@@ -88,7 +92,7 @@ def efforts(plant, joints, driven, called):
 
 
 def box(plant, context, inspector, name):
-    """The box in the world around the mesh that is drawn, or collides, under a name: its lowest and its highest corner."""
+    """Return the smallest and largest corner of the bounding box, in the world, of the mesh with a name."""
     found = [one for one in inspector.GetAllGeometryIds() if inspector.GetName(one).partition("::")[2] == name]
     if len(found) != 1:
         raise ValueError(f"{len(found)} shapes are called {name}")
@@ -100,15 +104,16 @@ def box(plant, context, inspector, name):
 
 
 def refuse(file):
-    """What it does not say itself: of several joints of a body that is turned it takes the axes and anchors of all but the last in those
-    of the parent."""
+    """Raise for files that Drake reads wrongly without an error: with several joints on a rotated body, it uses the parent's frame for axes
+    and anchors of all but the last one.
+    """
     bodies = ElementTree.parse(file).iter("body") if file.suffix == ".xml" else ()
     if any(len(body.findall("joint")) > 1 and "quat" in body.attrib for body in bodies):
         raise ValueError("it reads several joints of one body that is turned otherwise than MuJoCo")
 
 
 def without(file, joints):
-    """The file, or one beside it without these joints."""
+    """Return the file, or the path of a copy without these joints."""
     if not joints:
         return file
     tree = ElementTree.parse(file)
@@ -121,7 +126,7 @@ def without(file, joints):
 
 
 def followed(plant, leader, follower):
-    """By how much one joint follows another, and from where."""
+    """Return the multiplier and the offset of a mimic."""
     context = plant.CreateDefaultContext()
     plant.get_actuation_input_port().FixValue(context, np.zeros(plant.num_actuators()))
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))

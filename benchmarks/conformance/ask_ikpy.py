@@ -1,4 +1,4 @@
-"""ikpy on URDF: chains from the root to every leaf, and the chain that it finds by itself: `python ask_ikpy.py REQUESTS ANSWERS`."""
+"""Read URDF with ikpy: chains from the root to every leaf, and the default chain: `python ask_ikpy.py REQUESTS ANSWERS`."""
 
 from __future__ import annotations
 
@@ -37,5 +37,5 @@ def answer(asked):
 if __name__ == "__main__":
     from asking import serve
 
-    warnings.simplefilter("ignore")  # of joints that do not move
+    warnings.simplefilter("ignore")  # about joints that do not move
     serve(answer, version("ikpy"), sys.argv)

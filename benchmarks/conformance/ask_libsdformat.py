@@ -1,4 +1,7 @@
-"""libsdformat, by which Gazebo reads, on models and worlds of SDF: `python ask_libsdformat.py REQUESTS ANSWERS`. Every warning counts."""
+"""Read models and worlds of SDF with libsdformat, the reader of Gazebo:
+
+`python ask_libsdformat.py REQUESTS ANSWERS`. Warnings are errors.
+"""
 
 from __future__ import annotations
 
@@ -14,19 +17,19 @@ PACKAGE = "sdformat12"
 
 
 def program(folder):
-    """The program that reads, compiled into a folder."""
+    """Compile the reader into a folder; return its path."""
     flags = subprocess.run(["pkg-config", "--cflags", "--libs", PACKAGE], check=True, capture_output=True, text=True).stdout
     subprocess.run(["g++", "-std=c++17", str(HERE / "read_sdf.cc"), "-o", str(folder / "read_sdf"), *shlex.split(flags)], check=True)
     return folder / "read_sdf"
 
 
 def minor(version):
-    """11 of 1.11."""
+    """Return the minor version: 11 for 1.11."""
     return int(version.partition(".")[2])
 
 
 def answering(reader):
-    """What answers a request by a program."""
+    """Return a function that answers a request with the reader."""
     def answer(asked):
         file = Path(asked["file"])
         mode = file.parent.name.removeprefix(f"{file.parents[2].name}_")

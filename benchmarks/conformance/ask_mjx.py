@@ -1,4 +1,4 @@
-"""MJX: whether it takes a model and its scene, what they weigh, and where joints are after steps. `python ask_mjx.py REQUESTS ANSWERS`."""
+"""Load a model and its scene with MJX; return their mass, and joint positions after some steps: `python ask_mjx.py REQUESTS ANSWERS`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mujoco import mjx
 
 
 def answer(asked):
-    warnings.simplefilter("ignore")  # of meshes with many corners, which are slow
+    warnings.simplefilter("ignore")  # about slow meshes with many vertices
     file = Path(asked["file"])
     name = file.parents[1].name
     mjx.put_model(mujoco.MjModel.from_xml_path(str(file.with_name(file.name.replace(f"{name}_", "scene_", 1)))))

@@ -1,4 +1,4 @@
-"""MuJoCo on URDF. `python ask_mujoco.py REQUESTS ANSWERS`. It does not read mimics, and welds a base that is free."""
+"""Read URDF with MuJoCo, which ignores mimics and fixes a free base: `python ask_mujoco.py REQUESTS ANSWERS`."""
 
 from __future__ import annotations
 

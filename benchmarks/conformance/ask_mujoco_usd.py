@@ -1,6 +1,6 @@
-"""MuJoCo's own reader of USD (mujoco-usd), which compiles what it reads: `python ask_mujoco_usd.py REQUESTS ANSWERS`.
+"""Read USD with MuJoCo's own reader (mujoco-usd) and compile it: `python ask_mujoco_usd.py REQUESTS ANSWERS`.
 
-Of joints it knows turns and slides. It reads no frames below links, which are put in by what the file has of them, and no mimics.
+It supports revolute and prismatic joints only. It ignores mimics, and frames below links, which are added from the file.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def answer(asked):
         poses.append([(pose(data, bodies[link]) @ inside).tolist() for link, inside in places.values()])
         full = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, full)
-        full -= np.diag(model.dof_armature)  # on neither side
+        full -= np.diag(model.dof_armature)  # neither side includes it
         matrices.append(full[np.ix_(dofs, dofs)].tolist())
         torques.append(data.qfrc_bias[dofs].tolist())
         centres.append(data.subtree_com[0].tolist())

@@ -1,6 +1,6 @@
-"""Newton on USD and URDF: `python ask_newton.py REQUESTS ANSWERS`. It counts in floats.
+"""Read USD and URDF with Newton, which computes in single precision: `python ask_newton.py REQUESTS ANSWERS`.
 
-A ball's q is in the axes of its joint; the question's are those of the child.
+The q of a ball is in the axes of its joint; that of the request is in those of the child.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def answer(asked):
     places = frames_of_usd(asked["file"], asked["frames"]) if usd else {name: (name, np.eye(4)) for name in asked["frames"]}
     types, starts, dofs_at = model.joint_type.numpy(), model.joint_q_start.numpy(), model.joint_qd_start.numpy()
     mass, centres = model.body_mass.numpy().astype(float), model.body_com.numpy().astype(float)
-    gravity = model.gravity.numpy()[0].astype(float) if usd else np.array(asked["gravity"])  # URDF has none
+    gravity = model.gravity.numpy()[0].astype(float) if usd else np.array(asked["gravity"])  # URDF has no gravity
     dofs = [int(dofs_at[joints[name]]) + axis for name, axis in zip(asked["joints"], asked["axes"])]
     turns = np.eye(model.joint_dof_count)
     axes = {}
@@ -40,7 +40,7 @@ def answer(asked):
             axes[k] = Rotation.from_quat(model.joint_X_c.numpy()[k][3:]).as_matrix()
             turns[dofs_at[k] : dofs_at[k] + 3, dofs_at[k] : dofs_at[k] + 3] = axes[k].T
     in_tree = [k for k in range(model.joint_count) if model.joint_articulation.numpy()[k] >= 0]
-    inside = sum(int(dofs_at[k + 1] - dofs_at[k]) for k in in_tree)  # coordinates of what closes loops come behind them
+    inside = sum(int(dofs_at[k + 1] - dofs_at[k]) for k in in_tree)  # coordinates of loop joints follow them
     moved = turns[:inside, dofs]
     children = model.joint_child.numpy()[: model.joint_count]
     state = model.state()
@@ -64,7 +64,7 @@ def answer(asked):
         points = [(pose @ [*centre, 1])[:3] for pose, centre in zip(at, centres)]
         middles.append((mass @ np.array(points) / mass.sum()).tolist())
         full = newton.eval_mass_matrix(model, state).numpy()[0].astype(float)[:inside, :inside]
-        full -= np.diag(model.joint_armature.numpy()[:inside])  # on neither side
+        full -= np.diag(model.joint_armature.numpy()[:inside])  # neither side includes it
         matrices.append((moved.T @ full @ moved).tolist())
         jacobian = newton.eval_jacobian(model, state).numpy()[0].astype(float)
         pull = sum(mass[children[k]] * gravity @ jacobian[6 * row : 6 * row + 3, :inside] for row, k in enumerate(in_tree))
@@ -83,7 +83,7 @@ def answer(asked):
 
 
 def mimics(model, asked, joints):
-    """What each coordinate follows, by how much, and from where."""
+    """Return the leader, multiplier and offset of each coordinate."""
     names = {k: name for name, k in joints.items()}
     leaders, numbers = model.joint_mimic_joint.numpy(), model.joint_mimic_coeffs.numpy().astype(float)
     found = {name: (names[leaders[k]], numbers[k][1], numbers[k][0]) for name, k in joints.items() if leaders[k] >= 0}
@@ -91,7 +91,7 @@ def mimics(model, asked, joints):
 
 
 def box(model, bodies, name):
-    """The box in the world around the mesh that is drawn, or collides, under a name: its lowest and its highest corner."""
+    """Return the smallest and largest corner of the bounding box, in the world, of the mesh with a name."""
     found = [k for k, label in enumerate(model.shape_label) if f"{label.removesuffix('/mesh')}/".endswith(f"/{name}/")]
     if len(found) != 1:
         raise ValueError(f"{len(found)} shapes are called {name}")
@@ -101,7 +101,7 @@ def box(model, bodies, name):
 
 
 def matrix(transform):
-    """A pose of warp's, as a matrix."""
+    """Convert a pose of warp to a matrix."""
     pose = np.eye(4)
     pose[:3, 3], pose[:3, :3] = transform[:3], Rotation.from_quat(transform[3:]).as_matrix()
     return pose

@@ -1,4 +1,4 @@
-"""pinocchio on URDF, its joints all free to be put somewhere (`mimic` is off): `python ask_pinocchio.py REQUESTS ANSWERS`."""
+"""Read URDF with pinocchio, with independent joints (`mimic` is off): `python ask_pinocchio.py REQUESTS ANSWERS`."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ def answer(asked):
     data = model.createData()
     ids = [model.getJointId(name) for name in asked["joints"]]
     dofs = [model.joints[k].idx_v for k in ids]
-    mass = sum(inertia.mass for inertia in model.inertias)  # with what is fixed to the world, which its own sum leaves out
+    mass = sum(inertia.mass for inertia in model.inertias)  # its own sum leaves out what is fixed to the world
     poses, matrices, torques, centres = [], [], [], []
     for values in asked["q"]:
         q = pinocchio.neutral(model)
         for k, value in zip(ids, values):
-            joint = model.joints[k]  # a joint without limits is a point on a circle
+            joint = model.joints[k]  # for a joint without limits, q is a point on a circle
             q[joint.idx_q : joint.idx_q + joint.nq] = [value] if joint.nq == 1 else [math.cos(value), math.sin(value)]
         pinocchio.framesForwardKinematics(model, data, q)
         poses.append([data.oMf[model.getFrameId(name)].homogeneous.tolist() for name in asked["frames"]])

@@ -1,4 +1,4 @@
-"""pinocchio on the URDF and SRDF of a ROS package, its meshes found in the package: `python ask_pinocchio_srdf.py REQUESTS ANSWERS`."""
+"""Read the URDF and SRDF of a ROS package with pinocchio, with meshes from the package: `python ask_pinocchio_srdf.py REQUESTS ANSWERS`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def answer(asked):
 
 
 def endless(model, q, state):
-    """Put turns without limits where a state has them: pinocchio has the cosine and sine of their angle, and reads none from it."""
+    """Set unlimited revolute joints from the values of a state: pinocchio uses cosine and sine, and does not read these values."""
     for joint in state:
         one = model.joints[model.getJointId(joint.attrib["name"])]
         if one.nq == 2:
@@ -38,7 +38,7 @@ def endless(model, q, state):
 
 
 def frames(model, q, asked):
-    """Where the frames are, seen from the root link."""
+    """Return the poses of frames relative to the root link."""
     data = model.createData()
     pinocchio.framesForwardKinematics(model, data, followed(model, q, asked))
     root = data.oMf[model.getFrameId(asked["root"])].inverse()
@@ -46,16 +46,16 @@ def frames(model, q, asked):
 
 
 def followed(model, q, asked):
-    """q with what mimics another where it belongs: with `mimic` on, pinocchio refuses some whose leader is in a later branch."""
+    """Return q with mimicking joints at their values, since with `mimic` on, pinocchio rejects some whose leader is in a later branch."""
     q = np.array(q)
     place = {name: model.joints[model.getJointId(name)].idx_q for pair in asked["follows"].items() for name in (pair[0], pair[1][0])}
     for name, (leader, multiplier, offset) in asked["follows"].items():
-        q[place[name]] = multiplier * q[place[leader]] + offset  # neither has two numbers: what is followed is no endless turn
+        q[place[name]] = multiplier * q[place[leader]] + offset  # both have one number: leaders are not unlimited
     return q
 
 
 def apart(model, geometry, asked):
-    """Raises where links meet that are said never to."""
+    """Raise if links collide that the SRDF excludes."""
     never = {frozenset(pair) for pair in asked["never"]}
     links = [model.frames[one.parentFrame].name for one in geometry.geometryObjects]
     pairs = [frozenset((links[pair.first], links[pair.second])) for pair in geometry.collisionPairs]

@@ -1,4 +1,4 @@
-"""PyBullet on URDF: `python ask_pybullet.py REQUESTS ANSWERS`. It keeps the base where it is, and ignores mimics."""
+"""Read URDF with PyBullet, which fixes the base and ignores mimics: `python ask_pybullet.py REQUESTS ANSWERS`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def answer(asked):
     pybullet.resetSimulation()
     free = pybullet.loadURDF(asked["file"], flags=flags)
     links = range(-1, pybullet.getNumJoints(free))
-    masses = [pybullet.getDynamicsInfo(free, k)[0] for k in links]  # that of a fixed base is 0
+    masses = [pybullet.getDynamicsInfo(free, k)[0] for k in links]  # 0 for a fixed base
     pybullet.resetSimulation()
     pybullet.setGravity(*asked["gravity"])
     robot = pybullet.loadURDF(asked["file"], useFixedBase=True, flags=flags)

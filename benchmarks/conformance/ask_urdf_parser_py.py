@@ -1,4 +1,7 @@
-"""urdf_parser_py, which ROS's Python tools read URDF with: `python ask_urdf_parser_py.py REQUESTS ANSWERS`. It computes no kinematics."""
+"""Read URDF with urdf_parser_py, used by Python tools of ROS, which computes no kinematics:
+
+`python ask_urdf_parser_py.py REQUESTS ANSWERS`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""usd-core's validators, those that `usdchecker` runs, with UsdPhysics' own: `python ask_usd_core.py REQUESTS ANSWERS`."""
+"""Run the validators of usd-core, as `usdchecker` does, and those of UsdPhysics: `python ask_usdchecker.py REQUESTS ANSWERS`."""
 
 from __future__ import annotations
 

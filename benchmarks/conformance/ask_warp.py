@@ -1,4 +1,4 @@
-"""MuJoCo Warp: what a model weighs, and where joints are after some steps. `python ask_warp.py REQUESTS ANSWERS`."""
+"""Load a model with MuJoCo Warp; return its mass, and joint positions after some steps: `python ask_warp.py REQUESTS ANSWERS`."""
 
 from __future__ import annotations
 

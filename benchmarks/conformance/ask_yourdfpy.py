@@ -1,4 +1,4 @@
-"""yourdfpy on URDF: kinematics, of which it works out what mimics itself: `python ask_yourdfpy.py REQUESTS ANSWERS`."""
+"""Read URDF with yourdfpy, and compute kinematics, including mimics: `python ask_yourdfpy.py REQUESTS ANSWERS`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all readers have in common: requests are read from one file of JSON, answers and the reader's version are written to another."""
+"""Common code of the readers: requests come from a JSON file; answers and the version of the reader are written to another one."""
 
 from __future__ import annotations
 
@@ -6,22 +6,24 @@ import json
 
 
 def serve(answer, version, arguments):
-    """Answer every request; what a reader cannot take is its own words."""
+    """Answer all requests; the error of a reader is an answer, too."""
     with open(arguments[1]) as stream:
         requests = json.load(stream)
     answers = []
     for asked in requests:
         try:
             answers.append(answer(asked))
-        except Exception as fault:  # whatever the reader raises is its answer
+        except Exception as fault:  # any error of the reader is an answer
             answers.append({"cannot": f"{type(fault).__name__}: {fault}"})
     with open(arguments[2], "w") as stream:
         json.dump({"version": version, "answers": answers}, stream)
 
 
 def started(asked):
-    """MuJoCo's model of an MJCF file, without contacts, and its state as `stepped` of `reference.py` begins with it. Their cones are none
-    of MJX's elliptic ones, which need a contact."""
+    """Return MuJoCo's model of an MJCF file without contacts, and the initial state for `stepped` in `reference.py`.
+
+    Cones are pyramidal, since the elliptic ones of MJX require a contact.
+    """
     import mujoco
 
     model = mujoco.MjModel.from_xml_path(asked["file"])
@@ -35,7 +37,10 @@ def started(asked):
 
 
 def frames_of_usd(file, names):
-    """Of each frame in a USD file the link that it is on, and its pose there as a matrix: a link is its own, others are prims below one."""
+    """Return the link of each frame in a USD file, and its pose in it as a matrix.
+
+    A link is its own frame; other frames are prims below one.
+    """
     import numpy as np
     from pxr import Usd, UsdGeom, UsdPhysics
 

@@ -1,4 +1,4 @@
-"""What readers must answer of a ROS package: where MuJoCo has every frame of the MJCF in each pose, as the SRDF says it of the URDF."""
+"""The expected answers for a ROS package: the poses of all frames in MuJoCo for each pose, which the SRDF states for the URDF."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import numpy as np
 from reference import Question
 
 CONFIGURATIONS = 200
-"""At how many configurations links that never meet must be apart."""
+"""Number of configurations at which excluded links must not collide."""
 
 
 def questions(folder: Path) -> Iterator[Question]:
-    """Of every mode of a build."""
+    """Yield the questions about every mode of a build."""
     (package,) = (folder / "ros").iterdir()
     for srdf in sorted((package / "config").glob("*.srdf")):
         model = mujoco.MjModel.from_xml_path(str(folder / "mjcf" / f"{srdf.stem}.xml"))
         tree = ElementTree.parse(srdf).getroot()
-        bodies = {model.body(k).name for k in range(model.nbody)}  # a `frame` component that names its link is the link's own frame
+        bodies = {model.body(k).name for k in range(model.nbody)}  # a `frame` component with the name of a link is the frame of that link
         sites = [name for name in (model.site(k).name for k in range(model.nsite)) if name not in bodies]
         frames = {name: name.replace("/", "_") for name in sites}
         never = [(one.attrib["link1"], one.attrib["link2"]) for one in tree.iter("disable_collisions") if one.attrib["reason"] == "Never"]
@@ -42,7 +42,7 @@ def questions(folder: Path) -> Iterator[Question]:
 
 
 def _frames(model: mujoco.MjModel, key: int, sites: list[str]) -> list[list[list[float]]]:
-    """Where sites are in a keyframe, seen from the root link."""
+    """Return the poses of sites in a keyframe, relative to the root link."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, key)
     mujoco.mj_forward(model, data)

@@ -1,4 +1,4 @@
-"""What every reader must answer: MuJoCo on the MJCF of the same mode, which has every link, frame and joint by its path."""
+"""The expected answers of all readers, from MuJoCo and the MJCF of the same mode, which has every link, frame and joint by its path."""
 
 from __future__ import annotations
 
@@ -17,15 +17,14 @@ from scipy.spatial.transform import Rotation
 CONFIGURATIONS = 50
 STEPS = 50
 HELD = ":held"
-"""How the names of bodies and sites of MJCF end that only hold a mount."""
+"""Suffix of bodies and sites in MJCF that only hold a mount."""
 PUSH = 0.2
-"""How fast every joint is at most when a model is stepped [rad/s, m/s]."""
+"""Maximum initial speed of joints when a model is stepped [rad/s, m/s]."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """A file of a format, what is asked of it, and the answers: `request` goes to the reader, `answer` has the same keys as what it gives
-    back."""
+    """A question about a file: `request` is for the reader, `answer` has the expected values with the keys of the reader's answer."""
 
     name: str
     format: str
@@ -35,9 +34,11 @@ class Question:
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One of a joint of the file: the `axis`-th of the joint `name`. In MJCF it is the joint `path`, and others (of a screw its slide) with
-    it, each with how far it goes per unit; `zero` is where the file has it at 0. Of a ball it is roll, pitch or yaw, and what it does
-    per unit is to turn about x, y or z of the parent."""
+    """Coordinate number `axis` of the joint `name` in a file.
+
+    In MJCF, it is the joint `path`, and `others` move with it by a factor (the slide of a screw); `zero` is the value of `path` when the
+    file has 0. For a ball, the coordinates are roll, pitch and yaw, and velocities are about x, y and z of the parent.
+    """
 
     name: str
     axis: int
@@ -47,17 +48,19 @@ class Coordinate:
 
 
 FORMATS = {".urdf": "URDF", ".sdf": "SDF", ".xml": "MJCF", ".usda": "USD"}
-"""The format of a file."""
+"""Formats by suffix."""
 
 
 def question(file: Path, mjcf: Path, seed: int = 0, count: int = CONFIGURATIONS) -> Question:
-    """Of one URDF, SDF or USD file, or of the MJCF file itself, at `count` configurations. Frames are seen from the root link; gravity acts
-    in the world of a base that is fixed, else in the root's axes."""
+    """Return the question about a URDF, SDF, USD or MJCF file at `count` configurations.
+
+    Frames are relative to the root link. Gravity acts in the world if the base is fixed, else along the axes of the root.
+    """
     model, format = mujoco.MjModel.from_xml_path(str(mjcf)), FORMATS[file.suffix]
     tree = ElementTree.Element("none") if format == "USD" else ElementTree.parse(file).getroot()
     types = {joint.attrib["name"]: joint.attrib.get("type", "") for joint in tree.iter("joint") if "name" in joint.attrib}
     bodies = {model.body(k).name: ("body", k) for k in range(1, model.nbody) if not model.body(k).name.endswith(HELD)}
-    # a `frame` component that names its link is the link's own frame
+    # a `frame` component with the name of a link is the frame of that link
     own = {model.site(k).name: k for k in range(model.nsite) if not model.site(k).name.endswith(HELD)}
     sites = {_safe(name): ("site", k) for name, k in own.items() if name not in bodies}
     without: list[str] = []
@@ -92,16 +95,18 @@ def question(file: Path, mjcf: Path, seed: int = 0, count: int = CONFIGURATIONS)
     answers = {**_answers(model, coordinates, frames, q + zeros), "mimic": mimics}
     if format in ("URDF", "USD"):
         answers["range"] = [_range(names, answers["range"], k, follows) for k, follows in enumerate(mimics)]
-    if format == "SDF":  # what follows another is moved by it, without an effort of its own that could be too little
+    if format == "SDF":  # followers are moved without an effort of their own
         answers["effort"] = [np.inf if follows and not own else own for own, follows in zip(answers["effort"], mimics, strict=True)]
-    if format == "USD":  # there are efforts of drives alone
+    if format == "USD":  # only drives have efforts
         answers["effort"] = [own if there else 0.0 for own, there in zip(answers["effort"], request["driven"], strict=True)]
     return Question(mjcf.stem, format, request, answers)
 
 
 def stepped(one: Question) -> Question:
-    """The same question of an MJCF file, and where its joints are after some steps without contacts: from where its mode starts, every
-    joint pushed that is by itself, every drive asked for what it is asked for there."""
+    """Return the question about an MJCF file with joint positions after some steps without contacts.
+
+    The start is the initial state of the mode; every independent joint has an initial speed, and every drive its control of that state.
+    """
     model = mujoco.MjModel.from_xml_path(one.request["file"])
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     data = mujoco.MjData(model)
@@ -110,7 +115,7 @@ def stepped(one: Question) -> Question:
     data.qvel = np.random.default_rng(0).uniform(-PUSH, PUSH, model.nv)
     coupled = model.eq_type == mujoco.mjtEq.mjEQ_JOINT
     for joint in {*model.eq_obj1id[coupled], *model.eq_obj2id[coupled]}:
-        data.qvel[model.jnt_dofadr[joint]] = 0.0  # pushed apart they would fly
+        data.qvel[model.jnt_dofadr[joint]] = 0.0  # they would be pushed apart
     request = {**one.request, "steps": STEPS, "qvel": data.qvel.tolist()}
     for _ in range(STEPS):
         mujoco.mj_step(model, data)
@@ -118,14 +123,14 @@ def stepped(one: Question) -> Question:
 
 
 def _of_mjcf(model: mujoco.MjModel) -> Iterator[Coordinate]:
-    """Those of MJCF's own joints."""
+    """Yield the coordinates of the joints of MJCF."""
     for path in _moving(model):
         ball = model.jnt_type[model.joint(path).id] == mujoco.mjtJoint.mjJNT_BALL
         yield from (Coordinate(path, axis, path) for axis in range(3 if ball else 1))
 
 
 def _of_urdf(model: mujoco.MjModel, types: dict[str, str], file: Path) -> Iterator[Coordinate]:
-    """Those of the joints of URDF, in its order."""
+    """Yield the coordinates of the joints of URDF, in its order."""
     paths = {_safe(path): path for path in _moving(model)}
     moving = [name for name, kind in types.items() if kind != "fixed"]
     if set(paths) != set(moving):
@@ -134,7 +139,10 @@ def _of_urdf(model: mujoco.MjModel, types: dict[str, str], file: Path) -> Iterat
 
 
 def _of_sdf(model: mujoco.MjModel, types: dict[str, str], file: Path) -> Iterator[Coordinate]:
-    """Those of the joints of SDF that the tree of MJCF has, in its order; others close loops. A universal joint has two of one name."""
+    """Yield the coordinates of the joints of SDF that are in the tree of MJCF, in the order of SDF; others close loops.
+
+    A universal joint has two.
+    """
     paths, zero = _moving(model), _zeros(model, file)
     axes: dict[str, int] = {}
     for path in paths:
@@ -153,7 +161,10 @@ def _of_sdf(model: mujoco.MjModel, types: dict[str, str], file: Path) -> Iterato
 
 
 def _of_usd(model: mujoco.MjModel, file: Path) -> Iterator[Coordinate]:
-    """Those of the joints of USD, in MuJoCo's order. Axes of a generic joint are its slides, then its turns, each in the tree's order."""
+    """Yield the coordinates of the joints of USD, in MuJoCo's order.
+
+    A generic joint has its slides first, then its turns, each in tree order.
+    """
     made = set(re.findall(r'def Physics\w*Joint "(\w+)"', file.read_text()))
     paths, axes = _moving(model), {}
     whole = {path: name if (name := _safe(path).removesuffix("_slide")) in made else name[:-2] for path in paths}
@@ -171,7 +182,7 @@ def _moving(model: mujoco.MjModel) -> list[str]:
 
 
 def _zeros(model: mujoco.MjModel, file: Path) -> dict[str, float]:
-    """Where the joints of an SDF file are at 0: the manifest says which pose that is, if it is not q = 0."""
+    """Return the joint values in MJCF where the joints of an SDF file are at 0, from the manifest; empty for q = 0."""
     build = file.parents[2]
     losses = json.loads((build / "manifest.json").read_text())["losses"]
     mode = file.parent.name.removeprefix(f"{build.name}_")
@@ -184,7 +195,7 @@ def _zeros(model: mujoco.MjModel, file: Path) -> dict[str, float]:
 
 
 def _polynomial(model: mujoco.MjModel, path: str) -> Any:
-    """Of the equality by which a joint follows another."""
+    """Return the coefficients of the equality of a follower."""
     own = model.joint(path).id
     return next(
         model.eq_data[k] for k in range(model.neq) if model.eq_type[k] == mujoco.mjtEq.mjEQ_JOINT and int(model.eq_obj1id[k]) == own
@@ -192,12 +203,14 @@ def _polynomial(model: mujoco.MjModel, path: str) -> Any:
 
 
 Follows = tuple[str, float, float]
-"""The joint that one follows, the multiplier [per unit of its q], and the offset."""
+"""The leader of a joint, the multiplier [per unit of its q], and the offset."""
 
 
 def _mimic(model: mujoco.MjModel, one: Coordinate, by_path: dict[str, Coordinate]) -> Follows | None:
-    """What a coordinate follows, by the equalities of MJCF. Of a screw MuJoCo has the turn follow the slide: the other way round here,
-    where the slide is a coordinate of its own."""
+    """Return the leader of a coordinate, from the equalities of MJCF; None if it is independent.
+
+    For a screw in MuJoCo, the turn follows the slide; here, a slide that is a coordinate follows the turn.
+    """
     own = model.joint(one.path).id
     for k in range(model.neq):
         if model.eq_type[k] != mujoco.mjtEq.mjEQ_JOINT:
@@ -214,7 +227,7 @@ def _mimic(model: mujoco.MjModel, one: Coordinate, by_path: dict[str, Coordinate
 
 
 def _range(names: list[str], ranges: list[list[float] | None], k: int, follows: Follows | None) -> list[float] | None:
-    """That of a joint; of a follower that MJCF leaves without one, as far as its leader's takes it."""
+    """Return the range of a joint; for a follower without one in MJCF, that which follows from its leader."""
     if ranges[k] is not None or follows is None:
         return ranges[k]
     leader, multiplier, offset = follows
@@ -225,7 +238,7 @@ def _range(names: list[str], ranges: list[list[float] | None], k: int, follows: 
 def _configurations(
     names: list[str], prismatic: list[bool], mimics: list[Follows | None], rng: np.random.Generator, count: int,
 ) -> Any:
-    """Joints within half a turn or 0.1 m, those that mimic where their leader has them."""
+    """Return random configurations within half a turn or 0.1 m; followers have the values of their leader."""
     q = rng.uniform(-1.0, 1.0, (count, len(names))) * [0.1 if slides else np.pi for slides in prismatic]
     waiting = {k: one for k, one in enumerate(mimics) if one is not None}
     while waiting:
@@ -238,7 +251,7 @@ def _configurations(
 def _answers(model: mujoco.MjModel, coordinates: list[Coordinate], frames: dict[str, tuple[str, int]], q: Any) -> dict[str, Any]:
     data = mujoco.MjData(model)
     balls = {one.path for one in coordinates if model.jnt_type[model.joint(one.path).id] == mujoco.mjtJoint.mjJNT_BALL}
-    moves = np.zeros((model.nv, len(coordinates)))  # what each coordinate moves in MuJoCo
+    moves = np.zeros((model.nv, len(coordinates)))  # motion of MuJoCo's coordinates per coordinate
     for k, one in enumerate(coordinates):
         for path, ratio in ((one.path, 1.0), *one.others) if one.path not in balls else ():
             moves[model.joint(path).dofadr[0], k] = ratio
@@ -246,7 +259,7 @@ def _answers(model: mujoco.MjModel, coordinates: list[Coordinate], frames: dict[
     for values in q:
         mujoco.mj_resetData(model, data)
         for k, one in enumerate(coordinates):
-            if one.path in balls and one.axis == 0:  # MuJoCo's rates of a ball are in the axes of the child
+            if one.path in balls and one.axis == 0:  # MuJoCo's velocities of a ball are in the axes of the child
                 turn, first = Rotation.from_euler("xyz", values[k : k + 3]), model.joint(one.path).dofadr[0]
                 data.joint(one.path).qpos = turn.as_quat()[[3, 0, 1, 2]]
                 moves[first : first + 3, k : k + 3] = turn.as_matrix().T
@@ -259,7 +272,7 @@ def _answers(model: mujoco.MjModel, coordinates: list[Coordinate], frames: dict[
         poses.append([_pose(data, *frame).tolist() for frame in frames.values()])
         full = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, full)
-        full -= np.diag(model.dof_armature)  # which the other formats have not
+        full -= np.diag(model.dof_armature)  # other formats do not have it
         matrices.append((moves.T @ full @ moves).tolist())
         torques.append((moves.T @ data.qfrc_bias).tolist())
         centres.append(data.subtree_com[0].tolist())
@@ -272,12 +285,12 @@ def _answers(model: mujoco.MjModel, coordinates: list[Coordinate], frames: dict[
 
 
 def _meshes(model: mujoco.MjModel) -> dict[str, int]:
-    """The geoms that are meshes, by their names."""
+    """Return the geoms that are meshes, by name."""
     return {model.geom(k).name: k for k in range(model.ngeom) if model.geom_type[k] == mujoco.mjtGeom.mjGEOM_MESH}
 
 
 def _shape(name: str, format: str) -> str:
-    """What a geom of MJCF is called elsewhere: `hand/cap`, `hand/cap:collision_1`."""
+    """Return the name of a geom of MJCF in other formats: `hand/cap`, `hand/cap:collision_1`."""
     path, collides, number = name.partition(":collision")
     if format == "USD":
         return f"{'collisions' if collides else 'visuals'}/{_safe(path)}{number}"
@@ -287,7 +300,7 @@ def _shape(name: str, format: str) -> str:
 
 
 def _box(data: mujoco.MjData, geom: int) -> list[float]:
-    """The box in the world around a mesh: its lowest and its highest corner."""
+    """Return the smallest and largest corner of the bounding box of a mesh in the world."""
     mesh = data.model.geom_dataid[geom]
     first, count = data.model.mesh_vertadr[mesh], data.model.mesh_vertnum[mesh]
     points = data.model.mesh_vert[first : first + count] @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
@@ -295,7 +308,7 @@ def _box(data: mujoco.MjData, geom: int) -> list[float]:
 
 
 def _effort(model: mujoco.MjModel, joint: int) -> float:
-    """How strong the drive of a joint is; without one what limits any that would be there, else nothing."""
+    """Return the effort limit of the drive of a joint; without a drive, the limit of the joint, else 0."""
     for k in range(model.nu):
         if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT and model.actuator_trnid[k][0] == joint:
             motor = model.actuator_biastype[k] == mujoco.mjtBias.mjBIAS_NONE
@@ -314,7 +327,7 @@ def _pose(data: mujoco.MjData, kind: str, index: int) -> Any:
 
 
 def _safe(path: str) -> str:
-    """A name of MJCF as other formats have it."""
+    """Convert a name of MJCF to a name in other formats."""
     return path.replace("/", "_").replace(":slide", "_slide")
 
 

@@ -1,5 +1,4 @@
-"""Random robots as documents: trees of joints of every kind that every format has, with masses, mimics, a pose, and a mode for each
-base."""
+"""Random robots as documents: trees of joints of all kinds that every format supports, with masses, mimics, a pose, and a mode per base."""
 
 from __future__ import annotations
 
@@ -10,7 +9,7 @@ COUNTS = {"cylindrical": ("rad", "m"), "universal": ("rad", "rad"), "planar": ("
 
 
 def document(seed: int, *, balls: bool = False) -> str:
-    """The document of a random robot, named by its seed; on demand with `balls`, and bases that move in part, which URDF has not."""
+    """Return the document of a random robot, named by its seed; with `balls`, also with ball joints, which URDF does not support."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(3, 8))
     lines = ["thingc: assembly/1", f"name: {'balls' if balls else 'random'}_{seed}", "components:"]
@@ -59,7 +58,7 @@ def document(seed: int, *, balls: bool = False) -> str:
 
 
 def _value(kind: str, rng: np.random.Generator) -> str:
-    """Where a joint may be in a pose; nothing of one that the pose leaves alone."""
+    """Return a random joint value for a pose, empty if the pose leaves the joint out."""
     if kind == "ball":
         return f"{{rpy: [{', '.join(f'{angle:.3f} rad' for angle in rng.uniform(-1.5, 1.5, 3))}]}}"
     units = {**COUNTS, "mimic": (), **dict.fromkeys(("revolute", "continuous", "screw"), ("rad",)), "prismatic": ("m",)}[kind]
@@ -74,7 +73,7 @@ def _frame(rng: np.random.Generator) -> str:
 
 
 def _mass(rng: np.random.Generator) -> str:
-    """A box of a random size, somewhere, turned."""
+    """Return a box with random size and pose."""
     mass, (a, b, c) = rng.uniform(0.1, 1.0), rng.uniform(0.02, 0.2, 3)
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     i = turn @ np.diag([b * b + c * c, a * a + c * c, a * a + b * b]) @ turn.T * mass / 12.0 * 1e6

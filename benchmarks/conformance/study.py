@@ -1,8 +1,8 @@
-"""`make conformance`: do readers that others wrote find one robot in every file?
+"""`make conformance`: check that independent readers find the same robot in every file.
 
-Builds both robots and random ones in all modes, has each reader load every file in an environment and a process of its own, and compares
-what it answers at 50 random configurations with MuJoCo's answers to the MJCF of the same mode. Writes `docs/conformance.md`; exits with 1
-where a reader answers something else. Environments are kept in `build/conformance/`.
+Builds both robots and random ones in all modes, loads every file with each reader in a separate environment and process, and compares the
+answers at 50 random configurations with those of MuJoCo for the MJCF of the same mode. Writes `docs/conformance.md`; exits with 1 if an
+answer differs. Environments are cached in `build/conformance/`.
 """
 
 from __future__ import annotations
@@ -37,28 +37,33 @@ BOUNDS = {
     "frames": 1e-9, "mass": 1e-6, "centre": 1e-6, "mass_matrix": 1e-6, "torque": 1e-6, "range": 1e-9, "effort": 1e-9, "mimic": 1e-6,
     "meshes": 1e-6, "steps": 1e-6,
 }
-"""How far answers may be apart: frames [m and 1], ranges [rad, m], efforts [N m, N], numbers of mimics and boxes around meshes [m], which
-MuJoCo keeps as floats, and where joints are after some steps [rad, m], absolutely, all else by the largest of its kind."""
+"""Tolerances.
+
+For frames [m and 1], ranges [rad, m], efforts [N m, N], mimics, boxes around meshes [m], which MuJoCo stores in single precision, and joint
+positions after some steps [rad, m] they are absolute; for others, relative to the largest value of the kind.
+"""
 FLOAT, FLOATS_STEPPED = 1e-5, 1e-4
-"""How far at least where a reader, or the file, has floats; and where it steps with them."""
+"""Minimum tolerances if the reader or the file uses single precision, and if the reader also steps with it."""
 WORDS = {
     "frames": "frames", "mass": "total mass", "centre": "centre of mass", "mass_matrix": "mass matrix", "torque": "gravity torque",
     "range": "limits", "effort": "efforts", "mimic": "mimics", "meshes": "meshes", "steps": "steps",
 }
 
 FOR_DRAKE = "MJCF, `--compat drake`"
-"""What Drake reads of MJCF written for it."""
+"""The MJCF for Drake."""
 
 COMPAT = "MJCF, `--compat mjx,pymjcf`"
-"""What readers besides MuJoCo and Drake are given."""
+"""The MJCF for readers other than MuJoCo and Drake."""
 
 
 @dataclass(frozen=True)
 class Reader:
-    """Who reads: the name of its script, `ask_NAME.py`, the formats that it reads, what its environment is made of (empty: this one), and
-    commands that must succeed for it to be had. Its `packages` may be all there is, so that what they ask for besides, and is not used
-    here, is not there (`alone`). What it `refuses`, by a word of what it says then, is said in the page and no fault. One that counts in
-    `floats` may be further apart."""
+    """A reader: the name of its script `ask_NAME.py`, the formats that it reads, the packages of its environment (empty: this one), and
+    `needs`, commands that must succeed.
+
+    `alone`: install only `packages`, without their dependencies, which are not used here. Errors that contain `refuses` are documented on
+    the page, and are not failures. `floats`: the reader uses single precision, with larger tolerances.
+    """
 
     name: str
     formats: tuple[str, ...]
@@ -158,13 +163,14 @@ READERS = (
     ),
 )
 NOT_RUN = "what ROS itself makes of the package: `colcon build`, `ros2 launch`, the controllers on their mock hardware, RViz and MoveIt"
-"""Of what is written here nobody has been asked."""
+"""Programs that are not part of this study."""
 
 
 @dataclass
 class Judged:
-    """What a reader made of a number of files: the worst difference by quantity, what was wrong, by file, and how many it refuses, as
-    is known of it, with what it says of the first."""
+    """The result of a reader for some files: the largest difference by quantity, failures by file, and the number of known refusals with
+    the first message.
+    """
 
     refuses: str = ""
     floats: bool = False
@@ -175,7 +181,7 @@ class Judged:
     faults: list[str] = field(default_factory=list)
 
     def add(self, name: str, answer: Mapping[str, Any], expected: Mapping[str, Any], joints: Sequence[str]) -> None:
-        """Compare one file's answers."""
+        """Compare the answer for one file."""
         self.files += 1
         if "cannot" in answer and self.refuses and self.refuses in answer["cannot"]:
             self.refused += 1
@@ -193,11 +199,11 @@ class Judged:
 
 
 UNBOUNDED = 1e9
-"""An effort [N m or N] from which on there is no limit."""
+"""Effort [N m or N] from which on there is no limit."""
 
 
 def difference(key: str, answer: Any, expected: Any, joints: Sequence[str]) -> float:
-    """How far two answers are apart: absolute for frames and ranges, else by the largest entry of what is expected."""
+    """Return the difference between two answers: absolute for frames and ranges, else relative to the largest expected value."""
     if key == "range":
         both = [(_ends(a), _ends(b)) for name, a, b in zip(joints, answer, expected, strict=True) if not name.endswith("_slide")]
         return max((abs(x - y) for a, b in both for x, y in zip(a, b, strict=True) if x != y), default=0.0)
@@ -216,13 +222,13 @@ def difference(key: str, answer: Any, expected: Any, joints: Sequence[str]) -> f
 
 
 def _ends(ends: Sequence[float] | None) -> tuple[float, float]:
-    """Both ends of a range; as far away as a format writes what has no end they are infinite."""
+    """Return both ends of a range; ends that represent unlimited are infinite."""
     low, high = (-math.inf, math.inf) if ends is None else ends
     return (-math.inf if low <= -1e6 else low, math.inf if high >= 1e6 else high)
 
 
 def main() -> int:
-    """Build, ask, compare, write; 1 where anything is apart."""
+    """Build, compare and write the page; return 1 if an answer differs."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--random", type=int, default=RANDOM, help="how many random robots")
     parser.add_argument("--reader", action="append", default=[], choices=[one.name for one in READERS], help="only this one")
@@ -249,7 +255,7 @@ def main() -> int:
 
 
 def questions(folder: Path, count: int) -> Iterator[tuple[str, Question]]:
-    """Of every mode of both robots, and of the random ones, by group."""
+    """Yield the questions about every mode of both robots and the random ones, by group."""
     documents = folder / "documents"
     documents.mkdir(parents=True, exist_ok=True)
     robots = [(Path(path).stem, ROOT / path) for path in ROBOTS]
@@ -280,13 +286,13 @@ def questions(folder: Path, count: int) -> Iterator[tuple[str, Question]]:
 
 
 def built(path: Path, folder: Path, *options: str) -> None:
-    """Have a document built."""
+    """Build a document."""
     words = [sys.executable, "-m", "thingc", "build", str(path), *options, "-o", str(folder)]
     subprocess.run(words, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def judged(reader: Reader, folder: Path, asked: Sequence[tuple[str, Question]]) -> tuple[str, dict[str, Judged]]:
-    """A reader's version and what it made of each group; where it cannot be had the words for that, and nothing."""
+    """Return the version of a reader and its results by group; if it is not available, the reason and no results."""
     python = environment(reader, folder)
     if python is None:
         return f"cannot be had here ({' '.join(reader.packages or reader.needs)})", {}
@@ -301,8 +307,9 @@ def judged(reader: Reader, folder: Path, asked: Sequence[tuple[str, Question]]) 
 
 
 def environment(reader: Reader, folder: Path) -> Path | None:
-    """The interpreter of an environment with a reader's packages, made once; None where they cannot be installed, or something else is
-    missing."""
+    """Return the Python interpreter of the environment of a reader, which is created if missing; None if packages or `needs` are not
+    available.
+    """
     if not all(succeeds(command) for command in reader.needs):
         return None
     if not reader.packages:
@@ -321,13 +328,13 @@ def environment(reader: Reader, folder: Path) -> Path | None:
 
 
 def succeeds(command: str) -> bool:
-    """Whether there is such a command, and it exits with 0."""
+    """Return whether a command exists and exits with 0."""
     words = shlex.split(command)
     return shutil.which(words[0]) is not None and not subprocess.run(words, check=False, capture_output=True).returncode
 
 
 def table(rows: Mapping[tuple[str, str], tuple[str, dict[str, Judged]]]) -> Iterator[str]:
-    """The page's table: a row for each reader, format and group, with the worst differences."""
+    """Yield the table of the page: a row for each reader, format and group, with the largest differences."""
     yield "| reader | reads | robots | files | " + " | ".join(WORDS.values()) + " | |"
     yield "|---" * (len(WORDS) + 5) + "|"
     for (name, format), (version, groups) in rows.items():

@@ -1,4 +1,4 @@
-"""Random designs of MInchW: values of its parameters, and edits of its documents as their author might make them."""
+"""Random designs of MInchW: values of its parameters, and edits of its documents as a user might make them."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ MINCHW, LEG, MATERIALS = "minchw.yaml", "leg.yaml", "materials.yaml"
 FOLDER = Path("assemblies") / "minchw"
 
 ASTRAY = 0.05
-"""How often a value is drawn outside of its range."""
+"""Probability of a value outside of its range."""
 
 OWN = 0.5
-"""How often a leg has a length of its own."""
+"""Probability that a leg has its own length."""
 
 EDITED = 0.15
-"""How often each edit is made."""
+"""Probability of each edit."""
 
 BRACE = (2.4, 6.0)
 """The range [mm] of the thickness of `ThighBrace`; the document declares none."""
 
 HIGHEST = 106.0
-"""The largest angle [deg] that a pose of the document asks of a knee."""
+"""The largest angle [deg] of a knee in the poses of the document."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edit:
-    """`old` stands once in `file` and is replaced by `new`."""
+    """`old`, which occurs once in `file`, is replaced by `new`."""
 
     name: str
     file: str
@@ -43,8 +43,11 @@ class Edit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
-    """`parameters` are texts as after `-p`. `broken` says which rules the design was drawn to break: the code that must be
-    reported, and a word that one of its messages must have."""
+    """A design.
+
+    `parameters` are texts as for `-p`; `broken` are the rules that it violates on purpose: the code to be reported, and a word of its
+    message.
+    """
 
     number: int
     parameters: dict[str, str]
@@ -57,7 +60,7 @@ class Design:
 
 @functools.cache
 def ranges() -> dict[str, tuple[float, float]]:
-    """Every parameter of the document with its declared range [mm]; those of the two legs are in the leg's document."""
+    """Return every parameter of the document with its declared range [mm]; those of the legs are in their document."""
     robot, leg = (yaml.safe_load((ROOT / FOLDER / file).read_text())["parameters"] for file in (MINCHW, LEG))
     declared = {name: one if isinstance(one, dict) else leg["leg_length"] for name, one in robot.items()}
     return {name: (_millimetres(one["min"]), _millimetres(one["max"])) for name, one in declared.items()}
@@ -71,7 +74,7 @@ def _millimetres(text: str) -> float:
 
 
 def design(number: int, seed: int) -> Design:
-    """The design of that number: the same for the same seed, however many are drawn."""
+    """Return the design with this number, which depends only on the seed."""
     source = random.Random(f"{seed}/{number}")
     parameters: dict[str, str] = {}
     broken: list[tuple[str, str]] = []
@@ -81,7 +84,7 @@ def design(number: int, seed: int) -> Design:
         value = _drawn(source, low, high)
         parameters[name] = f"{value} mm"
         if not low <= value <= high:
-            # Legs of their own are checked where they are used, in the leg's document, by its name for them.
+            # The length of a single leg is checked in the document of the leg, under the name that it has there.
             broken.append(("TC315", "leg_length") if "leg" in name and name != "leg_length" else ("TC803", name))
     edits = []
     for draw in EDITS:
@@ -94,7 +97,7 @@ def design(number: int, seed: int) -> Design:
 
 
 def _drawn(source: random.Random, low: float, high: float) -> float:
-    """Anywhere in the range, an end of it, or up to a tenth of its width outside."""
+    """Return a random value: within the range, at an end of it, or outside by up to a tenth of its width."""
     if source.random() < ASTRAY:
         beyond = (high - low) * source.uniform(0.001, 0.1)
         return round(source.choice((low - beyond, high + beyond)), 3)
@@ -142,7 +145,7 @@ def _mass(source: random.Random) -> Drawn:
 
 
 def _inertia(source: random.Random) -> Drawn:
-    """Three moments of the foot; no solid has one above the sum of the other two."""
+    """Three moments of the foot; no solid has one that is larger than the sum of the others."""
     moments = sorted(round(source.uniform(10, 60), 1) for _ in range(3))
     words = ", ".join(f"{axis}: {value} kg*mm^2" for axis, value in zip(("ixx", "iyy", "izz"), moments, strict=True))
     old = "    attach: {servo_seat: ankle_servo.bottom}"
@@ -157,7 +160,7 @@ def _limit(source: random.Random) -> Drawn:
 
 
 def _hold(source: random.Random) -> Drawn:
-    """Where the rear foot is held in `bridge`; whether it can be reached is for the solver to say."""
+    """The pose of the rear foot in `bridge`; the solver decides whether it can be reached."""
     old = """["=6 mm - 207.31 mm - body_length - (front_leg + rear_leg) * cos(100 deg)", 0, 8 mm]
         rpy: 0 3 180 deg"""
     new = old.replace("6 mm", f"{source.randint(-200, 60)} mm").replace("0, 8", f"{source.randint(-15, 15)} mm, {source.randint(-30, 60)}")
@@ -187,14 +190,14 @@ EDITS: tuple[Callable[[random.Random], Drawn], ...] = (
 
 
 def workspace(folder: Path) -> None:
-    """Copies documents and parts, to be edited there."""
+    """Copy documents and parts, to edit them."""
     for name in ("assemblies", "parts"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "thingc.toml", folder)
 
 
 def write(one: Design, folder: Path) -> Path:
-    """The documents of a design in a workspace; the path of the robot's. Raises where an edit does not fit its document."""
+    """Write the documents of a design to a workspace; return the path of the robot. Raises if an edit does not match."""
     texts = {file: (ROOT / FOLDER / file).read_text(encoding="utf-8") for file in (MINCHW, LEG, MATERIALS)}
     for edit in one.edits:
         if texts[edit.file].count(edit.old) != 1:

@@ -1,6 +1,6 @@
-"""`make bench-designs`: random designs of MInchW; does each build into one robot, or is it refused by a rule that is named?
+"""`make bench-designs`: check that every random design of MInchW builds, or is rejected by a rule with a code.
 
-Prints the tables and writes them to `docs/studies/designs.md`. Counts depend on nothing but the seed; times do on the machine.
+Prints the tables and writes them to `docs/studies/designs.md`. Counts depend only on the seed; times depend on the machine.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ COUNT, SEED = 200, 7
 
 
 def main() -> int:
-    """Draw, judge, print, write; 1 where a design crashed or has a fault."""
+    """Draw and judge designs, print and write the tables; return 1 if a design crashed or has a fault."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=COUNT, help="how many designs")
     parser.add_argument("--seed", type=int, default=SEED, help="another seed gives other designs")
@@ -53,7 +53,7 @@ def main() -> int:
 
 
 def run(numbers: Sequence[int], seed: int, folder: Path, store: Path) -> list[Verdict]:
-    """Every design after the other, in this process; a line for each on standard error."""
+    """Judge all designs in this process; print a line for each to standard error."""
     workspace(folder)
     verdicts: list[Verdict] = []
     known: set[str] = set()
@@ -70,12 +70,12 @@ def run(numbers: Sequence[int], seed: int, folder: Path, store: Path) -> list[Ve
 
 
 def codes_of(verdict: Verdict) -> set[str]:
-    """The codes of its errors."""
+    """Return the codes of the errors."""
     return {d.code.code for d in verdict.diagnostics if d.severity is Severity.ERROR}
 
 
 def written(verdicts: list[Verdict], seed: int, wall: float) -> str:
-    """The page: what was drawn and how it was judged, and the tables."""
+    """Format the page: the method and the tables."""
     lines = [
         "# Random designs", "", "```sh", command(len(verdicts), seed), "```", "",
         *MEASURED.format(count=len(verdicts), edits=len(EDITS)).strip().splitlines(), "",
@@ -88,7 +88,7 @@ def written(verdicts: list[Verdict], seed: int, wall: float) -> str:
 
 
 def command(count: int, seed: int) -> str:
-    """What makes this page."""
+    """Return the command that creates this page."""
     usual = (count, seed) == (COUNT, SEED)
     return f"python benchmarks/designs/study.py --count {count} --seed {seed}" + ("   # or: make bench-designs" if usual else "")
 
@@ -108,7 +108,7 @@ def outcome_table(verdicts: list[Verdict]) -> list[str]:
 
 
 def timing(verdicts: list[Verdict], wall: float) -> str:
-    """Parts and seconds."""
+    """Format the number of parts and the times."""
     built = [v for v in verdicts if v.outcome == "built"]
     modelled, reused = sum(len(v.modelled) for v in built), sum(len(v.reused) for v in built)
     mean = sum(v.seconds for v in built) / len(built) if built else 0.0

@@ -1,4 +1,4 @@
-"""One design, compiled and judged: built and the same robot in every mode, or refused by a rule that is named."""
+"""Compile and judge one design: it is built, with the same robot in every mode, or rejected by a rule with a code."""
 
 from __future__ import annotations
 
@@ -20,22 +20,25 @@ from conformance import roots  # noqa: E402
 from thingc.base.diagnostics import Code, Diagnostic, Severity  # noqa: E402
 
 CRASHES = {Code.INTERNAL, Code.PART_CRASHED, Code.PART_HUNG}
-"""Codes that name no rule of the design: something of thingc or of a part went wrong."""
+"""Codes that are not rules of the design: thingc or a part failed."""
 
 UNSOUND = {Code.PART_EMPTY, Code.PART_INVALID, Code.MJCF_REFUSED, Code.MJCF_WARNING}
-"""Codes that say what came of a design, where a rule should have been named before."""
+"""Codes that report a result of a design that another rule should have rejected before."""
 
 BOUNDS = {"TC315", "TC803"}
-"""Codes of values that leave their range."""
+"""Codes of values outside of their range."""
 
 SAMPLES = 3
-"""Of joint angles, for each design."""
+"""Number of joint configurations per design."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """`outcome` is `built`, `refused` or `crashed`. `faults` is what must not be: modes that differ, a rule that was broken and
-    not named, a refusal without a place. `seconds` of compiling and judging."""
+    """`outcome` is `built`, `refused` or `crashed`.
+
+    `faults` are failures: modes that differ, a violated rule that is not reported, an error without a location. `seconds` is the time to
+    compile and judge.
+    """
 
     design: Design
     outcome: str
@@ -48,7 +51,7 @@ class Verdict:
 
 
 def judged(design: Design, document: Path, store: Path) -> Verdict:
-    """Compile the design, whose documents are written, and compare its modes. Raises nothing."""
+    """Compile the design, whose documents exist, and compare its modes. Raises nothing."""
     start = time.perf_counter()
     outcome, said, faults = "crashed", (), ()
     modes, modelled, reused = 0, (), ()
@@ -71,7 +74,7 @@ def judged(design: Design, document: Path, store: Path) -> Verdict:
 
 
 def compared(models: roots.Models, seed: int) -> list[str]:
-    """What differs between the modes that must not, for joints and bases anywhere."""
+    """Return the differences between modes for random joints and bases."""
     source = np.random.default_rng(seed)
     first = next(iter(models.values()))
     said = roots.links(models)
@@ -82,7 +85,7 @@ def compared(models: roots.Models, seed: int) -> list[str]:
 
 
 def unnamed(design: Design, said: Sequence[Diagnostic]) -> list[str]:
-    """Rules that were broken on purpose and are not named, bounds that are named and were kept, errors without words or place."""
+    """Return violated rules that are not reported, reported bounds that are satisfied, and errors without message or location."""
     errors = [d for d in said if d.severity is Severity.ERROR]
     faults = [
         f"{code} `{word}` was not reported" for code, word in design.broken
@@ -96,5 +99,5 @@ def unnamed(design: Design, said: Sequence[Diagnostic]) -> list[str]:
         f"no rule is named: {d.code.code} {d.message}" for d in errors
         if d.code in UNSOUND or (d.code is Code.PART_RAISED and "AssertionError: " not in d.message)
     ]
-    # What is wrong with a parameter given from outside has no place in a document, but a note where its bound is.
+    # Errors in parameters from the command line have no location in a document, but a note at their bound.
     return [*faults, *(f"no words or place: {d.code.code} {d.message}" for d in errors if not d.message or not (d.span or d.notes))]

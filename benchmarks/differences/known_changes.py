@@ -1,5 +1,4 @@
-"""Pairs of documents that differ in known ways: edits of robots that are there, whose meaning is written beside them
-(`cases.yaml`), and rewrites that mean the same."""
+"""Pairs of documents with known differences: edits of existing robots with their changes (`cases.yaml`), and rewritings without changes."""
 
 from __future__ import annotations
 
@@ -18,13 +17,13 @@ Made = tuple[str, str, str, str | None]
 
 @dataclass(frozen=True, kw_only=True)
 class Robot:
-    """A document in its workspace: `folder` is copied, `document` is its path there."""
+    """A document in its workspace: `folder` is copied, `document` is the path in it."""
 
     folder: str
     document: str
 
     def copy(self, to: Path) -> Path:
-        """A workspace of its own; the path of the document."""
+        """Copy the workspace; return the path of the document."""
         for name in ("assemblies", "parts") if self.folder == "." else (".",):
             shutil.copytree(
                 ROOT / self.folder / name, to / name, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__", "build"),
@@ -43,7 +42,7 @@ ROBOTS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A robot, the texts that are replaced by others in files beside its document, and what that changes."""
+    """A robot, replacements in files beside its document, and the changes that they cause."""
 
     robot: str
     name: str
@@ -51,7 +50,7 @@ class Case:
     made: frozenset[Made]
 
     def write(self, document: Path) -> None:
-        """Make the edits. Raises where one does not fit."""
+        """Make the replacements. Raises if one does not match."""
         for file, old, new in self.edits:
             path = document.parent / file
             text = path.read_text()
@@ -61,7 +60,7 @@ class Case:
 
 
 def cases() -> list[Case]:
-    """Those that are written down."""
+    """Return the cases in `cases.yaml`."""
     return [
         Case(
             robot=one["robot"], name=one["name"], edits=tuple((edit["file"], edit["old"], edit["new"]) for edit in one["edits"]),
@@ -72,7 +71,7 @@ def cases() -> list[Case]:
 
 
 def rewritten(text: str, number: int) -> str:
-    """A document in other words, by the number: comments and empty lines, or none; other units; other quotes; sections in another order."""
+    """Rewrite a document without changing its meaning: comments and empty lines, units, quotes, or the order of sections, by number."""
     source = random.Random(number)
     kind = number % 5
     if kind == 0:

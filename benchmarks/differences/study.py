@@ -1,8 +1,8 @@
-"""`python benchmarks/differences/study.py`: `thingc diff` against changes that are known beforehand, in both directions.
+"""`python benchmarks/differences/study.py`: check `thingc diff` with known changes, in both directions.
 
-Every case of the corpus: each change that was made is named, nothing else is named without a cause, every cause is one of them, and the
-way back is the mirror image. Random designs of MInchW: the parameters that were drawn are named, and nothing else. Rewrites that mean the
-same: no change. Exits with 1 where anything is otherwise.
+In every case of the corpus, each change is reported, nothing else is reported without a cause, every cause is one of the changes, and the
+reverse comparison is the mirror image. For random designs of MInchW, exactly the drawn parameters are reported. Rewritings give no change.
+Exits with 1 if anything fails.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def drawn(document: Path) -> Snapshot | None:
 
 
 def mirrored(change: Change) -> Change:
-    """The same change from the new robot to the old one."""
+    """Return the same change from the new robot to the old one."""
     there, back = (change.path, None) if change.new_path is None else (change.new_path, change.path)
     how: dict[How, How] = {"added": "removed", "removed": "added"}
     return replace(
@@ -45,7 +45,7 @@ def mirrored(change: Change) -> Change:
 
 
 def faults(old: Snapshot, new: Snapshot, made: frozenset[tuple[str, str, str, str | None]]) -> Iterator[str]:
-    """What `thingc diff` says wrong of two robots, one of which came of the other by these changes."""
+    """Yield the errors of `thingc diff` for two robots with these changes."""
     there, back = compare(old, new).changes, compare(new, old).changes
     named = {(c.what, c.change, c.path, c.field) for c in there if not c.caused}
     yield from (f"not named: {one}" for one in made - named)
@@ -61,7 +61,7 @@ def _content(change: Change) -> tuple[str, ...]:
 
 
 def main() -> int:
-    """The whole study."""
+    """Run the whole study."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--designs", type=int, default=10, help="how many random designs (default: %(default)s)")
     parser.add_argument("--rewrites", type=int, default=100, help="how many rewrites (default: %(default)s)")
@@ -93,7 +93,7 @@ def _cases(folder: Path, snapshots: dict[str, Snapshot | None]) -> Iterator[tupl
 
 
 def _designs(folder: Path, snapshots: dict[str, Snapshot | None], count: int) -> Iterator[tuple[str, list[str]]]:
-    """Designs that break no rule: their parameters, written into the document, are all that is named."""
+    """Designs that violate no rule: their parameters, written into the document, are the only changes to report."""
     old, number, taken = snapshots["minchw"], 0, 0
     while taken < count:
         number += 1
@@ -109,13 +109,13 @@ def _designs(folder: Path, snapshots: dict[str, Snapshot | None], count: int) ->
                 made.add(("parameter", "changed", name, "value"))
         document.write_text(text)
         new = drawn(document)
-        if new is not None:  # poses may not close, and limits be too near: such designs are refused
+        if new is not None:  # others are rejected, for example because a pose does not close
             taken += 1
             yield f"design {number}", list(faults(old, new, frozenset(made)))
 
 
 def _with(text: str, name: str, value: str) -> str:
-    """The document with a parameter at a value."""
+    """Return the document with another value of a parameter."""
     text = re.sub(rf"(\n  {name}: \{{value: )[^,]+", rf"\g<1>{value}", text)
     return re.sub(rf'(\n  {name}: )"=leg_length"', rf"\g<1>{value}", text)
 

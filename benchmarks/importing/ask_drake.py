@@ -1,7 +1,7 @@
-"""Drake on SDF files as they were before they were imported: `python ask_drake.py < REQUEST > ANSWER`, both JSON.
+"""Read original SDF files with Drake: `python ask_drake.py < REQUEST > ANSWER`, both JSON.
 
-Of each state: where every link and frame is, mass matrix, bias and gravity of the joints; and, for some links, the mass matrix with that
-link held, of a robot whose base is free, projected. `pip install drake`.
+For each state, it returns the poses of all links and frames, and mass matrix, bias and gravity of the joints; for some links, also the mass
+matrix of a robot with a free base when that link is held. Requires `pip install drake`.
 """
 
 import json

@@ -1,7 +1,7 @@
-"""pinocchio on files as they were before they were imported: `python ask_original.py < REQUEST > ANSWER`, both JSON.
+"""Read original files with pinocchio: `python ask_original.py < REQUEST > ANSWER`, both JSON.
 
-Of each state: where every link is, mass matrix, bias and gravity; and, for some links, the mass matrix with that link held, of the robot
-with a floating base, projected.
+For each state, it returns the poses of all links, mass matrix, bias and gravity; for some links, also the mass matrix of the robot with a
+free base when that link is held.
 """
 
 import json

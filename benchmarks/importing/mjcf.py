@@ -1,11 +1,10 @@
-"""Real robots of MJCF, imported: `python benchmarks/importing/mjcf.py NAME=FILE_OR_FOLDER...`, what came back, and a table of it.
+"""Import real robots in MJCF, compare them, and print a table: `python benchmarks/importing/mjcf.py NAME=FILE_OR_FOLDER...`.
 
-Material: the wheels of robosuite 1.5 and dm_control 1.0.50, unpacked. A file is read by MuJoCo as it is, and imported, with five random
-links as further roots; compared are, in random states, poses, mass matrix, bias, forces and contacts, then shapes, limits, gains and
-keyframes, the order of actuators and sensors,
-200 steps with random controls, and for each root poses relative to it and the mass matrix with it held. What differs has to be
-explained by a loss. MuJoCo finds contacts of meshes, and of a few other pairs, by iteration, of a mesh in axes that it has laid itself:
-these agree to 1e-4 m, and explain a trajectory and what adheres, if both are the same without contacts.
+Use the unpacked wheels of robosuite 1.5 and dm_control 1.0.50. MuJoCo reads each original file; it is also imported, with five random links
+as further roots. Compared in random states: poses, mass matrix, bias, forces and contacts; then shapes, limits, gains and keyframes, the
+order of actuators and sensors, 200 steps with random controls, and for each root the poses relative to it and the mass matrix when it is
+held. Differences must be explained by a loss. MuJoCo finds contacts of meshes, and of some other pairs, by iteration, for meshes in axes
+that it chooses itself: these agree to 1e-4 m, and explain differences of a trajectory and of adhesion if both are equal without contacts.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ EXPLAINS = {
 
 
 def main() -> int:
-    """Exit code 1 where something differs that nothing explains."""
+    """Run; return 1 for an unexplained difference."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("paths", nargs="+", metavar="NAME=PATH")
     parser.add_argument("--states", type=int, default=50)
@@ -58,7 +57,7 @@ def main() -> int:
             spec = mujoco.MjSpec.from_file(str(file))
             theirs = spec.compile()
         except (ValueError, RuntimeError):
-            continue  # no model by itself
+            continue  # not a complete model
         if theirs.njnt == 0:
             continue
         row, fine = one(file, spec, theirs, arguments.states)
@@ -69,7 +68,7 @@ def main() -> int:
 
 
 def one(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel, states: int) -> tuple[list[str], bool]:
-    """What became of a robot, and whether all of it is as it was, or explained."""
+    """Return the row of a robot, and whether everything is equal or explained."""
     report, begun = Report(), time.perf_counter()
     imported = import_robot(str(file), report)
     took = f"{time.perf_counter() - begun:.2f}"
@@ -111,7 +110,7 @@ def one(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel, states: int) ->
 
 
 def reordered(pair: Pair) -> bool:
-    """Whether actuators or sensors that are in both models are in another order, or sensors that only ours has are before one of them."""
+    """Return whether actuators or sensors of both models have another order, or new sensors are before one of them."""
     sensors = pair.words.get("sensors", {})
     named = {number: sensors[name] for number, name in pair.named["sensor"].items() if name in sensors}
     places = [pair.ours.sensor(name).id for _, name in sorted(named.items())]
@@ -120,15 +119,17 @@ def reordered(pair: Pair) -> bool:
 
 
 def rooted(file: Path, roots: list[str]) -> Imported:
-    """The robot with a mode for each of these links. Where joints stand on the world, which weighs nothing, it would move then: it gets
-    1 mg."""
+    """Import the robot with a mode for each of these links.
+
+    If joints are attached to the massless world, which would move then, it gets 1 mg.
+    """
     found = import_robot(str(file), Report(), roots=roots) or import_robot(str(file), Report(), roots=roots, repair="nearest")
     assert found is not None
     return found
 
 
 def read(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel) -> CompiledSource:
-    """What a file has; what it gives no name has the one that the import has made up."""
+    """Read a file with MuJoCo; elements without a name get that of the import."""
     root = read_xml(str(file), file.read_bytes(), Report())
     assert root is not None
     return CompiledSource(FlattenedSource(root=root, text="", lines=(), files={}, meshes={}, included=(), losses=()), spec, theirs)

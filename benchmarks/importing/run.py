@@ -1,10 +1,9 @@
-"""Real robots of URDF and SDF, imported: `python benchmarks/importing/run.py NAME=FILE_OR_FOLDER...`, what came back, and a table of it.
+"""Import real robots in URDF and SDF, compare them, and print a table: `python benchmarks/importing/run.py NAME=FILE_OR_FOLDER...`.
 
-`--pinocchio` and `--drake` are the interpreters of environments with these (`pip install pin`, `pip install drake`): pinocchio reads the
-originals of URDF, Drake those of SDF, of which the joints that close loops are taken out before. `pip install example-robot-data` brings
-files of both. Compared, at random states: poses of all links, mass matrix, bias, gravity, limits, and for five links as roots poses
-relative to it, and the mass matrix with it held, but of what Drake reads as fixed to the world. What differs has to be explained by a loss
-or a repair.
+`--pinocchio` and `--drake` are Python interpreters with these packages (`pip install pin`, `pip install drake`): pinocchio reads original
+URDF files, Drake original SDF files, without joints that close loops. `pip install example-robot-data` has files of both. Compared at
+random states: poses of all links, mass matrix, bias, gravity, limits, and for five links as roots the poses relative to it, and the mass
+matrix when it is held, except for robots that Drake fixes to the world. Differences must be explained by a loss or a repair.
 """
 
 from __future__ import annotations
@@ -34,12 +33,12 @@ from thingc.tools.importing.sdf import ENDLESS
 ROOTS = 5
 POSE, RELATIVE = 1e-9, 1e-9
 ORIGINAL = {".urdf": "ask_original.py", ".sdf": "ask_drake.py"}
-"""Who reads a file as it was."""
+"""The reader of original files by suffix."""
 KINDS = ("poses", "mass matrix", "bias", "gravity", "limits", "rooted poses", "rooted mass matrix")
 
 
 def main() -> int:
-    """Exit code 1 where something differs that nothing explains."""
+    """Run; return 1 for an unexplained difference."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pinocchio")
     parser.add_argument("--drake")
@@ -59,7 +58,7 @@ def main() -> int:
 
 
 def one(file: Path, python: str, count: int) -> tuple[list[str], bool]:
-    """The row of a robot, and whether all of it is as it was, or explained."""
+    """Return the row of a robot, and whether everything is equal or explained."""
     chance, report, begun = random.Random(file.stem), Report(), time.perf_counter()
     first = import_robot(str(file), report, repair="nearest")
     empty = [""] * (len(KINDS) + 2)
@@ -106,7 +105,7 @@ def one(file: Path, python: str, count: int) -> tuple[list[str], bool]:
 
 
 def opened(file: Path, loops: set[str], folder: Path) -> Path:
-    """The file, or a copy in `folder` without the joints of these names, which close its loops."""
+    """Return the file, or a copy in `folder` without these joints, which close loops."""
     if not loops:
         return file
     tree = ET.parse(file)
@@ -122,8 +121,9 @@ def compared(
     imported: Imported, models: dict[str, mujoco.MjModel], theirs: dict[str, list[dict[str, object]]], states: list[list[list[float]]],
     known: dict[str, str], joints: dict[str, str], roots: list[str],
 ) -> dict[str, float]:
-    """The largest difference of each kind: poses in m (and of rotations), others relative to the largest entry; nan where something is
-    missing."""
+    """Return the largest difference of each kind: poses in m (and of rotations), others relative to the largest value; NaN if something is
+    missing.
+    """
     worst = dict.fromkeys(KINDS, 0.0)
 
     def told(kind: str, ours: numpy.ndarray, other: object, scale: float | None = None) -> None:
@@ -166,12 +166,12 @@ def compared(
 
 
 def there(model: mujoco.MjModel, word: str) -> bool:
-    """Whether MuJoCo has a link: none that weighs nothing between two joints."""
+    """Return whether MuJoCo has a link; massless links between two joints are not bodies."""
     return any(mujoco.mj_name2id(model, kind, word) >= 0 for kind in (mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_BODY))
 
 
 def pose(data: mujoco.MjData, word: str) -> numpy.ndarray:
-    """4 x 4, of the site of that name, else the body."""
+    """Return the pose of a site or body as a 4 x 4 matrix."""
     is_site = mujoco.mj_name2id(data.model, mujoco.mjtObj.mjOBJ_SITE, word) >= 0
     found, one = numpy.eye(4), data.site(word) if is_site else data.body(word)
     found[:3, :3], found[:3, 3] = one.xmat.reshape(3, 3), one.xpos

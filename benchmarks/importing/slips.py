@@ -1,7 +1,7 @@
-"""Robots' files with one slip each: `python benchmarks/importing/slips.py FILE_OR_FOLDER... [--count 500]`.
+"""Import files of robots with one random error each: `python benchmarks/importing/slips.py FILE_OR_FOLDER... [--count 500]`.
 
-No slip may bring about a traceback, and what is refused is to be refused where the slip is: on its line or the next two, for a tag that is
-not closed is noticed behind it; or where a name is used that the slip took away.
+No error may cause a traceback. A rejected file must have a diagnostic near the error: on its line or the next two, since an unclosed tag is
+noticed later; or where a name is used that the error removed.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from thingc.base.diagnostics import Report
 from thingc.tools.importing.importing import import_robot
 
 NEAR = 2
-"""Lines."""
+"""Number of lines."""
 NAME = re.compile(r'\bname="([^"]+)"')
 Slip = Callable[[str, random.Random], str]
 SLIPS: dict[str, Slip] = {
@@ -46,16 +46,16 @@ SLIPS: dict[str, Slip] = {
     "another frame": lambda line, _: re.sub(r'(relative_to|attached_to|expressed_in)="\w', r'\1="x_', line),
     "a child as its own parent": lambda line, _: re.sub(r'<child link="([^"]*)"', r'<child link="\1"/><parent link="\1"', line),
 }
-"""What goes wrong with a line; where it cannot, the line stays."""
+"""Functions that break a line, or return it unchanged if they do not apply."""
 
 
 def robots_in(folder: Path) -> list[Path]:
-    """The files of URDF and SDF in a folder; those of MJCF are named one by one, for some are parts of others."""
+    """Return the URDF and SDF files in a folder; MJCF files must be named explicitly, since some are parts of others."""
     return sorted(path for path in folder.rglob("*") if path.suffix in (".urdf", ".sdf"))
 
 
 def slipped(text: str, chance: random.Random) -> tuple[str, int, str]:
-    """A text with one slip, its line from 1 on, and what it is."""
+    """Return a text with one error, its line (from 1), and its kind."""
     lines = text.split("\n")
     while True:
         number, name = chance.randrange(len(lines)), chance.choice(list(SLIPS))
@@ -65,7 +65,7 @@ def slipped(text: str, chance: random.Random) -> tuple[str, int, str]:
 
 
 def refused(path: Path) -> list[int] | None:
-    """The lines that are named where a file is refused, those of notes among them; None where it is not."""
+    """Return the lines of the diagnostics of a rejected file, including notes; None if it is accepted."""
     report = Report()
     if import_robot(str(path), report, repair="nearest", meshes=False) is not None:
         return None
@@ -74,14 +74,14 @@ def refused(path: Path) -> list[int] | None:
 
 
 def uses_lost_name(before: str, after: str, line: int, said: Sequence[int]) -> bool:
-    """Whether a line that is named says the name that a thing had before the slip, and has no longer."""
+    """Return whether a reported line contains the name that the error removed."""
     name = NAME.search(before.split("\n")[line - 1])
     lines = after.split("\n")
     return name is not None and name[0] not in lines[line - 1] and any(f'"{name[1]}"' in lines[one - 1] for one in said)
 
 
 def tried(files: Sequence[Path], count: int, seed: int) -> tuple[Counter[str], list[str]]:
-    """How many slips were `refused`, of them `near`, `taken` and `raised`; and what was odd, in words."""
+    """Return how many errors were `refused`, of them `near`, `taken` and `raised`; and descriptions of unexpected results."""
     chance, found, odd = random.Random(seed), Counter[str](), list[str]()
     texts = {file: file.read_text() for file in files if refused(file) is None}
     if not texts:
@@ -111,7 +111,7 @@ def tried(files: Sequence[Path], count: int, seed: int) -> tuple[Counter[str], l
 
 
 def _beside(file: Path, folder: Path) -> Path:
-    """A folder for files like this one: with what lies beside it, where that is read with it, as MJCF has it."""
+    """Return a folder for modified copies of a file, with the files beside it if they are needed, as in MJCF."""
     if file.suffix == ".xml":
         shutil.copytree(file.parent, folder)
     else:
@@ -120,7 +120,7 @@ def _beside(file: Path, folder: Path) -> Path:
 
 
 def main() -> int:
-    """Exit code 1 where something was raised, or fewer than 95 % were said near the slip."""
+    """Run; return 1 after a traceback, or if fewer than 95 percent were reported near the error."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("paths", nargs="+", type=Path)
     parser.add_argument("--count", type=int, default=500)

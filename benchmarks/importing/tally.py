@@ -1,4 +1,4 @@
-"""Robots that came in, counted by collection: as they were, with losses that say what differs, refused with a reason, or wrong."""
+"""Count imported robots by collection: equal, with losses that explain differences, rejected with a reason, or wrong."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ HOW = ("as it was", "with losses that say so", "refused, and why", "wrong")
 
 
 class Tally:
-    """What is said in the end: a table, dated, of the collections of a run; `reader` is what the originals were read by."""
+    """The summary of a run: a dated table by collection; `reader` is the reader of the originals."""
 
     def __init__(self, reader: str) -> None:
         self.reader = reader
         self.counts: dict[str, Counter[str]] = {}
 
     def add(self, collection: str, said: str, fine: bool) -> None:
-        """A robot of which this was `said`."""
+        """Add the result of a robot."""
         how = HOW[3] if not fine else HOW[0] if said == HOW[0] else HOW[2] if said.startswith("refused") else HOW[1]
         self.counts.setdefault(collection, Counter())[how] += 1
 
     @property
     def failed(self) -> int:
-        """How many are wrong."""
+        """The number of wrong robots."""
         return sum(counts[HOW[3]] for counts in self.counts.values())
 
     def __str__(self) -> str:
@@ -39,7 +39,7 @@ class Tally:
 
 
 def collections(arguments: Sequence[str], *endings: str) -> Iterator[tuple[str, Path]]:
-    """Every file of some kinds in what `NAME=FILE_OR_FOLDER` names, with the name of its collection."""
+    """Yield every file with one of the suffixes in the arguments `NAME=FILE_OR_FOLDER`, with the name of its collection."""
     for argument in arguments:
         name, _, path = argument.rpartition("=")
         folder = Path(path)

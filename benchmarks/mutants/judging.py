@@ -1,4 +1,4 @@
-"""What thingc says of a mutant: refused at the right line, refused elsewhere, or accepted and then built."""
+"""Judge the reaction of thingc to a mutant: rejected at the right line, rejected elsewhere, or accepted and built."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ COPIED = ("assemblies", "parts", "thingc.toml")
 
 @dataclass(frozen=True)
 class Subject:
-    """A good document in the scratch workspace, and the documents that are compiled to see what it means: itself where it is an
-    assembly, and the robot that it is a part of."""
+    """A valid document in the temporary workspace, and the documents to compile it with: itself if it is an assembly, and the robot that it
+    is part of.
+    """
 
     document: Document
     roots: tuple[str, ...]
@@ -31,9 +32,9 @@ class Subject:
 
 @dataclass(frozen=True)
 class Verdict:
-    """`outcome`: `right` (refused at the touched line, a neighbour, or where what is gone is missed), `elsewhere`, `built`.
+    """`outcome` is `right` (rejected at the touched line, a neighbouring one, or where a removed name is used), `elsewhere` or `built`.
 
-    `said` is the first error, or for an accepted mutant its warnings.
+    `said` is the first error, or the warnings for an accepted mutant.
     """
 
     outcome: str
@@ -42,7 +43,7 @@ class Verdict:
 
 
 def subjects(folder: Path, store: str) -> list[Subject]:
-    """Every good document of the repository in a scratch workspace: those of the robots, and the first as TOML, too."""
+    """Copy all valid documents of the robots to a temporary workspace, the first one also as TOML."""
     for name in COPIED:
         source = ROOT / name
         if source.is_dir():
@@ -52,7 +53,7 @@ def subjects(folder: Path, store: str) -> list[Subject]:
     twin = folder / "assemblies" / "arm_twin.toml"
     twin.write_text(_as_toml(folder / "assemblies" / "arm.yaml"))
     found: dict[str, Subject] = {}
-    # assemblies that nest most come first: they are the robots that others are a part of
+    # assemblies that nest most come first, since they are robots
     paths = [path for path in documents_in(str(folder)) if "thingc: variants/" not in Path(path).read_text()]
     compiled = {path: _compiled(path, store) for path in paths}
     by_size = sorted((path for path in paths if compiled[path] is not None), key=lambda path: (-len(compiled[path] or ()), path))
@@ -64,7 +65,7 @@ def subjects(folder: Path, store: str) -> list[Subject]:
 
 
 def _compiled(path: str, store: str) -> list[Document] | None:
-    """The documents of a compilation that had nothing to say; None for a document that is not an assembly."""
+    """Return the documents of a compilation without diagnostics; None for a document that is not an assembly."""
     with Environment(path, Options(store=store)) as environment:
         compilation = pipeline.compile(environment, kinds=("assembly", "materials"))
         assert not compilation.report.diagnostics, as_text(compilation.report.ordered())
@@ -74,7 +75,7 @@ def _compiled(path: str, store: str) -> list[Document] | None:
 
 
 def _as_toml(path: Path) -> str:
-    """The same document as TOML: tables for what is a block, inline tables below."""
+    """Convert a document to TOML, with tables for blocks and inline tables below."""
     import tomlkit
     import yaml
 
@@ -82,7 +83,7 @@ def _as_toml(path: Path) -> str:
 
 
 def judge(subject: Subject, mutant: Mutant, store: str) -> Verdict:
-    """Compile with the mutant in place of the document; what is accepted is built for MuJoCo. Raises where thingc does."""
+    """Compile with the mutant instead of the document; if accepted, build it for MuJoCo. Raises if thingc does."""
     path = Path(subject.document.path)
     path.write_text(mutant.text)
     said: list[Diagnostic] = []
@@ -109,8 +110,9 @@ def judge(subject: Subject, mutant: Mutant, store: str) -> Verdict:
 
 
 def _blames(diagnostic: Diagnostic, subject: Subject, mutant: Mutant) -> bool:
-    """Whether it points at the touched lines or a neighbour, itself or with its second place; or at a line that names what is
-    no longer there, which is where a reader has to look when a thing is missed."""
+    """Return whether a diagnostic, or a note of it, points to the touched lines or a neighbouring one, or to a line that uses the removed
+    name.
+    """
     places = [diagnostic.span, *(note.span for note in diagnostic.notes)]
     lines = mutant.text.splitlines()
     parent = _parent(subject.document, mutant)
@@ -134,14 +136,14 @@ def _line(file: str, number: int) -> str:
 
 
 def _parent(document: Document, mutant: Mutant) -> int | None:
-    """The line of the mapping that a deleted or misspelled key stood in: a required key is missed there."""
+    """Return the line of the mapping of a deleted or misspelled key, where a missing key is reported."""
     if mutant.kind not in ("delete", "misspell key"):
         return None
     return document.span(mutant.path[:-1], key=True).line if len(mutant.path) > 1 else 1
 
 
 def field_of(document: Document, mutant: Mutant) -> str:
-    """The field that was touched, names that the author chose left open: `joints.*.limit.lower`."""
+    """Return the touched field, with `*` for names that the author chose: `joints.*.limit.lower`."""
     named = {"components", "joints", "parameters", "poses", "modes", "materials", "mounts", "links", "sensors", "tests", "params",
              "attach", "hold", "adhesion", "actuators", "raw", "mjcf", "joint", "body", "geom"}
     steps: list[str] = []
@@ -151,5 +153,5 @@ def field_of(document: Document, mutant: Mutant) -> str:
 
 
 def scalars_in(document: Document) -> int:
-    """How many values a document has."""
+    """Return the number of values in a document."""
     return sum(isinstance(node, ScalarNode) for _, node in walk(document.tree) if not isinstance(node, MappingNode))

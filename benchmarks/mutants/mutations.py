@@ -1,4 +1,4 @@
-"""One thing wrong at a time: the mutants of a document, in an order that a seed decides."""
+"""Mutants of a document with one error each, in a random order defined by a seed."""
 
 from __future__ import annotations
 
@@ -15,15 +15,14 @@ RETYPED = ("3", "-7", "true", "[1, 2]", "{a: 1}", '"nonsense"', '""', "=1 / 0")
 RETYPED_TOML = ("3", "-7", "true", "[1, 2]", "{a = 1}", '"nonsense"', '""', '"=1 / 0"')
 _QUANTITY = re.compile(r"""["']?[-+]?[\d.]+(?:e[-+]?\d+)?(?: +[-+\d.e]+)* +([A-Za-z%][^\s\]},"']*)["']?\Z""")
 FREE = frozenset({"description", "doc", "number", "supplier", "reason"})
-"""Keys of free text, in which nothing can be wrong."""
+"""Keys of free text, which cannot be wrong."""
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """The `text` of a document with the value at `path` broken: lines `first` to `last` of the mutant are where.
+    """A document, `text`, with a broken value at `path`, on the lines `first` to `last` of the mutant.
 
-    `gone` is the name that no longer stands there (a key deleted or misspelled, a name in a value): where it is used, it is
-    missed.
+    `gone` is the removed name (a deleted or misspelled key, or a name in a value); errors may be reported where it is used.
     """
 
     kind: str
@@ -36,7 +35,7 @@ class Mutant:
 
 
 def mutants(document: Document, seed: int) -> Iterator[Mutant]:
-    """Without end; kinds take turns, so that each has the same share."""
+    """Yield mutants endlessly; kinds take turns."""
     chance = random.Random(f"{document.relative} {seed}")
     maker = _Maker(document, chance)
     while True:
@@ -69,7 +68,7 @@ class _Maker:
         return self.starts[span.line - 1] + span.column - 1, self.starts[span.end_line - 1] + span.end_column - 1
 
     def make(self, kind: str) -> Mutant | None:
-        """One mutant of a kind; None where the document has nothing of the sort."""
+        """Return a mutant of a kind; None if it does not apply to the document."""
         if kind == "delete":
             return self.deleted()
         if kind == "misspell key":
@@ -99,12 +98,12 @@ class _Maker:
         return self.replaced(kind, path, begin, end, new, gone=word if path[-1] in ("name",) or path[0] == "links" else None)
 
     def deleted(self) -> Mutant | None:
-        """Without one entry, whole lines of it where it stands alone on them."""
+        """Delete one entry, with whole lines if it is alone on them."""
         path, node, key = self.chance.choice(self.entries)
         begin, end = self.indices(key)[0], self.indices(node.span)[1]
         name = self.text[slice(*self.indices(key))].strip("\"'")
         if self.toml and isinstance(node, (MappingNode, SequenceNode)) and self.text[begin - 1] in "[.":
-            return None  # a table's header is no entry to cut
+            return None  # the header of a table
         rest = re.compile(r"[ \t]*(?:,[ \t]*|(?:#.*)?\n)?").match(self.text, end)
         assert rest is not None
         line = self.text.rfind("\n", 0, begin) + 1
@@ -117,7 +116,7 @@ class _Maker:
         return Mutant(kind, path, what, self.text[:begin] + new + self.text[end:], first, first + new.count("\n"), gone)
 
     def misspelled(self, word: str) -> str:
-        """A letter left out, doubled, changed, or two of them exchanged."""
+        """Omit, double, change or swap letters."""
         at = self.chance.randrange(len(word)) if word else 0
         ways = ["x", word[at] * 2, "", *([word[at + 1] + word[at]] if at + 1 < len(word) else [])] if word else ["x"]
         new = self.chance.choice(ways)

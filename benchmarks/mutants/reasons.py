@@ -1,4 +1,4 @@
-"""Why thingc has no word for a slip, by its first edit: what somebody may well have meant, or why nothing certain tells it."""
+"""Reasons why thingc reports nothing for a slip, by its first edit: the text may be intended, or nothing shows that it is wrong."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""`make slips`: two lists of slips that keep a document well-formed; what thingc says. Writes `docs/studies/slips.md`.
+"""`make slips`: judge two lists of slips in well-formed documents. Writes `docs/studies/slips.md`.
 
-Each is `thingc build` of the robot with the slip in its documents, and `thingc test` of those that the build has no word for.
+Each runs `thingc build` of the robot with the slip, and `thingc test` if the build reports nothing.
 
-    python benchmarks/mutants/slipping.py                   # some ten minutes on two cores
-    python benchmarks/mutants/slipping.py --before          # the same with the version that the studies were first made with
+    python benchmarks/mutants/slipping.py                   # about ten minutes on two cores
+    python benchmarks/mutants/slipping.py --before          # the same with the version for which the study was first made
 """
 
 from __future__ import annotations
@@ -41,25 +41,25 @@ ROOT = HERE.parents[1]
 PAGE = ROOT / "docs" / "studies" / "slips.md"
 HEAD = HERE / "slips_page.md"
 COMMIT = "c3d9b01"
-"""The version before thingc had a word for any of this, which the lists were written for."""
+"""The version without any of these diagnostics, for which the lists were written."""
 BEFORE = HERE / "before.json"
-"""Its verdicts, by `--before`."""
+"""The results of that version, written by `--before`."""
 PATIENCE = 120.0
-"""How long [s] the tests of a document may take; none of those here takes a tenth of it as it stands."""
+"""Time limit [s] for the tests of a document; none takes a tenth of it."""
 
 DOCUMENTS = {
     ARM: {name: f"assemblies/{name}.yaml" for name in ("arm", "end_effector", "materials")},
     MINCHW: {name: f"assemblies/minchw/{name}.yaml" for name in ("minchw", "leg", "materials")},
     WALKER: {name: f"walker/{name}.yaml" for name in ("walker", "leg", "materials")},
 }
-"""Of each robot its documents, by the name that edits use; the first is the one that is built."""
+"""The documents of each robot by the name in edits; the first one is built."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """`outcome`: `refused` (an error), `warned`, `tests` (nothing but the document's own tests found it), `silent`, or `gone` (the document
-    has no such place any more); `near`: one of the places shown is a touched line or beside one; `said`: the first diagnostic's code
-    and words."""
+    """`outcome` is `refused` (an error), `warned`, `tests` (found only by the tests of the document), `silent`, or `gone` (the document has
+    no such place any more). `near`: a location is on or beside a touched line. `said` is the code and message of the first diagnostic.
+    """
 
     outcome: str
     near: bool = False
@@ -67,7 +67,7 @@ class Verdict:
 
 
 def workspace(root: Path, folder: Path) -> None:
-    """The three robots of the checkout at `root` in a scratch workspace each: `assemblies/` with both robots, and `walker/`."""
+    """Copy the three robots of the checkout at `root` to temporary workspaces: `assemblies/` with two of them, and `walker/`."""
     for name in ("assemblies", "parts"):
         shutil.copytree(root / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(root / "thingc.toml", folder)
@@ -84,7 +84,7 @@ def workspace(root: Path, folder: Path) -> None:
 
 
 def edited(path: Path, edit: str) -> range:
-    """Make one edit in a file; the lines of the file that were touched. `LookupError` where the document has no such place."""
+    """Make one edit in a file; return the touched lines. Raises `LookupError` if the document has no such place."""
     report = Report()
     home = Workspace.find(str(path), report)
     documents = load(str(path), home, report, kinds=("assembly", "materials")) if home is not None else None
@@ -136,8 +136,7 @@ def _indices(text: str, span: Any) -> tuple[int, int]:
 
 
 def judge(slip: Slip, folder: Path, rewrite: Callable[[str], str]) -> Verdict:
-    """What the build says with a slip in the documents below `folder`, which are put back afterwards; of what it does not speak
-    of, whether the document's own tests do."""
+    """Build with a slip in the documents below `folder`, and restore them. If the build reports nothing, run the tests of the document."""
     names = DOCUMENTS[slip.robot]
     before = {name: (folder / path).read_text() for name, path in names.items()}
     touched: dict[str, list[range]] = {}
@@ -173,7 +172,7 @@ def _json(*words: str) -> Any:
 
 
 def _tested(robot: str) -> list[Any]:
-    """What the document's own tests say, unless that takes too long."""
+    """Run the tests of the document; empty if they take too long."""
     command = [sys.executable, "-m", "thingc", "test", robot, "--format", "json"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
@@ -184,7 +183,7 @@ def _tested(robot: str) -> list[Any]:
 
 
 def run(task: tuple[int, int, str, str | None, bool]) -> list[tuple[int, Verdict]]:
-    """The verdicts of every `jobs`-th slip of both lists, by its number, in a scratch workspace of this process."""
+    """Judge every `jobs`-th slip of both lists, by number, in a temporary workspace of this process."""
     part, jobs, root, store, bare_gains = task
     slips = [*MEANING, *SIZES]
     with tempfile.TemporaryDirectory() as scratch:
@@ -205,15 +204,14 @@ def run(task: tuple[int, int, str, str | None, bool]) -> list[tuple[int, Verdict
 
 
 def verdicts(root: Path, jobs: int, store: str | None, *, bare_gains: bool = False) -> list[Verdict]:
-    """The verdicts of both lists, in their order, on the robots of the checkout at `root`. `bare_gains`: of a version in which `kp`
-    has no unit."""
+    """Judge both lists, in order, with the robots of the checkout at `root`. `bare_gains`: for a version in which `kp` has no unit."""
     with ProcessPoolExecutor(jobs) as pool:
         parts = pool.map(run, [(part, jobs, str(root), store, bare_gains) for part in range(jobs)])
     return [verdict for _, verdict in sorted((pair for part in parts for pair in part), key=lambda pair: pair[0])]
 
 
 def before(jobs: int, store: str | None) -> None:
-    """Judge both lists with the version of `COMMIT`, on its own documents, and keep the verdicts."""
+    """Judge both lists with the version of `COMMIT` and its documents, and store the results."""
     with tempfile.TemporaryDirectory() as scratch:
         old = Path(scratch) / "old"
         subprocess.run(["git", "-C", ROOT, "worktree", "add", "--detach", old, COMMIT], check=True)
@@ -228,7 +226,7 @@ def before(jobs: int, store: str | None) -> None:
 
 
 def main() -> int:
-    """Judge, print, write; 1 where one passes without a word for which no reason is given."""
+    """Judge, print and write; return 1 if a slip is not reported and has no reason."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--store", help="where modelled parts are kept (default: an empty one)")
@@ -251,7 +249,7 @@ def main() -> int:
 
 
 def good(found: Sequence[Verdict]) -> bool:
-    """Whether a reason is given for each slip that passes the build without a word."""
+    """Return whether each slip that the build does not report has a reason."""
     slips = [*MEANING, *SIZES]
     return all(slips[number].edits[0] in REASONS for number in _silent(found))
 
@@ -261,7 +259,7 @@ def _silent(found: Sequence[Verdict]) -> list[int]:
 
 
 def written(found: Sequence[Verdict], earlier: Sequence[Verdict]) -> str:
-    """The tables."""
+    """Format the tables."""
     lines = ["```sh", "make slips", "```", ""]
     lines += ["| | slips | refused | warned of | of these at the line | no word | of these found by the document's tests |"]
     lines += ["|---|---:|---:|---:|---:|---:|---:|"]
@@ -286,7 +284,7 @@ def written(found: Sequence[Verdict], earlier: Sequence[Verdict]) -> str:
 
 
 def _row(name: str, found: Sequence[Verdict]) -> str:
-    """Shares are of those slips that the documents still have a place for."""
+    """Format a row; shares are of the slips for which the documents still have a place."""
     tally = Counter(one.outcome for one in found)
     size, near, silent = len(found) - tally["gone"], sum(one.near for one in found), tally["silent"] + tally["tests"]
     share = f"{silent} ({silent / size:.0%})"

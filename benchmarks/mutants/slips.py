@@ -1,11 +1,10 @@
-"""Slips that keep a document well-formed: 120 that change what is meant, and 60 in magnitudes, units and places, on three robots.
+"""Slips that keep a document well-formed: 120 that change its meaning, and 60 in magnitudes, units and places, for three robots.
 
-The lists were written from the documents alone, going through what a person writes there (components, mates, joints, drives, poses,
-modes, numbers), before any of them was given to thingc. They stay as they are, whatever thingc comes to find: an entry that turns
-out to be caught, or right, is a result.
+The lists were written from the documents alone, by going through what a user writes (components, mates, joints, drives, poses, modes,
+numbers), before thingc was run on any of them. They are not changed later: an entry that thingc reports, or that is valid, is a result.
 
-An edit is `path: text` (the value at the path becomes the text, or an entry is added there) or `-path` (the entry is taken out);
-paths are keys with `/` between them, behind the document's name and a space.
+An edit is `path: text` (the value at the path is replaced, or an entry is added) or `-path` (the entry is removed). Paths are the name of
+the document, a space, and keys with `/` between them.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Slip:
-    """One slip of a person: `robot` names the document that is built, `edits` what is written instead."""
+    """A slip of a user: `robot` is the document to build, `edits` are the changes."""
 
     robot: str
     kind: str
@@ -166,7 +165,7 @@ MEANING: list[Slip] = [
         "minchw components/cover_cell/repeat: {count: 2, as: i}",
         "minchw components/magnet_driver/at: {in: body.origin, xyz: 20 0 4 mm}",
     ),
-    # --- the walker of the language's page
+    # --- the walker of the language reference
     *_of(
         WALKER, "wrong sign",
         "walker poses/low/hip_*: -10 deg",

@@ -1,4 +1,4 @@
-"""`make mutants`: break one value of every good document at a time; print the tables and write `docs/studies/mutants.md`."""
+"""`make mutants`: break one value of every valid document at a time; print the tables and write `docs/studies/mutants.md`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ REFUSED, RIGHT = 0.80, 0.95
 
 
 def main() -> int:
-    """Judge, print, write; 1 where too few are refused or too few of those at the right line."""
+    """Judge, print and write; return 1 if too few mutants are rejected, or too few of them at the right line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=COUNT, help="mutants in all, spread over the documents by their size")
     parser.add_argument("--seed", type=int, default=1)
@@ -57,7 +57,7 @@ Result = tuple[str, str, Mutant, Verdict]
 
 
 def run(task: tuple[int, int, int, int, str | None]) -> list[Result]:
-    """Every `jobs`-th mutant, in a scratch workspace of this process."""
+    """Judge every `jobs`-th mutant in a temporary workspace of this process."""
     part, jobs, count, seed, store = task
     found: list[Result] = []
     with tempfile.TemporaryDirectory() as scratch:
@@ -77,7 +77,7 @@ def run(task: tuple[int, int, int, int, str | None]) -> list[Result]:
 
 
 def written(results: list[Result], count: int, seed: int) -> str:
-    """The tables."""
+    """Format the tables."""
     tally = Counter(verdict.outcome for *_, verdict in results)
     refused = tally["right"] + tally["elsewhere"]
     command = "make mutants" if (count, seed) == (COUNT, 1) else f"python benchmarks/mutants/study.py --count {count} --seed {seed}"

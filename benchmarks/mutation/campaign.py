@@ -1,18 +1,18 @@
-"""Change one expression of the compiler at a time and report which changes no test notices.
+"""Change one expression of the compiler at a time, and report the changes that no test notices.
 
     make mutation MUTANTS=300 SEED=1
 
-The tests run in a copy of the working tree. First each test file runs once, which gives the map: how much processor time the file takes and
-which statements it executes. Then each mutant runs test files that execute its line until one fails: those of its own room first, then the
-fastest, as many as take `--seconds` together. Tests that are marked `slow` never run. A test that did not run may still notice a
-survivor: with the change made by hand, run `tests/cases` and whatever else is about it before you write a test.
+The tests run in a copy of the working tree. First, each test file runs once to create the map: the CPU time of the file, and the statements
+that it executes. Then each mutant runs test files that execute its line until one fails: those of its own room first, then the fastest,
+limited to `--seconds` in total. Tests marked `slow` never run. A test that did not run may still notice a survivor: before you write a
+test, make the change by hand and run `tests/cases` and other related tests.
 
-Tests run in forks of this process, which has imported the compiler; the fork then changes the code of functions. Only where a mutant
-changes what is executed at import do they run in a new Python process.
+Tests run in forks of this process, which has imported the compiler; the fork then replaces the code of functions. Mutants that change code
+executed at import run in a new Python process.
 
-The map and the results are written as they come: a campaign that was stopped goes on where it was. An entry of the map is made again when
-the test file, a `conftest.py` or the compiler has changed; `--keep-map` does not care about the compiler, and then line numbers may be
-wrong. Delete the results to begin anew; `--again` judges the survivors again, after tests were added.
+The map and the results are written as they come, so that an interrupted campaign continues. An entry of the map is updated when the test
+file, a `conftest.py` or the compiler has changed; with `--keep-map`, changes of the compiler are ignored, and line numbers may be wrong.
+Delete the results to start again; `--again` judges survivors again, after tests were added.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ from mutants import Mutant, mutants
 ROOT = Path(__file__).resolve().parents[2]
 PLUGINS = Path(__file__).resolve().parent / "plugins"
 LIMIT = 4.0
-"""Tests fail if they take this many times as much processor time as before."""
+"""Tests fail if they take this many times their usual CPU time."""
 PATIENCE = 15.0
-"""Seconds that tests may always take longer than before."""
+"""Time [s] that is always allowed in addition."""
 CLOCK = count(int(time.time()), 2)
 
 
@@ -58,14 +58,14 @@ def copied(target: Path) -> Path:
 
 
 def write(path: Path, text: str) -> None:
-    """Write a module with a new time stamp, without which Python would use the compiled module of the one before."""
+    """Write a module with a new modification time, so that Python does not use the compiled module of the previous one."""
     path.write_text(text)
     now = next(CLOCK)
     os.utime(path, (now, now))
 
 
 def judged(tree: Path, mutant: Mutant, tests: list[TestFile], functions: list[FunctionType], seconds: float) -> str | None:
-    """The test file that kills a mutant, or None."""
+    """Return the test file that kills a mutant, or None."""
     own = tuple(f"tests/{name}/" for room, names in ROOMS.items() if mutant.file.startswith(f"{room}/") for name in names)
     covering = sorted(
         (one for one in tests if one.path != IMPORT and one.covers(mutant)), key=lambda one: (not one.path.startswith(own), one.seconds),
@@ -86,7 +86,7 @@ def judged(tree: Path, mutant: Mutant, tests: list[TestFile], functions: list[Fu
 
 
 def chosen(tree: Path, rooms: list[str], number: int, seed: int) -> list[Mutant]:
-    """Mutants of random lines, at most one of each line; the first ones are the same for every number."""
+    """Return mutants of random lines, at most one per line; the first ones do not depend on the number."""
     by_line: dict[tuple[str, int], list[Mutant]] = {}
     for room in rooms:
         for path in sorted((tree / PACKAGE / room).rglob("*.py")):

@@ -1,4 +1,4 @@
-"""The map of the tests: how much processor time each test file takes, and which statements of the compiler it executes."""
+"""The map of the tests: the CPU time of each test file, and the statements of the compiler that it executes."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ ROOMS = {
     "tools/importing": ("importing",), "targets": ("emit", "mjcf"), "model/resolve": ("resolve", "cases"),
     "model/assembly": ("graph", "links"), "model/robot": ("robot", "loops"), "batch/plans": ("plans", "families"),
 }
-"""Folders of compiler/thingc that are changed, with the folders of `tests/` about them."""
+"""Folders of compiler/thingc to mutate, with the folders of their tests in `tests/`."""
 OTHERS = ("units", "spec", "statics", "testing", "modes", "variants")
 """Folders of `tests/` whose tests execute several rooms."""
 IMPORTED = (*ROOMS, "driver", "tools/cli")
 """Folders of compiler/thingc that most tests import."""
 IMPORT = "import"
-"""The entry of the map with the lines that are executed when the compiler is imported."""
+"""The entry of the map with the lines that are executed at import of the compiler."""
 
 
 @dataclass
 class TestFile:
-    """A test file: its processor time [s], and the lines of statements that it executes, by file of the compiler."""
+    """A test file: its CPU time [s], and the lines of the statements that it executes, by file of the compiler."""
 
     path: str
     seconds: float
@@ -52,7 +52,7 @@ def digest(paths: Iterable[Path]) -> str:
 
 
 def missing(tree: Path, known: dict[str, Any], rooms: Iterable[str], keep: bool) -> dict[str, dict[str, Any]]:
-    """Entries, without lines, of the test files that have no valid one in a map: one file of each folder of the rooms first."""
+    """Return empty entries for test files without a valid entry in a map; one file of each folder of the rooms comes first."""
     compiler = digest(sorted((tree / PACKAGE).rglob("*.py")))
     own, others = (
         zip_longest(*(sorted((tree / "tests" / name).glob("test_*.py")) for name in names))
@@ -93,11 +93,11 @@ def add_to_map(tree: Path, known: dict[str, Any], entries: dict[str, dict[str, A
 
 
 def read_map(tree: Path, path: Path, rooms: Iterable[str], keep: bool, minutes: float, longest: float) -> list[TestFile]:
-    """All test files with their lines, from an earlier run as far as they are valid."""
+    """Return all test files with their lines, using valid entries of an earlier run."""
     known = json.loads(path.read_text()) if path.exists() else {}
     entries = missing(tree, known, rooms, keep)
     if entries and minutes:
-        # In a process of its own, whose modules have the marks.
+        # In a separate process, whose modules have marks.
         process = get_context("fork").Process(target=add_to_map, args=(tree, known, entries, path, minutes, longest))
         process.start()
         process.join()

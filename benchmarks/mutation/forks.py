@@ -1,4 +1,4 @@
-"""Run test files in forks of a process that has imported the compiler: they need not import it, and may change the code of functions."""
+"""Run test files in forks of a process that has imported the compiler, which saves importing it and can replace the code of functions."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from types import CodeType, FunctionType
 import pytest
 
 WAITING = 20.0
-"""Tests fail if they take this many times as long as their processor time may be: other programs use the machine, too."""
+"""Tests fail after this many times their limit of CPU time, since other programs use the machine, too."""
 
 
 def warmed(package: Path, rooms: Iterable[str]) -> list[FunctionType]:
-    """Import rooms of the compiler, so that forks of this process need not; its functions."""
+    """Import rooms of the compiler, so that forks of this process need not; return their functions."""
     for room in rooms:
         for path in sorted((package / room).rglob("*.py")):
             import_module(".".join(path.relative_to(package.parent).with_suffix("").parts).removesuffix(".__init__"))
@@ -34,9 +34,9 @@ def warmed(package: Path, rooms: Iterable[str]) -> list[FunctionType]:
 
 
 def patched(functions: list[FunctionType], path: Path, text: str, imported: bool) -> None:
-    """Give the functions of a module the code that they have in a changed text.
+    """Replace the code of the functions of a module by that in a changed text.
 
-    ValueError, KeyError: that is not enough, for code that is executed at import (`imported`), or not possible.
+    Raises ValueError or KeyError if this is not enough, for code that is executed at import (`imported`), or impossible.
     """
     if imported:
         raise ValueError
@@ -56,9 +56,9 @@ def patched(functions: list[FunctionType], path: Path, text: str, imported: bool
 
 
 def run(tree: Path, tests: list[str], most: float, prepare: Callable[[], None]) -> tuple[str | None, float]:
-    """The first of some test files that fails ("time" if they take more than `most` seconds), and the processor time that was used.
+    """Return the first test file that fails ("time" if they take more than `most` seconds), and the CPU time.
 
-    The tests run in a fork of this process, after `prepare`; if it raises KeyError or ValueError, in a new Python process.
+    The tests run in a fork of this process, after `prepare`; if that raises KeyError or ValueError, in a new Python process.
     """
     said = tree.parent / "said"
     options = ["-x", "-p", "no:cacheprovider", "-p", "unshrunk", "--hypothesis-profile=unshrunk", f"--basetemp={tree.parent / 'tmp'}"]
@@ -94,6 +94,6 @@ def run(tree: Path, tests: list[str], most: float, prepare: Callable[[], None]) 
     seconds = usage.ru_utime + usage.ru_stime
     if late or os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGXCPU:
         return "time", seconds
-    if os.WIFEXITED(status) and os.WEXITSTATUS(status) in (0, 5):  # 5: all tests of the files are slow
+    if os.WIFEXITED(status) and os.WEXITSTATUS(status) in (0, 5):  # 5: all tests are slow
         return None, seconds
     return next(iter(re.findall(r"^(?:FAILED|ERROR) ([^:\s]+)", said.read_text(errors="replace"), re.MULTILINE)), tests[0]), seconds

@@ -1,4 +1,4 @@
-"""One-line mutants of Python source: what can be changed, and the changed text."""
+"""One-line mutants of Python source."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def mutants(file: str, source: str) -> Iterator[Mutant]:
 
 
 def _expressions(tree: ast.AST, statement: int = 0) -> Iterator[tuple[ast.expr, int]]:
-    """Expressions that compute something, with the first line of their statement: no annotations, types, decorators and messages."""
+    """Yield expressions that compute something, with the first line of their statement: no annotations, types, decorators and messages."""
     for name, value in ast.iter_fields(tree):
         if name in ("annotation", "returns", "decorator_list", "bases", "type_params", "op", "ops"):
             continue

@@ -1,6 +1,6 @@
-"""What a feature is, geometrically, and whether a face or an edge of a finished solid is that feature.
+"""Geometric features of finished solids, and whether a face or an edge is one.
 
-Only the solid is looked at: its faces as the kernel has them, their surfaces and their extent. All lengths in mm.
+Only the solid is used: its faces, surfaces and extents in the kernel. All lengths are in mm.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_REVERSED
 
 TOLERANCE = 1e-6
-"""How far a feature may be from where it was meant to be [mm; for directions: the length of the difference]."""
+"""Maximum distance of a feature from its intended position [mm]; for directions, the length of the difference."""
 
 Vector = tuple[float, float, float]
 Kind = Literal["plane", "hole", "shaft", "apex"]
@@ -27,12 +27,12 @@ Kind = Literal["plane", "hole", "shaft", "apex"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Feature:
-    """A face of a solid, said by its geometry.
+    """A face of a solid, described by its geometry.
 
-    A `plane` has the outward normal `axis` and reaches over the point `on`. A `hole` is a cylindrical face of that
-    `diameter` whose material is outside, a `shaft` one whose material is inside, around the line through `on` along `axis`
-    (either sense), and beside `on`. An `apex` is a conical face with its apex in `on`. `rim` is the middle of the circle
-    where a hole opens, where that is a full circle. `other` are more points like `on`, where one intent means several faces.
+    A `plane` has the outward normal `axis` and contains the point `on`. A `hole` is a cylindrical face with that `diameter` and material
+    outside, a `shaft` one with material inside, around the line through `on` along `axis` (in either direction), and beside `on`. An `apex`
+    is a conical face with its apex at `on`. `rim` is the centre of the full circle at the mouth of a hole, if any. `other` are further
+    points like `on`, if an intent covers several faces.
     """
 
     kind: Kind
@@ -44,7 +44,7 @@ class Feature:
 
 
 def is_feature(face: Face, feature: Feature) -> bool:
-    """Whether this face is that feature."""
+    """Return whether a face is that feature."""
     surface = BRepAdaptor_Surface(face.wrapped)
     reversed_ = face.wrapped.Orientation() == TopAbs_REVERSED
     kind = surface.GetType()
@@ -83,7 +83,7 @@ def is_feature(face: Face, feature: Feature) -> bool:
 
 
 def is_rim(edge: Edge, feature: Feature) -> bool:
-    """Whether this edge is the circle around the mouth of that hole."""
+    """Return whether an edge is the circle at the mouth of a hole."""
     if feature.rim is None or BRep_Tool.Degenerated_s(edge.wrapped):
         return False
     curve = BRepAdaptor_Curve(edge.wrapped)
@@ -114,7 +114,7 @@ def _parallel(a: Vector, b: Vector) -> bool:
 
 
 def _reaches(face: Face, point: Vector) -> bool:
-    """Whether a point of the face's plane lies in the face or on its border."""
+    """Return whether a point of the plane of a face is in the face or on its border."""
     vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex()
     return BRepExtrema_DistShapeShape(face.wrapped, vertex).Value() <= TOLERANCE
 

@@ -1,7 +1,7 @@
-"""What a name is meant for: the row of the table that the study checks names against, and short ways to write rows.
+"""The intended geometry of names: the table against which the study checks them, and helpers to write it.
 
-Every position is written by hand from the drawings of what is bolted on and the parameters of the part. Nothing here asks a
-part, or the servo that it holds, where anything is.
+Every position was derived by hand from the drawings of the attached parts and the parameters of the part. Nothing here uses positions of a
+part, or of the servo that it holds.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ RIGHT, LEFT = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
 AWAY, NEAR = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
 
 CLEARANCE = {"M2": 2.4, "M2.5": 2.9, "M3": 3.4, "M4": 4.5}
-"""ISO 273, medium [mm]."""
+"""Clearance holes, ISO 273, medium [mm]."""
 TAP = {"M2.5": 2.05, "M3": 2.5}
-"""Drills for coarse threads [mm]."""
+"""Tap drills for coarse threads [mm]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intent:
-    """One name of a part and what it is meant for, at one set of parameters.
+    """A name of a part and its intended geometry, for one set of parameters.
 
-    `frame` reads the frame that the name stands for from the finished Thing; its origin is meant to be in `at` and its z axis
-    to be `z`, and the solid is meant to have each of `features` there. The first is what plain selectors have to find.
+    `frame` reads the frame of the name from the finished Thing; its origin should be at `at`, its z axis should be `z`, and the solid
+    should have each of `features` there. Plain selectors have to find the first one.
     """
 
     name: str
@@ -42,14 +42,16 @@ class Intent:
 
 
 def mount(name: str, at: Vector, z: Vector, *features: Feature) -> Intent:
-    """A mount by its name (`screw_0` is number 0 of the list `screw`); without features: a plane through it, normal to z."""
+    """Return the intent of a mount (`screw_0` is item 0 of the list `screw`); without features, a plane through it, normal to z."""
     return Intent(name=name, frame=lambda thing: _mount(thing, name).location, at=at, z=z, features=features or (plane(at, z),))
 
 
 def screw(name: str, read: Callable[[Any], Any], at: Vector, z: Vector, *features: Feature) -> Intent:
-    """A reference to a screw in its place: `read` gives the `Screw`, whose bearing plane's middle is meant in `at`, its head
-    towards `z`."""
-    # The seat of a screw looks along its shank.
+    """Return the intent of a screw in place:
+
+    `read` returns the `Screw`; the centre of its bearing plane should be at `at`, its head towards `z`.
+    """
+    # The seat of a screw faces along its shank.
     into = (-z[0], -z[1], -z[2])
     return Intent(name=name, frame=lambda thing: read(thing).seat.location, at=at, z=into, features=features)
 
@@ -63,13 +65,13 @@ def hole(on: Vector, axis: Vector, diameter: float, rim: Vector | None = None) -
 
 
 def at_mouth(mouth: Vector, z: Vector, diameter: float, inside: float = 0.5) -> Feature:
-    """A hole that opens in a full circle at `mouth` towards `z`; its cylinder is there `inside` [mm] below the mouth, too."""
+    """Return a hole that opens in a full circle at `mouth` towards `z`; its cylinder exists `inside` [mm] below the mouth."""
     on = (mouth[0] - inside * z[0], mouth[1] - inside * z[1], mouth[2] - inside * z[2])
     return hole(on, z, diameter, mouth)
 
 
 def circle(count: int, diameter: float) -> Iterable[tuple[int, float, float]]:
-    """`count` places around a circle, from +x towards +y: number, x, y."""
+    """Yield number, x and y of `count` positions on a circle, from +x towards +y."""
     for k in range(count):
         yield k, diameter / 2 * cos(2 * pi * k / count), diameter / 2 * sin(2 * pi * k / count)
 

@@ -1,8 +1,8 @@
-"""What the names on the parts of the arm are meant for.
+"""Intended geometry of the names of the arm's parts.
 
-XM430, from its drawing [mm]: case 28.5 x 46.5 x 34; output axis 11.25 below the top, 35.25 above the bottom; the horn's face 19
-from the middle of the depth; holes in the sides 4 and 28 below the axis and 6 to either side of the middle, in the bottom
-8 to either side and 6 before and behind the middle; 8 holes on a circle of 16 in the horn.
+XM430, from its drawing [mm]: case 28.5 x 46.5 x 34; output axis 11.25 below the top, 35.25 above the bottom; the horn's face 19 from the
+middle of the depth; holes in the sides 4 and 28 below the axis and 6 to either side of the middle, in the bottom 8 to either side and 6
+before and behind the middle; 8 holes on a circle of 16 in the horn.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def pen_dummy(length: float, diameter: float) -> list[Intent]:
 
 
 def _horn(servo: str, thickness: float) -> list[Intent]:
-    """The screws into a horn with the part's frame as its own, under a leg of that thickness."""
+    """Return the intents of the screws into a horn, in the frame of the part, under a leg of this thickness."""
     return [
         screw(f"{servo}.screws_horn[{k}]", lambda thing, k=k: getattr(thing, servo).screws_horn[k](thickness),
               (x, y, 19 + thickness), UP, at_mouth((x, y, 19), DOWN, CLEARANCE["M2"]))

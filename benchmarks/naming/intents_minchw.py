@@ -1,9 +1,9 @@
-"""What the names on the printed parts of MInchW are meant for.
+"""Intended geometry of the names of MInchW's printed parts.
 
-XM430 as in `intents_arm`. XM540, from its drawing [mm]: output axis 13.75 below the top, 44.75 above the bottom, case 33.5
-wide; the horn's face 24.6 from the middle of the depth; holes in the bottom 10 to either side and 8 before and behind; 8 holes
-on a circle of 22. Tray for three cells: 74 x 60.6, the cells' tops at 19.9; its screws at (22.2, 9.6) and opposite.
-Magnet: 50 in diameter, holes 20 to either side. Heads: M2.5 4.68 wide and 2.5 high.
+XM430 as in `intents_arm`. XM540, from its drawing [mm]: output axis 13.75 below the top, 44.75 above the bottom, case 33.5 wide; the horn's
+face 24.6 from the middle of the depth; holes in the bottom 10 to either side and 8 before and behind; 8 holes on a circle of 22. Tray for
+three cells: 74 x 60.6, the cells' tops at 19.9; its screws at (22.2, 9.6) and opposite. Magnet: 50 in diameter, holes 20 to either side.
+Heads: M2.5 4.68 wide and 2.5 high.
 """
 
 from __future__ import annotations

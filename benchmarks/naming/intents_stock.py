@@ -1,4 +1,4 @@
-"""What the names on the bought parts of both robots are meant for, from their drawings [mm]."""
+"""Intended geometry of the names of bought parts, from their drawings [mm]."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from intents import AWAY, CLEARANCE, DOWN, LEFT, NEAR, RIGHT, UP, Intent, at_mou
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawn:
-    """The published drawing of an X servo [mm]: from the axis and half depth to the faces, and where the holes are."""
+    """The published drawing of an X servo [mm]: distances of the faces from the axis and from half depth, and positions of the holes."""
 
     side: float
     top: float
@@ -105,7 +105,7 @@ def magnet(diameter: float, height: float, pole: float) -> list[Intent]:
 
 def cap_screw(size: Any, length: float, fit: str) -> list[Intent]:
     thread = float(size[1:])
-    # ISO 4762: the head is as high as the thread is thick, and one and a half times as wide or more.
+    # ISO 4762: the height of the head is the thread diameter, its width at least 1.5 times that.
     return [
         mount("seat", (0, 0, 0), DOWN, plane((0.6 * thread, 0, 0), DOWN)),
         mount("tip", (0, 0, -length), DOWN),

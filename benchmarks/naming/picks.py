@@ -1,7 +1,7 @@
-"""Plain build123d selectors: how each finds a face or an edge, and how it is chosen at the default parameters.
+"""Plain build123d selectors: how each finds a face or an edge, chosen at the default parameters.
 
-Every selector gets its best chance: of the axes that it could sort by, the one is taken in which the feature stands out most
-from its neighbours in that order, and an index counts from the nearer end.
+Every selector gets its best chance: of all axes to sort by, the one in which the feature is farthest from its neighbours is used, and an
+index counts from the nearer end.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ EDGES = (
 
 
 class Lists:
-    """The lists of faces and edges of one solid that selectors give, each made once."""
+    """The lists of faces and edges of one solid for selectors, cached."""
 
     def __init__(self, solid: Solid) -> None:
         self.solid = solid
         self._made: dict[tuple[object, ...], Any] = {}
 
     def every(self, what: str, kind: GeomType | None) -> Any:
-        """All faces or edges, of one kind of surface or curve where it is given, in the kernel's order."""
+        """Return all faces or edges, optionally of one geometry type, in kernel order."""
         if kind is None:
             return self._once((what,), lambda: getattr(self.solid, what)())
         return self._once((what, kind), lambda: self.every(what, None).filter_by(kind))
@@ -46,13 +46,13 @@ class Lists:
         return self._once((what, kind, axis), lambda: self.every(what, kind).sort_by(AXES[axis]))
 
     def group(self, what: str, kind: GeomType | None, axis: str, index: int, then: str) -> Any:
-        """Group number `index` along one axis, sorted along another; raises `IndexError` where there are not so many."""
+        """Return group `index` along one axis, sorted along another. Raises `IndexError`."""
         groups = self._once((what, kind, axis, "groups"), lambda: list(self.every(what, kind).group_by(AXES[axis])))
         chosen = groups[index]
         return self._once((what, kind, axis, index, then), lambda: chosen.sort_by(AXES[then]))
 
     def groups(self, what: str, kind: GeomType | None, axis: str) -> int:
-        """How many groups there are along an axis."""
+        """Return the number of groups along an axis."""
         if self.every(what, kind):
             self.group(what, kind, axis, 0, axis)
         return len(self._made.get((what, kind, axis, "groups"), ()))
@@ -65,7 +65,7 @@ class Lists:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pick:
-    """One selector with everything filled in. `margin` [mm]: how far its neighbours in the order are."""
+    """A selector with its arguments. `margin` [mm] is the distance of neighbours in the order."""
 
     selector: str
     what: str
@@ -77,7 +77,7 @@ class Pick:
     margin: float = 0.0
 
     def of(self, lists: Lists) -> Face | Edge:
-        """What it picks from a solid; raises `IndexError` where there is nothing."""
+        """Return the item that it selects from a solid. Raises `IndexError`."""
         if not self.axis:
             return lists.every(self.what, self.kind)[self.index]
         if not self.then:
@@ -86,15 +86,16 @@ class Pick:
 
 
 def chosen(selector: str, lists: Lists, feature: Feature, right: Callable[[Any], bool]) -> Pick | None:
-    """The selector as somebody who looks at this solid would write it for that feature, `right` telling the feature from
-    others; None where there is no such face or edge."""
+    """Return the selector as a user who looks at this solid would write it, with `right` identifying the feature; None if there is no such
+    face or edge.
+    """
     what = "faces" if selector.startswith("faces") else "edges"
     kind = None
     if "filter_by" in selector:
         kind = SURFACES[feature.kind] if what == "faces" else GeomType.CIRCLE
     hits = [item for item in lists.every(what, None) if right(item)]
     options = list(_options(selector, what, kind, lists, hits))
-    # The first of the best: ties go to the earlier axis and the lower index.
+    # The first of the best: the earlier axis and the lower index.
     return max(options, key=lambda pick: pick.margin, default=None)
 
 
@@ -123,7 +124,7 @@ def _options(selector: str, what: str, kind: GeomType | None, lists: Lists, hits
 
 
 def _places(ordered: Any, hits: list[Any], axis: str = "") -> Iterator[tuple[int, float]]:
-    """Where the hits are in a list, and how far their neighbours are along the axis [mm]."""
+    """Yield the positions of the hits in a list, and the distance of their neighbours along the axis [mm]."""
     for index, item in enumerate(ordered):
         if any(item.is_same(hit) for hit in hits):
             beside = [ordered[other] for other in (index - 1, index + 1) if 0 <= other < len(ordered)] if axis else []

@@ -1,6 +1,6 @@
-"""`make bench-naming`: do names last where plain selectors do not? Prints the tables and writes them to `docs/studies/naming.md`.
+"""`make bench-naming`: check that names last where plain selectors do not. Prints the tables and writes them to `docs/studies/naming.md`.
 
-Numbers that depend on nothing but the parts and the CAD kernel: two runs print the same.
+The numbers depend only on the parts and the CAD kernel: two runs print the same.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ GROUPS = ("outermost plane", "inner plane", "hole", "other surface")
 
 
 def main() -> int:
-    """Sweep, print, write; 1 where a name was wrong."""
+    """Sweep, print and write; return 1 if a name was wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--steps", type=int, default=STEPS, help="values of each parameter, both ends of its range among them")
     parser.add_argument("--print", action="store_true", help="only print, leave the page as it is")
@@ -43,7 +43,7 @@ def main() -> int:
 
 
 def written(robots: dict[str, list[Result]], steps: int) -> str:
-    """The page: what was measured and how, and the tables."""
+    """Format the page: the method and the tables."""
     every = [result for results in robots.values() for result in results]
     lines = [
         "# Names that last", "", "```sh", command(steps), "```", "", *_wrapped(MEASURED.format(steps=steps)), "",
@@ -117,7 +117,7 @@ def lasting_table(results: list[Result]) -> list[str]:
 
 
 def reading(results: list[Result]) -> list[str]:
-    """For each selector the parts in which all of its picks last: where plain selectors do well."""
+    """Return, for each selector, the parts in which all of its picks last."""
     lines = ["Parts in which every pick of a selector lasts:", ""]
     for selector in (*FACES, *EDGES):
         having = [r for r in results if r.chosen[selector]]
@@ -138,7 +138,7 @@ def gone_table(results: list[Result]) -> list[str]:
 
 
 def shares(picks: Counter[tuple[str, str, str]], selector: str, group: str = "") -> str:
-    """`same / another / fails` in per cent."""
+    """Format `same / another / fails` in percent."""
     counts = [
         sum(number for (s, g, o), number in picks.items() if s == selector and o == outcome and group in ("", g))
         for outcome in OUTCOMES

@@ -1,4 +1,4 @@
-"""One parameter after the other through its range: do the names still name what they were meant for, and do plain picks?"""
+"""Vary one parameter at a time over its range, and check names and plain selectors against the intended geometry."""
 
 from __future__ import annotations
 
@@ -39,13 +39,16 @@ PARTS: dict[str, list[tuple[Any, Callable[..., list[Intent]]]]] = {
         (magnets.HoldingMagnet, intents_stock.magnet), (fasteners.Screw, intents_stock.cap_screw),
     ],
 }
-"""Every part of both robots with what its names are meant for."""
+"""Every part of both robots with the intended geometry of its names."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Result:
-    """What the sweep of one part found. `picks` counts (selector, class of feature, outcome), outcomes `same`, `another`,
-    `fails`; `gone` counts outcomes for features that a member does not have, where failing is right."""
+    """The result for one part.
+
+    `picks` counts (selector, class of feature, outcome) with the outcomes `same`, `another` and `fails`; `gone` counts outcomes for
+    features that a member does not have, for which `fails` is right.
+    """
 
     part: str
     members: int = 0
@@ -60,7 +63,10 @@ class Result:
 
 
 def fault(frame: Location, intent: Intent, solid: Solid) -> str | None:
-    """What is wrong with a name: its frame is not where it is meant to be, or the solid has not the feature there."""
+    """Return the error of a name: its frame is not at the intended position, or the solid does not have the feature there.
+
+    None if it is right.
+    """
     origin, z = _frame(frame)
     if distance(origin, intent.at) > TOLERANCE:
         return f"stands in {origin}, meant in {intent.at}"
@@ -73,7 +79,7 @@ def fault(frame: Location, intent: Intent, solid: Solid) -> str | None:
 
 
 def members(part: Any, steps: int) -> Iterator[dict[str, Value]]:
-    """The parameters of the default member, then of those with one parameter changed, in so many steps over its range."""
+    """Yield the parameters of the default member, then of members with one parameter changed, in `steps` steps over its range."""
     parameters = parameters_of(part)
     default = {parameter.name: parameter.default for parameter in parameters}
     yield default
@@ -84,8 +90,11 @@ def members(part: Any, steps: int) -> Iterator[dict[str, Value]]:
 
 
 def sweep(part: Any, table: Callable[..., list[Intent]], steps: int) -> Result:
-    """All members of a part. Raises `ValueError` where a mount has no row in the table, or where a hole that says so does not
-    open in a circle at the default parameters: then the table is wrong."""
+    """Sweep all members of a part.
+
+    Raises `ValueError` if the table is wrong: a mount has no row, or a hole with a `rim` does not open in a circle at the default
+    parameters.
+    """
     result = Result(part=part.__name__)
     names: dict[str, Intent] = {}
     picks: list[tuple[str, Pick, str, bool]] = []
@@ -136,7 +145,7 @@ def sweep(part: Any, table: Callable[..., list[Intent]], steps: int) -> Result:
 
 
 def _picks(part: str, rows: dict[str, Intent], lists: Lists) -> Iterator[tuple[str, Pick, str, bool]]:
-    """For each name and each selector: name, pick, the class of its feature, and whether it picks an edge."""
+    """Yield name, pick, class of the feature, and whether it is an edge, for each name and selector."""
     for intent in rows.values():
         feature = intent.features[0]
         group = _class(feature, lists)
@@ -154,7 +163,7 @@ def _picks(part: str, rows: dict[str, Intent], lists: Lists) -> Iterator[tuple[s
 
 
 def _class(feature: Feature, lists: Lists) -> str:
-    """`outermost plane` where no face of the solid lies further out, `inner plane`, `hole`, or `other surface`."""
+    """Return `outermost plane` if no face of the solid is farther out, `inner plane`, `hole`, or `other surface`."""
     if feature.kind != "plane":
         return "hole" if feature.kind == "hole" else "other surface"
     box = lists.solid.bounding_box()
@@ -165,7 +174,7 @@ def _class(feature: Feature, lists: Lists) -> str:
 
 
 def _reads(intent: Intent, thing: Any) -> str:
-    """What a name of a feature that this member does not have gives."""
+    """Return the outcome of a name whose feature this member does not have."""
     try:
         intent.frame(thing)
     except (AttributeError, IndexError):

@@ -1,8 +1,8 @@
 """The share of the border of sparse infill along which PrusaSlicer joins its lines: `JOINED` in `thingc.geometry.worker.kernel.slicing`.
 
-Lines of an infill end at the border. Its rule [connect_infill]: the gaps between neighbouring ends, the shortest first, are closed where
-both ends are still free; then each end that is left is joined to the nearer of its neighbours. Here: a long straight border, families
-of parallel lines a distance apart, every angle between the border and the families, and every place of the lines.
+Lines of infill end at the border. Its rule [connect_infill]: gaps between neighbouring ends are closed, the shortest first, if both ends
+are free; then each remaining end is joined to the nearer neighbour. This simulates a long straight border, families of parallel lines at a
+distance, all angles between border and families, and all offsets of the lines.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ FAMILIES = {"grid": (0.0, 90.0), "stars": (0.0, 60.0, 120.0)}
 
 
 def joined(ends: np.ndarray[Any, np.dtype[np.float64]]) -> float:
-    """The share that is joined of a border with lines ending at these places (n,), ascending."""
+    """Return the joined share of a border on which lines end at these positions (n,), ascending."""
     gaps = np.diff(ends)
     free = np.ones(len(ends), dtype=bool)
     found = 0.0
@@ -31,7 +31,7 @@ def joined(ends: np.ndarray[Any, np.dtype[np.float64]]) -> float:
 
 
 def share(families: tuple[float, ...], directions: int, lines: int, seed: int) -> float:
-    """The mean over `directions` of the border, which is so long that `lines` lines of a family would cross it at right angles."""
+    """Return the mean over `directions` of a border that `lines` lines of a family would cross at right angles."""
     rng = np.random.default_rng(seed)
     shares = []
     for angle in np.pi * (np.arange(directions) + rng.uniform()) / directions:

@@ -1,7 +1,7 @@
-"""`make print-masses`: what thingc says that prints weigh, against what PrusaSlicer lays for them. Prints the tables and writes them
-into `docs/studies/prints.md`. Needs `prusa-slicer` (Debian: `apt install prusa-slicer`); exit code 1 where a bound is not kept.
+"""`make print-masses`: compare estimated masses of prints with PrusaSlicer. Prints the tables and writes them to `docs/studies/prints.md`.
 
-The ten printed parts of both robots and twelve reference solids, each with four infills, three shells, in two orientations.
+Requires `prusa-slicer` (Debian: `apt install prusa-slicer`). Exit code 1 if a bound is exceeded. The ten printed parts of both robots and
+twelve reference solids are printed with four infills, three shells, and in two orientations.
 """
 
 from __future__ import annotations
@@ -47,19 +47,20 @@ SOLIDS = {
 }
 INFILLS = (0.1, 0.15, 0.25, 0.5)
 SHELLS = ((2, 3), (3, 4), (4, 6))
-"""Lines of the walls, and layers of each lid."""
+"""Number of lines of the walls, and of layers of each lid."""
 UPS = {"as modelled": (0.0, 0.0, 1.0), "on its side": (1.0, 0.0, 0.0)}
 
 MASS = (0.04, 0.07, 0.03)
-"""What the error of the mass has to be below: in nine of ten cases, in all, and its root mean square."""
+"""Bounds of the relative error of the mass: for nine of ten cases, for all, and of its root mean square."""
 CENTRE, MOMENTS = 0.01, 0.04
-"""The same of the centre, as a share of the part's extent, and of the principal moments, in nine of ten cases."""
+"""Bounds for nine of ten cases: of the centre, relative to the extent of the part, and of the principal moments, relative."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """One print: a part (`module:Class`), how it lies, and the settings; what thingc says of it and what the slicer lays, relative
-    errors of the mass and of the principal moments, the error of the centre as a share of the extent along each axis."""
+    """A print of a part (`module:Class`) in an orientation, with settings: both masses, relative errors of the mass and the principal
+    moments, and the error of the centre relative to the extent along each axis.
+    """
 
     part: str
     up: str
@@ -73,7 +74,7 @@ class Case:
 
 @contextmanager
 def session(folder: Path, store: str) -> Iterator[Session]:
-    """A session on `print.yaml`, with the parts of the robots and the solids, in a workspace of its own."""
+    """Open a session with `print.yaml`, the parts of the robots and the solids, in a temporary workspace."""
     shutil.copytree(ROOT / "parts", folder / "parts")
     shutil.copy(HERE / "solids.py", folder / "parts")
     shutil.copy(HERE / "print.yaml", folder)
@@ -83,7 +84,7 @@ def session(folder: Path, store: str) -> Iterator[Session]:
 
 
 def said(opened: Session, part: str, up: Sequence[float], settings: prusa.Settings) -> tuple[MassProperties, bytes]:
-    """What thingc says of a print, and its print file. Raises `RuntimeError` with its words where it refuses it."""
+    """Return the mass properties and the print file from thingc. Raises `RuntimeError` with its message if it rejects the part."""
     parameters = {"infill": f"{100 * settings.infill:g} %", "walls": str(settings.walls), "lids": str(settings.lids)}
     parameters |= {axis: f"{value:g}" for axis, value in zip("xyz", up, strict=True)}
     found = opened.compile(Settings(parameters=parameters, choices={"components.part.part": part}))
@@ -96,7 +97,7 @@ def said(opened: Session, part: str, up: Sequence[float], settings: prusa.Settin
 
 
 def turned(stl: bytes, turn: np.ndarray[Any, np.dtype[np.float64]]) -> bytes:
-    """A binary STL file, each of its vertices turned."""
+    """Rotate the vertices of a binary STL file."""
     kind = np.dtype([("n", "<f4", 3), ("p", "<f4", (3, 3)), ("a", "<u2")])
     triangles = np.frombuffer(stl, offset=84, dtype=kind).copy()
     triangles["p"] = (triangles["p"].astype(float) @ turn.T).astype(np.float32)
@@ -105,10 +106,10 @@ def turned(stl: bytes, turn: np.ndarray[Any, np.dtype[np.float64]]) -> bytes:
 
 
 def case(opened: Session, part: str, name: str, settings: prusa.Settings, kept: Path | None) -> Case:
-    """One comparison, in the frame of the printer."""
+    """Compare one case in the frame of the printer."""
     up = UPS[name]
     ours, stl = said(opened, part, up, settings)
-    # About y, a quarter turn: x comes to lie where z was.
+    # a quarter turn about y, which moves x to z
     turn = np.eye(3) if up == (0.0, 0.0, 1.0) else np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
     lying = turned(stl, turn)
     theirs = printed(lying, settings, kept)
@@ -119,7 +120,7 @@ def compared(
     part: str, up: str, settings: prusa.Settings, ours: MassProperties, theirs: Printed,
     turn: np.ndarray[Any, np.dtype[np.float64]], stl: bytes,
 ) -> Case:
-    """The errors of thingc's properties (SI, part's frame) against the slicer's (mm, the frame of the printer)."""
+    """Return the errors of thingc's properties (SI, frame of the part) relative to the slicer's (mm, frame of the printer)."""
     corners = np.frombuffer(stl, offset=84, dtype=np.dtype([("n", "<f4", 3), ("p", "<f4", (3, 3)), ("a", "<u2")]))["p"].reshape(-1, 3)
     extent = corners.max(axis=0).astype(float) - corners.min(axis=0)
     centre = turn @ np.array(ours.centre) * 1e3
@@ -133,7 +134,7 @@ def compared(
 
 
 def cases(parts: Iterable[str], kept: Path | None, progress: Callable[[str], None], unsliced: list[str]) -> Iterator[Case]:
-    """Every part with every infill and shell, in every orientation; what the slicer refuses is added to `unsliced`."""
+    """Yield every part with every infill and shell, in every orientation; cases that the slicer rejects are added to `unsliced`."""
     with tempfile.TemporaryDirectory() as folder, session(Path(folder), str(KEPT / "store")) as opened:
         for part in parts:
             for up, (walls, lids), infill in product(UPS, SHELLS, INFILLS):
@@ -153,19 +154,19 @@ def cases(parts: Iterable[str], kept: Path | None, progress: Callable[[str], Non
 
 
 def rms(values: Iterable[float]) -> float:
-    """The root of the mean square."""
+    """Return the root mean square."""
     held = list(values)
     return math.sqrt(sum(value * value for value in held) / len(held))
 
 
 def ninth(values: Iterable[float]) -> float:
-    """What nine of ten do not exceed."""
+    """Return the value that nine of ten do not exceed."""
     held = sorted(values)
     return held[math.ceil(0.9 * len(held)) - 1]
 
 
 def kept_bounds(found: Sequence[Case]) -> bool:
-    """Whether what is promised holds."""
+    """Return whether all bounds are satisfied."""
     masses = [abs(one.mass) for one in found]
     return (
         ninth(masses) <= MASS[0] and max(masses) <= MASS[1] and rms(masses) <= MASS[2]
@@ -174,8 +175,7 @@ def kept_bounds(found: Sequence[Case]) -> bool:
 
 
 def summary(found: Sequence[Case]) -> list[str]:
-    """How far off mass, centre and moments are: the mean, the root mean square, nine of ten, the worst, and how many are within the
-    bound."""
+    """Format the errors of mass, centre and moments: mean, root mean square, nine of ten, largest, and the number within the bound."""
     rows = {
         "mass": ([one.mass for one in found], MASS[0]), "centre, of the extent": ([one.centre for one in found], CENTRE),
         "principal moments": ([moment for one in found for moment in one.moments], MOMENTS),
@@ -192,7 +192,7 @@ def summary(found: Sequence[Case]) -> list[str]:
 
 
 def by_part(found: Sequence[Case]) -> list[str]:
-    """A row for each part: the mass at 15 % with three walls and four lids, and the errors over all settings."""
+    """Format a row per part: the mass at 15 percent with three walls and four lids, and the errors over all settings."""
     lines = [
         "| part | as modelled | sliced | on its side | sliced | mass: mean | RMS | worst | centre: worst | moments: RMS | worst |",
         "|---|---|---|---|---|---|---|---|---|---|---|",
@@ -203,7 +203,7 @@ def by_part(found: Sequence[Case]) -> list[str]:
             continue
         usual = {one.up: one for one in own if (one.settings.walls, one.settings.lids, one.settings.infill) == (3, 4, 0.15)}
         masses = [f"{1e3 * mass:.2f} g" for up in UPS for mass in ((usual[up].ours, usual[up].theirs) if up in usual else ())]
-        masses += ["-"] * (2 * len(UPS) - len(masses))  # what the slicer refuses lies on its side
+        masses += ["-"] * (2 * len(UPS) - len(masses))  # the slicer rejects it on its side
         errors, moments = [one.mass for one in own], [moment for one in own for moment in one.moments]
         worst, worst_moment = _percent(max(errors, key=abs)), _percent(max(moments, key=abs))
         lines.append(
@@ -214,7 +214,7 @@ def by_part(found: Sequence[Case]) -> list[str]:
 
 
 def by_setting(found: Sequence[Case]) -> list[str]:
-    """The errors of the mass by infill, shell and orientation."""
+    """Format the errors of the mass by infill, shell and orientation."""
     groups: list[tuple[str, Callable[[Case], bool]]] = [
         *((f"infill {infill:.0%}", lambda one, i=infill: one.settings.infill == i) for infill in INFILLS),
         *((f"{walls} walls, lids of {lids}", lambda one, w=walls: one.settings.walls == w) for walls, lids in SHELLS),
@@ -236,7 +236,7 @@ def _percent(value: float) -> str:
 
 
 def tables(found: Sequence[Case], unsliced: Sequence[str]) -> str:
-    """What goes between the markers of the page."""
+    """Format the part of the page between its markers."""
     refused = {(name.partition(",")[0], words) for name, _, words in (line.partition(": ") for line in unsliced)}
     lines = [f"- {name}: {words}" for name, words in sorted(refused)]
     return "\n".join([
@@ -250,7 +250,7 @@ BEGIN, END = "<!-- print-masses -->\n", "\n<!-- end of print-masses -->"
 
 
 def main() -> int:
-    """Slice, compare, print, write; 1 where a bound is not kept, 2 without the slicer."""
+    """Slice, compare, print and write; return 1 if a bound is exceeded, 2 without the slicer."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--print", action="store_true", help="only print, leave the page as it is")
     parser.add_argument("--keep", action="store_true", help="keep what was sliced in build/prints, and use what is there")

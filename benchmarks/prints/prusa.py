@@ -1,4 +1,4 @@
-"""What PrusaSlicer lays for a part: slices a mesh with matching settings, and integrates the extrusions of the G-code."""
+"""Slice a mesh with PrusaSlicer and matching settings, and integrate the extrusions of the G-code."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 FILAMENT = 1.75
-"""Diameter [mm] of the filament that the G-code measures."""
+"""Diameter [mm] of the filament in the G-code."""
 BED = 400.0
-"""Edge of the bed [mm]; parts are laid in its middle."""
+"""Edge of the bed [mm]; parts are placed in its middle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """Of one print: widths and heights in mm, infill between 0 and 1. Everything else is as PrusaSlicer has it by default."""
+    """Settings of a print: widths and heights in mm, infill between 0 and 1; PrusaSlicer's defaults for the rest."""
 
     walls: int
     lids: int
@@ -34,7 +34,7 @@ class Settings:
 
     @property
     def ini(self) -> str:
-        """The settings for PrusaSlicer: no skirt, no brim, no support, and a first layer like all others."""
+        """Format the settings for PrusaSlicer: no skirt, brim and support, and a first layer like all others."""
         widths = ("", "first_layer_", "perimeter_", "external_perimeter_", "infill_", "solid_infill_", "top_infill_")
         said: dict[str, object] = {
             "layer_height": self.layer, "first_layer_height": self.layer, "perimeters": self.walls, "top_solid_layers": self.lids,
@@ -49,8 +49,9 @@ class Settings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Printed:
-    """What was laid, in the mesh's own frame: volume [mm^3], centre [mm], inertia about it at density 1 [mm^5], and the volume by
-    kind of line."""
+    """The extruded material in the frame of the mesh: volume [mm^3], centre [mm], inertia about it at density 1 [mm^5], and the volume by
+    kind of line.
+    """
 
     volume: float
     centre: tuple[float, ...]
@@ -59,16 +60,16 @@ class Printed:
 
 
 class NotSliced(Exception):
-    """The slicer makes no G-code of this, with its words."""
+    """The slicer creates no G-code; the message is its own."""
 
 
 def program() -> str | None:
-    """The slicer; None where it is not installed."""
+    """Return the path of the slicer; None if it is not installed."""
     return shutil.which("prusa-slicer")
 
 
 def version() -> str:
-    """Its name and version, as it writes it into every file."""
+    """Return the name and version that the slicer writes into files."""
     with tempfile.TemporaryDirectory() as folder:
         saved = Path(folder, "settings.ini")
         subprocess.run([str(program()), "--save", str(saved)], check=True, capture_output=True)
@@ -77,9 +78,9 @@ def version() -> str:
 
 
 def printed(stl: bytes, settings: Settings, kept: Path | None = None) -> Printed:
-    """What is laid for a binary STL file [mm] as it stands. What is in the folder `kept` is not sliced again.
+    """Return the extruded material for a binary STL file [mm], unrotated. Results in the folder `kept` are reused.
 
-    Raises `NotSliced` where the slicer makes no G-code.
+    Raises `NotSliced`.
     """
     key = hashlib.sha256(stl + settings.ini.encode()).hexdigest()[:32]
     place = kept / f"{key}.json" if kept is not None else None
@@ -107,7 +108,9 @@ def _gcode(stl: bytes, settings: Settings) -> str:
 
 
 def _shift(stl: bytes) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Where the slicer has moved the mesh's origin to (3,): the middle of its box over the middle of the bed, its bottom onto it."""
+    """Return the position of the mesh's origin in the G-code (3,): the centre of its box is moved to the centre of the bed, its bottom onto
+    it.
+    """
     triangles = np.frombuffer(stl, offset=84, dtype=np.dtype([("n", "<f4", 3), ("p", "<f4", (3, 3)), ("a", "<u2")]))
     corners = triangles["p"].reshape(-1, 3).astype(float)
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -115,7 +118,7 @@ def _shift(stl: bytes) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 
 def extrusions(lines: Iterable[str]) -> Iterator[tuple[float, float, float, float, float, float, str]]:
-    """Of G-code with relative extrusion: x, y of both ends and z [mm], the volume [mm^3] and the kind of each line that is laid."""
+    """Yield x and y of both ends, z [mm], volume [mm^3] and kind of each extruded line of G-code with relative extrusion."""
     section = math.pi / 4 * FILAMENT**2
     x = y = z = 0.0
     kind = ""
@@ -132,7 +135,7 @@ def extrusions(lines: Iterable[str]) -> Iterator[tuple[float, float, float, floa
 
 
 def _integrated(gcode: str, layer: float, shift: np.ndarray[Any, np.dtype[np.float64]]) -> Printed:
-    """Each extrusion as a line of matter in the middle of its layer."""
+    """Integrate the extrusions, each as a line of material in the middle of its layer."""
     rows = list(extrusions(gcode.splitlines()))
     numbers = np.array([row[:6] for row in rows])
     middle = numbers[:, 4] - layer / 2

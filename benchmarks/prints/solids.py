@@ -1,4 +1,4 @@
-"""Twelve solids to print: what is full, flat, hollow, leaning, round, bridged and thin. Each stands on z = 0."""
+"""Twelve solids to print: full, flat, hollow, leaning, round, bridged and thin. Each stands on z = 0."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from thingc import Length, Thing
 
 
 class _Solid(Thing):
-    """Of petg."""
+    """A solid of PETG."""
 
     body: Part
 

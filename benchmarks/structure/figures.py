@@ -1,10 +1,10 @@
-"""How large the compiler is, and how it hangs together, as it is and as it was: `make structure`, or with `SINCE=REVISION`.
+"""Figures about the structure of the compiler, now and at earlier revisions: `make structure`, or with `SINCE=REVISION`.
 
-    python benchmarks/structure/figures.py [REVISION ...]    # one column for each, and one for the files that lie here
+    python benchmarks/structure/figures.py [REVISION ...]    # a column for each, and one for the working tree
 
-Lines are code lines: without comments, docstrings and empty lines. A cycle is a set of modules each of which needs every other at run
-time (imports inside functions count, those for type checkers do not). Parameters are counted without `self` and `cls`. The files of new
-workspaces (`templates/*/`) do not count. The functions themselves, and names that many functions have, are listed below the table.
+Lines are code lines, without comments, docstrings and empty lines. A cycle is a set of modules that all need each other at run time
+(imports inside functions count, those for type checkers do not). Parameters are counted without `self` and `cls`. Files of templates
+(`templates/*/`) do not count. Long functions, and names that many functions have, are listed below the table.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "compiler/thingc/"
 PARAMETERS, LINES, USES = 8, 50, 12
 Trees = dict[str, tuple[str, ast.Module]]
-"""Text and syntax of every module, by its path in the package."""
+"""Text and syntax tree of every module, by its path in the package."""
 
 
 @dataclass(frozen=True)
 class Function:
-    """One, with its number of lines and of parameters."""
+    """A function with its numbers of lines and parameters."""
 
     where: str
     lines: int
@@ -39,7 +39,7 @@ class Function:
 
 @dataclass(frozen=True)
 class Structure:
-    """The figures of one state."""
+    """The figures of one revision."""
 
     rooms: Counter[str]
     largest: tuple[int, str]
@@ -47,10 +47,10 @@ class Structure:
     functions: list[Function]
     twice: list[str]
     names: Counter[str]
-    """How many functions and methods there are of each name, but for the `run` of commands."""
+    """Number of functions and methods by name, without the `run` of commands."""
 
     def rows(self) -> list[tuple[str, int]]:
-        """What the table says below the rooms."""
+        """Return the rows of the table below those of rooms."""
         return [
             ("code lines in all", self.rooms.total()),
             ("top-level entries", len(self.rooms)),
@@ -65,7 +65,7 @@ class Structure:
 
 
 def main(revisions: list[str]) -> int:
-    """Prints the table, and what stands out in it."""
+    """Print the table, and outliers."""
     states = [structure(committed(revision)) for revision in revisions] + [structure(lying_here())]
     now = states[-1]
     print("| | " + " | ".join([*revisions, "here"]) + " |\n|---|" + "--:|" * len(states))
@@ -83,29 +83,29 @@ def main(revisions: list[str]) -> int:
 
 
 def lying_here() -> dict[str, str]:
-    """The text of every module, by its path in the package."""
+    """Return the text of every module of the working tree, by its path in the package."""
     folder = ROOT / PACKAGE
     return {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*.py")}
 
 
 def committed(revision: str) -> dict[str, str]:
-    """The same of a revision."""
+    """Return the text of every module of a revision."""
     names = git("ls-tree", "-r", "--name-only", revision, PACKAGE).split()
     return {name.removeprefix(PACKAGE): git("show", f"{revision}:{name}") for name in names if name.endswith(".py")}
 
 
 def git(*words: str) -> str:
-    """What a command of git prints."""
+    """Return the output of a git command."""
     return subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True, check=True).stdout
 
 
 def is_template(path: str) -> bool:
-    """Whether a module lies in a folder of files of new workspaces."""
+    """Return whether a module is a file of a template."""
     return path.rpartition("templates/")[2].count("/") > 0 and "templates/" in path
 
 
 def code_lines(text: str) -> int:
-    """The number of lines of a module without comments, docstrings and empty lines."""
+    """Return the number of lines of a module without comments, docstrings and empty lines."""
     docstrings = {
         line for node in ast.walk(ast.parse(text)) if isinstance(body := getattr(node, "body", None), list)
         for one in body if isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant) and isinstance(one.value.value, str)
@@ -120,7 +120,7 @@ def code_lines(text: str) -> int:
 
 
 def structure(texts: dict[str, str]) -> Structure:
-    """The figures of the modules with these texts."""
+    """Return the figures of modules with these texts."""
     trees: Trees = {path: (text, ast.parse(text)) for path, text in texts.items() if not is_template(path)}
     sizes = {path: code_lines(text) for path, (text, _) in trees.items()}
     names: Counter[str] = Counter()
@@ -144,7 +144,7 @@ def structure(texts: dict[str, str]) -> Structure:
 
 
 def functions(path: str, tree: ast.Module) -> Iterator[Function]:
-    """Those of a module, methods and inner ones among them."""
+    """Yield the functions of a module, including methods and inner ones."""
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             names = [argument.arg for argument in ast.walk(node.args) if isinstance(argument, ast.arg)]
@@ -153,7 +153,7 @@ def functions(path: str, tree: ast.Module) -> Iterator[Function]:
 
 
 def circles(trees: Trees) -> list[list[str]]:
-    """Modules that need each other."""
+    """Return sets of modules that need each other."""
     names = {module(path): path for path in trees}
     graph = networkx.DiGraph()
     for name, path in names.items():
@@ -167,12 +167,12 @@ def circles(trees: Trees) -> list[list[str]]:
 
 
 def module(path: str) -> str:
-    """As an import calls it."""
+    """Return the import name of a module."""
     return f"thingc.{path.removesuffix('.py').replace('/', '.')}".removesuffix(".__init__")
 
 
 def at_run_time(node: ast.AST) -> Iterator[ast.AST]:
-    """What is below a node, but for what stands there for type checkers alone."""
+    """Yield the nodes below a node, without code for type checkers only."""
     yield node
     for inner in node.orelse if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test) else ast.iter_child_nodes(node):
         yield from at_run_time(inner)

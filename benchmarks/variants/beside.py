@@ -1,17 +1,16 @@
-"""A family beside the ways to make one by hand: `python benchmarks/variants/beside.py [--count N] [--rounds N]`.
+"""Compare a family with other ways to create variants: `python benchmarks/variants/beside.py [--count N] [--rounds N]`.
 
-A planar arm of frames of which the lengths of both links and the gain of its drives differ in each variant; with the lengths the masses and
-their centres. One model after the other, per second of processor time:
+A planar arm of frames whose link lengths and drive gain differ in each variant; masses and centres depend on the lengths. Models per second
+of CPU time, one after the other:
 
 - `own`: `thingc.family(DOC).models(many)`;
 - `lent`: the same with `share=True`;
-- `MjSpec`: one `MjSpec` of the built file, whose bodies, site and actuators are written by a function that knows what follows from the
-  lengths, compiled anew;
-- `PyMJCF`: the same with dm_control's elements, and `mjcf.Physics.from_mjcf_model` (`edit_pymjcf.py`, another process, in the environment
-  that `make conformance` makes for it).
+- `MjSpec`: one `MjSpec` of the built file, recompiled after a function has written the dependent values of bodies, site and actuators;
+- `PyMJCF`: the same with elements of dm_control and `mjcf.Physics.from_mjcf_model` (`edit_pymjcf.py`, another process, in the environment
+  that `make conformance` creates).
 
-They take turns, in rounds; the median is given, and the worst and the best. Before that the models of some settings are compared: those by
-hand with thingc's, every array of numbers. Exits with 1 where any is further than 1e-12 apart.
+They take turns, in rounds; the table has the median, the worst and the best. Before that, the models of some settings are compared with
+those of thingc, in all arrays of numbers. Exits with 1 if any differs by more than 1e-12.
 """
 
 from __future__ import annotations
@@ -69,22 +68,22 @@ PLANAR = """
 GAIN = "defaults.joint.drive.kp"
 BOUND = 1e-12
 SLOW = {"own": 0.3, "MjSpec": 0.1, "PyMJCF": 0.01}
-"""Of how many of the variants the slower lanes are."""
+"""Share of the variants for the slower ways."""
 
 
 def numbers(index: int) -> tuple[float, float, float]:
-    """Two lengths [m] and a gain [N m/rad], never the same twice."""
+    """Return two lengths [m] and a gain [N m/rad], never the same twice."""
     part = (index * 0.6180339887498949) % 1.0
     return 0.2 + 0.3 * part, 0.5 - 0.3 * part, 40.0 + 20.0 * part
 
 
 def settings(index: int) -> dict[str, float]:
-    """The same, as a family takes them."""
+    """Return the numbers as settings of a family."""
     return dict(zip(("upper", "fore", GAIN), numbers(index)))
 
 
 def edited(spec: mujoco.MjSpec, upper: float, fore: float, gain: float) -> mujoco.MjModel:
-    """The model of an `MjSpec` with these numbers, and with what follows from them."""
+    """Return the model of an `MjSpec` with these numbers and dependent values."""
     for name, length, mass in (("upper_arm", upper, 0.1 + 0.9 * upper), ("forearm", fore, 0.08 + 0.7 * fore)):
         body = spec.body(name)
         body.mass = mass
@@ -97,7 +96,7 @@ def edited(spec: mujoco.MjSpec, upper: float, fore: float, gain: float) -> mujoc
 
 
 def apart(model: mujoco.MjModel, other: mujoco.MjModel) -> float:
-    """The largest difference of a number in any array of two models; infinite where they are not of one kind."""
+    """Return the largest difference of a number in any array of two models; infinite if their structures differ."""
     worst = 0.0
     for name in dir(model):
         ours, theirs = getattr(model, name, None), getattr(other, name, None)
@@ -109,14 +108,14 @@ def apart(model: mujoco.MjModel, other: mujoco.MjModel) -> float:
 
 
 class PyMJCF:
-    """`edit_pymjcf.py`, which makes models when it is asked to."""
+    """The process `edit_pymjcf.py`, which creates models on request."""
 
     def __init__(self, python: Path, model: Path) -> None:
         words = [str(python), str(Path(__file__).with_name("edit_pymjcf.py")), str(model)]
         self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
 
     def ask(self, *words: object) -> str:
-        """Its answer to a line."""
+        """Return the answer to a line."""
         assert self.process.stdin is not None and self.process.stdout is not None
         print(*words, file=self.process.stdin, flush=True)
         answer = self.process.stdout.readline()
@@ -125,18 +124,18 @@ class PyMJCF:
         return answer
 
     def model(self, index: int, scratch: Path) -> mujoco.MjModel:
-        """The model of some numbers."""
+        """Return the model for an index."""
         self.ask("save", *numbers(index), scratch / "model.mjb")
         return mujoco.MjModel.from_binary_path(str(scratch / "model.mjb"))
 
     def seconds(self, indices: list[int]) -> float:
-        """Processor time that models take."""
+        """Return the CPU time [s] for models."""
         return float(self.ask("time", *itertools.chain.from_iterable(map(numbers, indices))))
 
 
 @contextlib.contextmanager
 def pymjcf(model: Path) -> Iterator[PyMJCF]:
-    """Somebody who edits this model with PyMJCF. Exits where that cannot be had."""
+    """Start the process for a model. Exits if PyMJCF is not available."""
     sys.path.insert(0, str(ROOT / "benchmarks" / "conformance"))
     from study import READERS, environment
 
@@ -154,7 +153,7 @@ def pymjcf(model: Path) -> Iterator[PyMJCF]:
 
 
 def built(folder: Path, *words: str) -> Path:
-    """The MuJoCo model of a build."""
+    """Return the MuJoCo model of a build."""
     done = subprocess.run(
         [sys.executable, "-m", "thingc", "build", "planar.yaml", "--emit", "mjcf", *words], cwd=folder, capture_output=True, text=True,
     )
@@ -164,14 +163,14 @@ def built(folder: Path, *words: str) -> Path:
 
 
 def timed(make: Callable[[list[int]], Any], indices: list[int]) -> float:
-    """Processor time [s] of this process."""
+    """Return the CPU time [s] of this process."""
     begun = time.process_time()
     make(indices)
     return time.process_time() - begun
 
 
 def main() -> int:
-    """Compare, measure and print; 1 where models differ."""
+    """Compare, measure and print; return 1 if models differ."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=4000, help="variants of the quickest lane, in each round (default: %(default)s)")
     parser.add_argument("--rounds", type=int, default=5, help="how often each lane is measured, after a first time that does not count")

@@ -1,8 +1,8 @@
-"""What dask costs: `python benchmarks/variants/cluster.py [--count N]`.
+"""The overhead of dask: `python benchmarks/variants/cluster.py [--count N]`.
 
-Builds the same variants with four runners of the local engine and with four worker processes of a dask scheduler on this machine, and
-prints milliseconds per variant over the local engine. The robot is a pendulum of frames, so that nothing is modelled and the engine's
-share is as large as it gets. Connecting, which a batch does once, is printed by itself. Fails above 10 ms.
+Builds the same variants with four local runners and with four worker processes of a dask scheduler on this machine, and prints the
+additional milliseconds per variant. The robot is a pendulum of frames, so that no parts are modelled and the share of the engine is
+largest. The time to connect, once per batch, is printed separately. Fails above 10 ms.
 """
 
 from __future__ import annotations

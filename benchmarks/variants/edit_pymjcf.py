@@ -1,5 +1,7 @@
-"""Variants of a planar arm by PyMJCF (`dm_control.mjcf`), for `beside.py`: `python edit_pymjcf.py MODEL`. Of each line of standard input:
-`save UPPER FORE GAIN FILE` saves a model, `time UPPER FORE GAIN ...` makes models and answers with the processor time [s]."""
+"""Create variants of a planar arm with PyMJCF (`dm_control.mjcf`), for `beside.py`: `python edit_pymjcf.py MODEL`.
+
+Lines of standard input: `save UPPER FORE GAIN FILE` saves a model; `time UPPER FORE GAIN ...` creates models and prints the CPU time [s].
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ from dm_control import mjcf  # noqa: E402
 
 
 def edited(root, upper, fore, gain):
-    """The model with these numbers, and with what follows from them."""
+    """Return the model with these numbers and dependent values."""
     for name, length, mass in (("upper_arm", upper, 0.1 + 0.9 * upper), ("forearm", fore, 0.08 + 0.7 * fore)):
         inertial = root.find("body", name).inertial
         inertial.mass = mass
@@ -27,7 +29,7 @@ def edited(root, upper, fore, gain):
 
 
 def main():
-    """Answer until there are no more lines."""
+    """Answer lines until the end of the input."""
     root = mjcf.from_path(sys.argv[1])
     for line in sys.stdin:
         what, *words = line.split()

@@ -1,15 +1,15 @@
-"""Is a variant what a single build makes of the same settings? `python benchmarks/variants/equal.py [KIND ...] [--count N] [--layout L]`.
+"""Compare variants with single builds of the same settings: `python benchmarks/variants/equal.py [KIND ...] [--count N] [--layout L]`.
 
-N sampled variants of each kind are built as a batch; then each is built alone, by the command that the batch's table gives for it, in a
-process of its own, and the two folders are compared byte for byte. A variant that is refused has to be refused alone, with the same code.
-Kinds, by what differs in their variants:
+N sampled variants of each kind are built as a batch; then each is built alone, by the command in the table of the batch, in a separate
+process, and the folders are compared byte by byte. A refused variant must be refused alone with the same code. Kinds, by the difference
+between variants:
 
-- `dimension`: the lengths of legs and body of MInchW, and the wall, so that every variant has parts of its own;
-- `numbers`: numbers of the arm that no part is modelled by, by their paths;
+- `dimension`: the lengths of legs and body of MInchW, and the wall, so that every variant has its own parts;
+- `numbers`: numbers of the arm that parts do not depend on, by path;
 - `mesh`: the pen of the arm, one of sixteen whose parts are modelled once, and the mass of a board;
-- `structure`: what of the arm touches and with which shapes, the roots of its modes, their poses, an integrator and a material.
+- `structure`: contacts and shapes of the arm, the roots of its modes, their poses, an integrator and a material.
 
-Batches are killed on the way, and gone on with, by `make kills` (`tests/conformance/kills.py`).
+`make kills` (`tests/conformance/kills.py`) interrupts batches and resumes them.
 """
 
 from __future__ import annotations
@@ -71,11 +71,11 @@ KINDS = {
           components.humerus.material: [petg, petg_red]
     """,
 }
-"""What each kind says of its variants."""
+"""The variants document of each kind."""
 
 
 def main() -> int:
-    """Build, compare, print; 1 where anything differs."""
+    """Build, compare and print; return 1 if anything differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"{', '.join(KINDS)} (default: all)")
     parser.add_argument("--count", type=int, default=300, help="variants of each kind (default: %(default)s)")
@@ -99,7 +99,7 @@ def main() -> int:
 
 
 def study(kind: str, folder: Path, environment: dict[str, str], arguments: argparse.Namespace) -> int:
-    """Build and compare the variants of a kind in a workspace; how many differ."""
+    """Build and compare the variants of a kind in a workspace; return the number of differences."""
     said = textwrap.dedent(KINDS[kind].format(count=arguments.count, seed=arguments.seed)).lstrip()
     (folder / f"{kind}.yaml").write_text(f"thingc: variants/1\nname: {kind}\n{said}emit: [mjcf, bom]\n")
     begun = time.monotonic()
@@ -128,8 +128,9 @@ def study(kind: str, folder: Path, environment: dict[str, str], arguments: argpa
 
 
 def compared(row: dict[str, str], place: Path | None, folder: Path, environment: dict[str, str]) -> tuple[str, str]:
-    """How a variant, whose folder is `place` if it was built, compares with the build of its own command: `equal`, `refused alike` or
-    `differs`, and what differs."""
+    """Compare a variant, whose folder is `place` if it was built, with the build of its command: return `equal`, `refused alike` or
+    `differs`, and the difference.
+    """
     words = shlex.split(row["command"])[1:]
     alone = folder / "alone" / row["id"]
     done = thingc([*words, "-o", str(alone), "--format", "json"], folder, environment)
@@ -147,12 +148,12 @@ def compared(row: dict[str, str], place: Path | None, folder: Path, environment:
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder."""
+    """Return every file below a folder."""
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def thingc(words: list[str], folder: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
-    """Run one command to its end."""
+    """Run one command."""
     return subprocess.run([sys.executable, "-m", "thingc", *words], cwd=folder, env=environment, capture_output=True, text=True)
 
 

@@ -1,8 +1,7 @@
-"""What the CAD kernel alone takes for a part, for `memory.py`: `python benchmarks/variants/kernel.py PARTS`.
+"""The time of the CAD kernel alone for a part, for `memory.py`: `python benchmarks/variants/kernel.py PARTS`.
 
-For every number on a line of its standard input so many braces of the arm are made, each of another reach: by the code of their class,
-with their volume and their moments of inertia, and the two meshes that a build has of a part. Nothing is sliced, written or kept. Then
-it says so.
+For every number on a line of standard input, it creates that many braces of the arm, each with another reach: with the code of their class,
+volume and moments of inertia, and the two meshes of a build. Nothing is sliced, written or cached. Then it prints a line.
 """
 
 from __future__ import annotations
@@ -12,13 +11,13 @@ import math
 import sys
 
 FINE, COARSE = math.radians(10.0), math.radians(30.0)
-"""Angles [rad] between neighbouring triangles, as `thingc.toml` has them unless it says otherwise."""
+"""Angles [rad] between neighbouring triangles, the defaults of `thingc.toml`."""
 LINEAR = 0.1
-"""How far [mm] triangles are off a surface."""
+"""Maximum distance [mm] of triangles from a surface."""
 
 
 def main() -> None:
-    """Make parts until the input ends."""
+    """Create parts until the end of the input."""
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.BRepTools import BRepTools
 

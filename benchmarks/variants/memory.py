@@ -1,34 +1,33 @@
-"""How many variants a second stay in memory: `python benchmarks/variants/memory.py [--count N] [--scale N]`.
+"""Variants per second in memory: `python benchmarks/variants/memory.py [--count N] [--scale N]`.
 
-The arm of `throughput.py`, one mode, models without what is only drawn; per second of processor time. Four numbers differ in each variant
-(a mass, a damping, a limit, a pose):
+The arm of `throughput.py`, one mode, models without visual geometry; per second of CPU time. Four numbers differ in each variant (a mass, a
+damping, a limit, a pose):
 
 - `lent`: `thingc.family(DOC).models(many, share=True)`;
-- `own`: the same without `share`, a model each;
+- `own`: the same without `share`, a new model each;
 - `results`: `evaluate(many)`, no model;
 - `fields`: `batched(many)`, the arrays in which they differ;
-- `a mesh`: another pen in each variant, of a few whose records are in the store and whose models are not kept;
-- `a part`: another reach in each variant, never the same twice, so that one part is modelled for each (by another process, whose processor
-  time counts);
-- `seen`: the model of a variant that was compiled before, as an environment asks for it when it is reset;
+- `a mesh`: another pen in each variant, one of a few whose records are in the store and whose models are not cached;
+- `a part`: another reach in each variant, never the same twice, so that one part is modelled for each (by another process, whose CPU time
+  counts);
+- `seen`: the model of a variant that was compiled before, as an environment needs it at a reset;
 
 and by hand:
 
-- `template`: a text with another mass in it, which MuJoCo compiles with its meshes handed over once;
-- `edited`: an `MjSpec` whose body has another mass, compiled anew;
-- `exchanged`: an `MjSpec` whose meshes are those of another of the pens of `a mesh`, and nothing else, compiled anew;
-- `patched`: as many fields of one model as `lent` has numbers for (a mass, a damping, limits and control ranges, a pose with its
-  controls), and `mj_setConst`: what else follows from a mass stays where it was;
+- `template`: a text with another mass, compiled by MuJoCo with meshes that were passed once;
+- `edited`: an `MjSpec` whose body has another mass, recompiled;
+- `exchanged`: an `MjSpec` with the meshes of another pen of `a mesh`, recompiled;
+- `patched`: as many fields of one model as `lent` has numbers for (a mass, a damping, limits and control ranges, a pose with its controls),
+  and `mj_setConst`; other values that depend on a mass are not changed;
 - `copied`: a copy of one model;
-- `kernel`: the part of `a part` made by its class, measured and meshed, in another process that does nothing else (`kernel.py`): what
-  modelling it takes, whoever asks.
+- `kernel`: the part of `a part` created by its class, measured and meshed, in another process (`kernel.py`): the minimum cost of modelling.
 
-Machines differ by more than what is measured here, so each way has a ratio: its rate over that by hand which does most of the same work, of
-the same round. `must` and `aim` are the same ratio of the rates that were asked for, to those by hand on the machine on which they were set
+Machines differ by more than the measured effects, so each way has a ratio: its rate relative to the way by hand that does most of the same
+work, in the same round. `must` and `aim` are the ratios of the required rates to those by hand on the machine on which they were set
 (`MUSTS`, `BY_HAND`).
 
-They take turns, in rounds; the median is given, and the worst and the best. `--scale N` lends models of numbers to 1000, 10 000, ... N
-variants, one after the other from one family, and says how processor time per variant and memory grow.
+They take turns, in rounds; the table has the median, the worst and the best. `--scale N` lends models to 1000, 10 000, ... N variants of
+one family, and prints the growth of CPU time per variant and of memory.
 """
 
 from __future__ import annotations
@@ -61,23 +60,23 @@ MODE = "bench"
 
 
 def numbers(index: int) -> dict[str, float]:
-    """Settings that model no part, never the same twice."""
+    """Return settings that parts do not depend on, never the same twice."""
     part = (index * 0.6180339887498949) % 1.0
     return {"board_mass": 0.010 + 0.010 * part, "damping": 0.01 + 0.02 * part, "bend": 2.2 + 0.25 * part, "lift": 0.17 * part}
 
 
 def pen(index: int) -> dict[str, float]:
-    """One of a few pens."""
+    """Return one of a few pens."""
     return {"pen_diameter": 0.010 + 0.0005 * index}
 
 
 def reach(index: int) -> dict[str, float]:
-    """A reach that was never modelled before, on any machine."""
+    """Return a reach that was never modelled before, on any machine."""
     return {"reach": 0.070 + 0.045 * ((index + FRESH) * 0.6180339887498949 % 1.0)}
 
 
 def source(session: Session, settings: Settings) -> tuple[str, dict[str, bytes]]:
-    """The text of a model without what is only drawn, and its meshes by file."""
+    """Return the text of a model without visual geometry, and its meshes by file."""
     compilation = session.compile(settings, (MODE,))
     texts, assets = model_sources(request_of(session.environment, compilation, verify=False))
     files = {file: session.environment.store.read(stored.sha256) for file, stored in assets.items()}
@@ -85,7 +84,7 @@ def source(session: Session, settings: Settings) -> tuple[str, dict[str, bytes]]
 
 
 def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[int], many: int) -> dict[str, Callable[[int], None]]:
-    """What each lane does for so many variants, which have so `many` pens."""
+    """Return the function of each lane for a number of variants, which use `many` pens."""
     session = family._session
     text, held = source(session, Settings())
     pens = [source(session, Settings(parameters={name: f"{value} m" for name, value in pen(index).items()})) for index in range(many)]
@@ -97,7 +96,7 @@ def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[in
     names, *others = ([mesh.file for mesh in mujoco.MjSpec.from_string(one, vfs=files).meshes] for one in (text, *(one for one, _ in pens)))
     meshes = [dict(zip(names, other, strict=True)) for other in others]
     exchanging = mujoco.MjSpec.from_string(text, vfs=files)
-    exchanging.compile(files)  # from here on it is without those that are only drawn
+    exchanging.compile(files)  # removes visual meshes
     exchanged = [(mesh, [other[mesh.file] for other in meshes]) for mesh in exchanging.meshes]
     model = mujoco.MjModel.from_xml_string(text, vfs=files)
     data = mujoco.MjData(model)
@@ -181,26 +180,25 @@ def kernel(parts: Path) -> Iterator[Callable[[int], None]]:
 
 
 def check(found: list[Any]) -> None:
-    """All are sound."""
+    """Check that all are valid."""
     assert all(one.sound for one in found)
 
 
 SLOW = {
     "a mesh": 0.05, "a part": 0.004, "kernel": 0.004, "template": 0.05, "edited": 0.1, "exchanged": 0.05, "own": 0.3, "copied": 0.3,
 }
-"""Of how many of the variants the slower lanes are."""
+"""Share of the variants for the slower lanes."""
 ELSEWHERE = ("a part", "kernel")
 """Lanes whose work is done by another process."""
 
 BY_HAND = {"exchanged": 639.0, "patched": 46_000.0, "copied": 3_990.0, "kernel": 8.0}
-"""A second by hand, on the machine on which the musts were set."""
+"""Rates by hand [1/s] on the machine on which the required rates were set."""
 MUSTS = {
     "lent": ("patched", 10_000.0, 20_000.0), "own": ("copied", 2_000.0, 3_000.0), "results": ("patched", 2_000.0, 10_000.0),
     "fields": ("patched", 1_000.0, 1_000.0), "a mesh": ("exchanged", 300.0, 600.0), "a part": ("kernel", 7.0, 8.0),
     "seen": ("patched", 20_000.0, 20_000.0),
 }
-"""By which way by hand a lane is judged, and how many a second it must make there, and should. Of those that do some of its work it is
-the one by which it is judged most strictly."""
+"""The lane by hand for comparison, the required rate and the target rate [1/s] on that machine. Of several lanes, it is the strictest."""
 
 
 def main() -> None:
@@ -225,7 +223,7 @@ def main() -> None:
                     count = max(int(arguments.count * SLOW.get(label, 1.0)), least)
                     clock = processor if label in ELSEWHERE else time.process_time
                     if label == "seen":
-                        make(arguments.pens)  # they were forgotten for `a mesh`
+                        make(arguments.pens)  # they were dropped for `a mesh`
                     begun = clock()
                     make(count)
                     if turn >= 0:
@@ -236,14 +234,14 @@ def main() -> None:
 
 
 def row(found: list[float]) -> str:
-    """The median, and the worst and the best."""
+    """Format the median, the worst and the best."""
     digits = 0 if min(found) > 20 else 1
     median, *ends = (f"{rate:.{digits}f}" for rate in (statistics.median(found), min(found), max(found)))
     return f"{median:>10} ({' to '.join(ends)})"
 
 
 def judged(label: str, rates: dict[str, list[float]]) -> str:
-    """What part of the rate by hand this is, and must be, and should be; nothing for a rate by hand."""
+    """Format the ratio to the rate by hand, the required and the target ratio; empty for a lane by hand."""
     if label not in MUSTS:
         return ""
     beside, must, aim = MUSTS[label]
@@ -252,7 +250,7 @@ def judged(label: str, rates: dict[str, list[float]]) -> str:
 
 
 def grown(family: thingc.RobotFamily, largest: int) -> None:
-    """Lend models to 1000, 10 000, ... `largest` variants; print what each takes of processor time, and by how much memory has grown."""
+    """Lend models to 1000, 10 000, ... `largest` variants; print the CPU time per variant, and the growth of memory."""
     count = 1000
     while count <= largest:
         before, begun = resident(), time.process_time()

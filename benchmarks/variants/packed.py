@@ -1,12 +1,11 @@
-"""Very many variants on the disk: `python benchmarks/variants/packed.py [--count N] [--arm N]`.
+"""Many variants on disk: `python benchmarks/variants/packed.py [--count N] [--arm N]`.
 
-The arm of `throughput.py` (three modes; only numbers change) is built as a batch of each layout: what one variant takes of the disk, in
-inodes and in bytes (`du`: blocks of the file system), without the tables and the page, whose share is said apart. Some variants that are
-unpacked are compared with the folders, byte for byte.
+The arm of `throughput.py` (three modes; only numbers change) is built as a batch in each layout; it prints the disk usage of a variant, in
+inodes and bytes (`du`: blocks of the file system), without tables and page, whose share is printed separately. Some variants are unpacked
+and compared with the folders, byte by byte.
 
-Then `--count` masses of a pendulum of frames, which models nothing, packed: how long they take, the driver's largest memory, what a
-`--resume` of the finished batch takes, how long it takes to read the batch back, and to make models of variants that are drawn at random
-from all of them.
+Then `--count` masses of a pendulum of frames, without parts, are built packed; it prints the time, the peak memory of the driver, the time
+of `--resume` of the finished batch, of reading the batch, and of creating models of random variants.
 """
 
 from __future__ import annotations
@@ -69,11 +68,11 @@ MASSES = """
     sample: {{method: sobol, count: {count}, seed: 3, ranges: {{bob: [1 g, 2 kg], rod: [10 g, 1 kg]}}}}
 """
 DRAWN = 500
-"""Variants drawn at random."""
+"""Number of random variants."""
 
 
 def thingc(folder: Path, *words: str) -> float:
-    """Run a command to its end; how long it took [s]."""
+    """Run a command; return its time [s]."""
     begun = time.perf_counter()
     done = subprocess.run([sys.executable, "-m", "thingc", *words], cwd=folder, capture_output=True, text=True)
     if done.returncode:
@@ -82,7 +81,7 @@ def thingc(folder: Path, *words: str) -> float:
 
 
 def occupied(folder: Path, *names: str) -> tuple[int, int]:
-    """Inodes and bytes of the disk that lie below folders of a batch; a file of several names counts once."""
+    """Return inodes and bytes on disk below folders of a batch; a file with several names counts once."""
     seen: dict[int, int] = {}
     for name in names:
         for path in (folder / name).rglob("*"):
@@ -92,15 +91,15 @@ def occupied(folder: Path, *names: str) -> tuple[int, int]:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder."""
+    """Return every file below a folder."""
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def arm(folder: Path, count: int) -> None:
-    """Build the arm in both layouts and print what they take."""
+    """Build the arm in both layouts and print the disk usage."""
     workspace(folder)
     (folder / "numbers.yaml").write_text(textwrap.dedent(ARM.format(count=count)).lstrip())
-    thingc(folder, "build", "assemblies/arm.yaml")  # its parts are in the store then
+    thingc(folder, "build", "assemblies/arm.yaml")  # fills the store
     for layout, inner in (("folders", "variants"), ("packed", "chunks")):
         seconds = thingc(folder, "batch", "numbers.yaml", "--layout", layout, "-o", layout)
         inodes, size = occupied(folder / layout / "numbers", inner)
@@ -114,7 +113,7 @@ def arm(folder: Path, count: int) -> None:
 
 
 def masses(folder: Path, count: int) -> None:
-    """Build very many pendulums, packed, and print how that goes."""
+    """Build many pendulums, packed, and print the results."""
     (folder / "pendulum.yaml").write_text(textwrap.dedent(PENDULUM).lstrip())
     (folder / "masses.yaml").write_text(textwrap.dedent(MASSES.format(count=count)).lstrip())
     seconds = thingc(folder, "batch", "masses.yaml", "--layout", "packed")

@@ -1,10 +1,10 @@
-"""Is a model that comes without a compilation the compiled one? `python benchmarks/variants/patched.py [--count N] [DOCUMENT ...]`.
+"""Compare models without a compilation with compiled ones: `python benchmarks/variants/patched.py [--count N] [DOCUMENT ...]`.
 
-Every number that stands in a document and models no part is set by its path, a few at a time, to N random values near its own (a twentieth
-off, at most), one in ten to its own, to 0 or to a bound that the document sets: where branches meet. Of the settings that are sound the
-model of `thingc.family(DOCUMENT).models` is compared with the one that MuJoCo compiles from the text of a compilation: every array, and
-every number of `opt`, `stat` and `vis`. In all modes; the arm, MInchW and the documents of `tests/families`, which have what these have
-not, unless documents are named. With `--parts` one of those numbers is one that models parts, with one of three values.
+Every number in a document that parts do not depend on is set by its path, a few at a time, to N random values near its own (at most a
+twentieth off); one in ten is set to its own value, to 0 or to a bound in the document, where decisions may change. For valid settings, the
+model of `thingc.family(DOCUMENT).models` is compared with the one compiled by MuJoCo: every array, and every number of `opt`, `stat` and
+`vis`, in all modes. By default, the documents are the arm, MInchW and those of `tests/families`, which have what these have not. With
+`--parts`, one of the numbers is one that parts depend on, with one of three values.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ from families.documents import WORKSPACE  # noqa: E402
 SECTIONS = ("parameters", "components", "joints", "tendons", "poses", "modes", "simulation", "defaults")
 AT_ONCE = 4
 SHARES = (0.97, 1.0, 1.04)
-"""Of its own value, those that a number has which models parts."""
+"""Factors for a number that parts depend on."""
 MEETING = 0.1
-"""How many numbers have their own value, 0 or that of a bound."""
+"""Probability of its own value, 0 or a bound."""
 NESTED = {
     f"components.{leg}.joints.{joint}.{path}": value
     for leg in ("front", "rear") for joint in ("yaw", "knee", "ankle")
@@ -46,11 +46,11 @@ NESTED = {
         ("limit.lower", "-1.57 rad"), ("limit.upper", "1.57 rad"), ("limit.effort", "4 N*m"),
     )
 }
-"""Numbers inside the legs of MInchW, which its own document does not say."""
+"""Numbers inside the legs of MInchW, which are not in its own document."""
 
 
 def numbers(family: thingc.RobotFamily) -> dict[str, float]:
-    """Every number of the document by its name or path, SI."""
+    """Return every number of the document by name or path, SI."""
     tree = family._sources.documents.root.tree
     found: dict[str, float] = {}
     for section in SECTIONS:
@@ -65,7 +65,7 @@ def numbers(family: thingc.RobotFamily) -> dict[str, float]:
 
 
 def where_branches_meet(family: thingc.RobotFamily, known: dict[str, float]) -> dict[str, list[float]]:
-    """Of each number its own value, 0, and the bounds that its document sets, if it is a parameter; SI."""
+    """Return for each number its own value, 0, and the bounds of a parameter; SI."""
     bounds = {name: [family._reader.kind(f"parameters.{name}.{key}") for key in ("min", "max")] for name in known if "." not in name}
     return {
         name: [value, 0.0, *(bound.value for bound in bounds.get(name, ()) if isinstance(bound, Quantity))] for name, value in known.items()
@@ -73,7 +73,7 @@ def where_branches_meet(family: thingc.RobotFamily, known: dict[str, float]) -> 
 
 
 def scalars(node: Node | None, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], ScalarNode]]:
-    """Every scalar below a node."""
+    """Yield every scalar below a node."""
     if isinstance(node, ScalarNode):
         yield path, node
     elif isinstance(node, MappingNode):
@@ -84,7 +84,7 @@ def scalars(node: Node | None, path: tuple[str, ...]) -> Iterator[tuple[tuple[st
 def drawn(
     known: dict[str, float], meeting: dict[str, list[float]], geometry: set[str], modelling: list[str], count: int, source: random.Random,
 ) -> Iterator[list[dict[str, Any]]]:
-    """Lists of settings of the same names: none of `geometry`, and one of `modelling`, if there are some."""
+    """Yield lists of settings with the same names: none of `geometry`, and one of `modelling`, if there are any."""
     def value(name: str) -> float:
         if source.random() < MEETING:
             return source.choice(meeting[name])
@@ -103,7 +103,7 @@ def drawn(
 
 
 def compared(document: str, count: int, store: str | None, visual: bool, parts: bool) -> Counter[str]:
-    """How many models are equal, by the way they went, and what differs."""
+    """Return the number of equal models by the way they were computed, and the differences."""
     tally: Counter[str] = Counter()
     source = random.Random(1)
     with thingc.family(document, store=store, verify=0) as family:
@@ -135,7 +135,7 @@ def compared(document: str, count: int, store: str | None, visual: bool, parts: 
 
 
 def main() -> int:
-    """Compare and print; 1 where anything differs."""
+    """Compare and print; return 1 if anything differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("documents", nargs="*", metavar="DOCUMENT")
     parser.add_argument("--count", type=int, default=2000, help="settings of each document (default: %(default)s)")
@@ -150,7 +150,7 @@ def main() -> int:
 
 
 def usual(folder: Path) -> list[str]:
-    """The documents that are taken where none is named, those of tests written into `folder`."""
+    """Return the default documents; those of tests are written into `folder`."""
     for name, text in WORKSPACE.items():
         (folder / name).write_text(text)
     own = [str(folder / name) for name in ("everything.yaml", "strung.yaml")]
@@ -158,7 +158,7 @@ def usual(folder: Path) -> list[str]:
 
 
 def printed(document: str, arguments: argparse.Namespace) -> int:
-    """How many models of a document are not as they should be; what came of it is printed."""
+    """Print the result for a document; return the number of wrong models."""
     begun = time.monotonic()
     tally = compared(document, arguments.count, arguments.store, arguments.visual, arguments.parts)
     words = ", ".join(f"{number} {what}" for what, number in sorted(tally.items()))

@@ -1,4 +1,4 @@
-"""For `worlds.py`, in the environment of MuJoCo Warp: `python step_worlds.py MODEL.mjb FIELDS.npz FOUND.npy WORLDS STEPS`."""
+"""Step worlds for `worlds.py`, in the environment of MuJoCo Warp: `python step_worlds.py MODEL.mjb FIELDS.npz FOUND.npy WORLDS STEPS`."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import warp as wp
 
 
 def main() -> None:
-    """Step as many worlds, from the first keyframe with joints at 1 rad/s, each with its rows of the fields; write where the coordinates
-    are after every step."""
+    """Step all worlds from the first keyframe with joints at 1 rad/s, each with its rows of the fields; write the coordinates after every
+    step.
+    """
     file, fields, found = sys.argv[1:4]
     worlds, steps = map(int, sys.argv[4:])
     whole = mujoco.MjModel.from_binary_path(file)
@@ -23,7 +24,7 @@ def main() -> None:
         model = mjw.put_model(whole)
         for name, values in np.load(fields).items():
             there = getattr(model, name, None)
-            if isinstance(there, wp.array) and there.shape[0] == 1:  # else it has one for all worlds
+            if isinstance(there, wp.array) and there.shape[0] == 1:  # otherwise it is shared by all worlds
                 numbers = values.astype(np.int32 if values.dtype.kind == "i" else np.float32)
                 setattr(model, name, wp.array(numbers, dtype=there.dtype))
         data = mjw.put_data(whole, start, nworld=worlds)

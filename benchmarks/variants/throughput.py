@@ -1,24 +1,23 @@
-"""How many variants a second one process compiles: `python benchmarks/variants/throughput.py [--count N] [--scale N]`.
+"""Variants per second in one process: `python benchmarks/variants/throughput.py [--count N] [--scale N]`.
 
-The arm, with its three modes, from a scratch copy of its documents and parts in which a mass, a damping, a limit and a pose are
-parameters, too. Store warm, one process, a session for each of these:
+The arm with three modes, from a temporary copy in which a mass, a damping, a limit and a pose are parameters, too. With a warm store and
+one process, a session for each of:
 
-- `plain`: those four numbers differ in each variant, so that no part is modelled; the MJCF of three modes, `modes.json` and the manifest
-  are written to the disk, as `thingc batch` and `family.write` make them: by a plan, which is compared with every pass at one in 64;
-- `passed`: the same by every pass, and MuJoCo compiles every model, as a batch lets it do with `--verify all`: with a tetrahedron in the
-  place of a mesh that it has taken before;
-- `loaded`: the same as `plain`; when the variants of a round are written, every model of them is read and becomes a `mujoco.MjModel` of its
-  own with all of its meshes, as `models` of `thingc.batch.load` makes them: of models whose texts differ in nothing but numbers the
-  arrays are written;
-- `compiled`: the same, but MuJoCo compiles every one, without threads (`model` of a variant);
-- `unseen`: the same as `compiled` without what is only drawn (`model(visual=False)`);
-- `by hand`: what a script around the arm's own files does: a mass is replaced in the text of each model, the same files are written, and
-  MuJoCo compiles the three models with all of their meshes;
+- `plain`: these four numbers differ in each variant, so that no part is modelled; the MJCF of three modes, `modes.json` and the manifest
+  are written to disk, as by `thingc batch` and `family.write`: by a plan, which is compared with a compilation for one in 64;
+- `passed`: the same by a compilation, and MuJoCo compiles every model, as with `--verify all`: with a tetrahedron instead of meshes that it
+  has compiled before;
+- `loaded`: the same as `plain`; after the variants of a round were written, every model is read as a new `mujoco.MjModel` with all meshes,
+  as by `models` of `thingc.batch.load`: arrays are written for texts that differ in numbers only;
+- `compiled`: the same, but MuJoCo compiles every model, without threads (`model` of a variant);
+- `unseen`: the same as `compiled` without visual geometry (`model(visual=False)`);
+- `by hand`: a script that edits the files of the arm: it replaces a mass in the text of each model, writes the same files, and MuJoCo
+  compiles the three models with all meshes;
 - `modelled`: the reach differs in each variant, so that one part is modelled for each, and the same files are written.
 
-They take turns, in rounds, because a machine is not always as fast: the median of the rounds is given, and the worst and the best, per
-second of processor time, that of the process which models parts included; and how often the script's rate `loaded` and `compiled` have.
-`--scale N` runs `plain` for 10, 100, ... N variants, and says how time and memory grow with their number.
+They take turns, in rounds, since the speed of a machine varies; the table has the median, the worst and the best, per second of CPU time,
+including the process that models parts, and the ratio of `loaded` and `compiled` to the script. `--scale N` runs `plain` for 10, 100, ... N
+variants, and prints the growth of time and memory.
 """
 
 from __future__ import annotations
@@ -63,7 +62,7 @@ EDITS = {
 
 
 def workspace(folder: Path) -> Path:
-    """The scratch copy; the path of its document."""
+    """Create the temporary copy; return the path of its document."""
     for name in ("assemblies", "parts"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "thingc.toml", folder)
@@ -78,7 +77,7 @@ def workspace(folder: Path) -> Path:
 
 
 def plain(index: int) -> Settings:
-    """Numbers that model no part, never the same twice."""
+    """Return numbers that parts do not depend on, never the same twice."""
     part = (index * 0.6180339887498949) % 1.0
     return Settings(parameters={
         "board_mass": f"{10 + 10 * part} g", "damping": f"{0.01 + 0.02 * part} N*m*s/rad", "bend": f"{125 + 15 * part} deg",
@@ -87,7 +86,7 @@ def plain(index: int) -> Settings:
 
 
 def modelled(index: int) -> Settings:
-    """A reach that was never modelled before, on any machine."""
+    """Return a reach that was never modelled before, on any machine."""
     return Settings(parameters={"reach": f"{70 + 45 * ((index + FRESH) * 0.6180339887498949 % 1.0)} mm"})
 
 
@@ -95,26 +94,26 @@ FRESH = int.from_bytes(os.urandom(3), "big") / 2**24
 
 
 def builds(session: Session) -> Builds:
-    """What makes builds in a session, as batches do."""
+    """Return the `Builds` of a session, as for batches."""
     assert session.sources is not None
     return Builds(session, SettingsReader(session.sources), modes=(), targets=("mjcf",), verify=SHARE)
 
 
 def build(made: Builds, settings: Settings, folder: Path, *, plans: bool = True) -> None:
-    """One variant, from its settings to its files on the disk; without `plans` by every pass. Raises where anything was said."""
+    """Build one variant and write its files; without `plans`, by a compilation. Raises for any diagnostics."""
     planned = made.planned(settings) if plans else None
     files, problems = made.passed(settings) if planned is None else (planned.files(), planned.problems)
     if problems:
         raise SystemExit(f"{settings}: {problems}")
     os.makedirs(folder / "mjcf", exist_ok=True)
     for path, content in files.items():
-        if not isinstance(content, StoredArtifact):  # the meshes are shared by all variants
+        if not isinstance(content, StoredArtifact):  # meshes are shared by all variants
             with open(f"{folder}/{path}", "wb") as stream:
                 stream.write(content)
 
 
 class Models:
-    """MuJoCo's models of what was written. Its meshes, which are the same for all, are handed over once."""
+    """MuJoCo's models of written variants. The meshes, which are the same for all, are passed once."""
 
     def __init__(self, session: Session, *, visual: bool, compiled: bool) -> None:
         import mujoco
@@ -130,7 +129,7 @@ class Models:
                 self.files[file] = self.meshes[file] = session.environment.store.read(held.sha256)
 
     def load(self, folders: Iterable[Path]) -> None:
-        """Make the models of variants, each for itself, and forget them."""
+        """Create the models of variants, and drop them."""
         texts = (path.read_text(encoding="utf-8") for folder in folders for path in sorted((folder / "mjcf").glob("arm_*.xml")))
         if self.compiled:
             for text in texts:
@@ -140,11 +139,11 @@ class Models:
                 pass
 
     def source(self, text: str) -> ModelText:
-        """A text as `thingc.batch.load` hands it on."""
+        """Return a text as `thingc.batch.load` does."""
         return ModelText(text=text, meshes=(), assets=lambda: self.meshes, compiled=lambda: self.compile(text))
 
     def compile(self, text: str) -> Any:
-        """MuJoCo's model of a text."""
+        """Compile a text."""
         import mujoco
 
         asked = 'usethread="false"' if self.visual else 'usethread="false" discardvisual="true"'
@@ -153,7 +152,7 @@ class Models:
 
 
 class Lane:
-    """One way to make variants."""
+    """One way to create variants."""
 
     def __init__(self, made: Builds, folder: Path, settings: Callable[[int], Settings], *, plans: bool, models: Models | None) -> None:
         self.made = made
@@ -163,7 +162,7 @@ class Lane:
         self.models = models
 
     def make(self, indices: range) -> None:
-        """So many variants."""
+        """Create variants."""
         for index in indices:
             build(self.made, self.settings(index), self.folder / str(index), plans=self.plans)
         if self.models is not None:
@@ -171,10 +170,10 @@ class Lane:
 
 
 class ByHand(Lane):
-    """A script around the files of one variant."""
+    """A script that edits the files of one variant."""
 
     def make(self, indices: range) -> None:
-        """So many variants, the mass of the second link another one in each."""
+        """Create variants, each with another mass of the second link."""
         import mujoco
 
         texts = {path.name: path.read_text(encoding="utf-8") for path in (self.folder / "first" / "mjcf").iterdir()}
@@ -192,14 +191,16 @@ class ByHand(Lane):
 
 
 def children(process: int | str) -> list[str]:
-    """The processes that a process has started and that have not ended."""
+    """Return the running child processes of a process."""
     with open(f"/proc/{process}/task/{process}/children", encoding="ascii") as stream:
         return stream.read().split()
 
 
 def processor() -> float:
-    """Seconds of processor time of this process, of the worker under it, and of the worker's children: one whose answer has come takes a
-    while to end, and counts from then on, which is waited for."""
+    """Return the CPU time [s] of this process, its worker, and the worker's children.
+
+    A child that has answered takes a while to end, and counts only then, so this waits for it.
+    """
     workers, ticks = children(os.getpid()), 0
     while any(map(children, workers)):
         time.sleep(0.01)
@@ -210,13 +211,13 @@ def processor() -> float:
 
 
 def resident() -> float:
-    """Megabytes of memory that this process holds."""
+    """Return the resident memory [MB] of this process."""
     with open("/proc/self/statm", encoding="ascii") as stream:
         return int(stream.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def grown(document: Path, store: str | None, folder: Path, count: int) -> tuple[float, float, float]:
-    """`count` variants of `plain` in one session: seconds of the clock and of processor time, and megabytes grown after the first ten."""
+    """Create `count` variants of `plain` in one session; return wall time [s], CPU time [s], and memory growth [MB] after the first ten."""
     with Session(str(document), Options(store=store, jobs=1)) as session:
         made = builds(session)
         for index in range(3):
@@ -230,7 +231,7 @@ def grown(document: Path, store: str | None, folder: Path, count: int) -> tuple[
 
 
 def lanes(document: Path, store: str | None, folder: Path, stack: contextlib.ExitStack) -> Iterator[tuple[str, Lane]]:
-    """Every lane, warm."""
+    """Yield every lane, warmed up."""
     for label, settings, plans, load, visual in (
         ("plain", plain, True, False, False), ("passed", plain, False, False, False), ("loaded", plain, True, True, True),
         ("compiled", plain, True, True, True), ("unseen", plain, True, True, False), ("by hand", plain, True, True, True),
@@ -246,7 +247,7 @@ def lanes(document: Path, store: str | None, folder: Path, stack: contextlib.Exi
 
 
 def scales(largest: int) -> Iterator[int]:
-    """10, 100, ... up to `largest`."""
+    """Yield 10, 100, ... up to `largest`."""
     count = 10
     while count <= largest:
         yield count

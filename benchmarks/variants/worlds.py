@@ -1,9 +1,9 @@
-"""Do many arms move in MuJoCo Warp as each does in MuJoCo? `python benchmarks/variants/worlds.py [--count N] [--steps N]`.
+"""Compare arms in MuJoCo Warp with MuJoCo: `python benchmarks/variants/worlds.py [--count N] [--steps N]`.
 
-N settings of the arm (one of sixteen pens, and another mass, in each) become one model and arrays of what each has of its own
-(`thingc.family(DOC).batched`), and MuJoCo Warp steps them all at once, on a processor, in the environment that
-`make conformance` makes for it. MuJoCo steps each one's own model. All begin in the first keyframe, every joint at 1 rad/s. Prints the
-largest difference of a coordinate; exits with 1 where it is more than 1e-5 rad. The first time Warp compiles its kernels, for some minutes.
+N settings of the arm (one of sixteen pens, and another mass, in each) become one model and arrays (`thingc.family(DOC).batched`). MuJoCo
+Warp steps them all at once on a CPU, in the environment that `make conformance` creates; MuJoCo steps each model. All start in the first
+keyframe, every joint at 1 rad/s. Prints the largest difference of a coordinate; exits with 1 if it is more than 1e-5 rad. At the first run,
+Warp compiles its kernels for some minutes.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ BOUND = 1e-5
 
 
 def settings(index: int) -> dict[str, Any]:
-    """One of sixteen pens, and a mass of its own."""
+    """Return one of sixteen pens, and a mass."""
     return {"pen_diameter": 0.008 + 0.0005 * (index % 16), "components.bus_board.mass": f"{5 + index} g"}
 
 
 def alone(model: mujoco.MjModel, steps: int) -> Any:
-    """Where the joints of one arm are after every step."""
+    """Return the joint positions of one arm after every step."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     data.qvel[:] = 1.0
@@ -45,7 +45,7 @@ def alone(model: mujoco.MjModel, steps: int) -> Any:
 
 
 def together(model: mujoco.MjModel, fields: Mapping[str, Any], count: int, steps: int) -> Any:
-    """The same of all of them at once, by MuJoCo Warp: (arms, steps, coordinates). Exits where it cannot be had."""
+    """Return the joint positions of all arms from MuJoCo Warp, shape (arms, steps, coordinates). Exits if it is not available."""
     sys.path.insert(0, str(ROOT / "benchmarks" / "conformance"))
     from study import READERS, environment
 
@@ -60,12 +60,12 @@ def together(model: mujoco.MjModel, fields: Mapping[str, Any], count: int, steps
         mujoco.mj_saveModel(model, files[0])
         np.savez(files[1], **fields)
         words = [str(python), str(HERE / "step_worlds.py"), *files, str(count), str(steps)]
-        subprocess.run(words, check=True, stdout=subprocess.DEVNULL)  # it names every kernel
+        subprocess.run(words, check=True, stdout=subprocess.DEVNULL)  # its output names every kernel
         return np.load(files[2])
 
 
 def main() -> int:
-    """Step both ways and compare; 1 where anything is apart."""
+    """Step both ways and compare; return 1 if they differ."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=64, help="arms (default: %(default)s)")
     parser.add_argument("--steps", type=int, default=100, help="of 2 ms (default: %(default)s)")

@@ -1,11 +1,11 @@
-"""`make bench-viewer`: how large the pages of `--emit html` are, how soon they show something, and what a picture costs their program.
+"""`make bench-viewer`: measure the pages of `--emit html`: size, time to the first picture, and script time per picture.
 
-Opened is from the browser's asking for the file to the first picture, in a Chromium that draws without a graphics card. A picture's
-milliseconds are those of the page's program alone (medians), while a joint is moved and while the camera turns; what a graphics card
-then does, a browser without one cannot tell.
+Opened is the time from the request of the file to the first picture, in a Chromium that draws without a graphics card. The milliseconds of
+a picture are those of the page's script only (medians), while a joint moves and while the camera turns; the time of a graphics card cannot
+be measured without one.
 
-Saved is from the end of a write to a document, or to a file of parts, while `thingc view` shows the robot, to the second frame of the
-browser with what came of it, without the time in which the workers modelled parts, as they tell it (see `Save` of `benchmarks/run.py`).
+Saved is the time from the end of a write to a document or a file of parts, while `thingc view` shows the robot, to the second frame of the
+browser with the result, without the time in which workers modelled parts (see `Save` in `benchmarks/run.py`).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from wide import write_wide  # noqa: E402
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a page must reach: bytes, seconds until it shows something, and milliseconds of script for a picture."""
+    """The bounds of a page: size [bytes], time to the first picture [s], and script time per picture [ms]."""
 
     size: float
     opened: float
@@ -45,7 +45,7 @@ ROBOTS = {"arm": Bounds(1.5e6, 1.0, 4.0), "minchw": Bounds(2e6, 1.0, 4.0), "leve
 """The robots of the repository, and 1 000 occurrences in 20 documents."""
 
 SAVED = 0.3
-"""Within how many seconds of a save the page has drawn what came of it, besides those in which parts are modelled."""
+"""Maximum time [s] from a save until the page has drawn the result, without modelling parts."""
 
 REDRAWN = """() => {
   const { viewer } = thingc, before = viewer.robot;
@@ -85,13 +85,13 @@ TURNED = """() => {
 
 
 def build(document: Path, folder: Path) -> None:
-    """The page of a document, in `folder`."""
+    """Build the page of a document in `folder`."""
     command = [str(Path(sys.executable).parent / "thingc"), "build", str(document), "--output", str(folder), "--emit", "html"]
     subprocess.run(command, check=True, capture_output=True, cwd=document.parent)
 
 
 def measured(browser: Any, page: Path, runs: int) -> tuple[float, float, float, int]:
-    """Seconds until a page shows something, milliseconds of script while a joint and while the camera moves, and draw calls."""
+    """Return the time to the first picture [s], script times [ms] while a joint and while the camera moves, and draw calls."""
     times: list[float] = []
     for _ in range(runs):
         with opened(browser, address(page)) as shown:
@@ -104,7 +104,7 @@ def measured(browser: Any, page: Path, runs: int) -> tuple[float, float, float, 
 
 
 def redrawn(browser: Any, workspace: Workspace, saved: Save, times: int) -> tuple[list[float], list[float]]:
-    """The seconds from each save to the page that has drawn what came of it, and those of them in which parts were modelled."""
+    """Return the times [s] from each save until the page has drawn the result, and the parts of them in which parts were modelled."""
     command = [str(Path(sys.executable).parent / "thingc"), "view", saved.document, "--no-open"]
     seconds: list[float] = []
     kernel: list[float] = []
@@ -134,7 +134,7 @@ def redrawn(browser: Any, workspace: Workspace, saved: Save, times: int) -> tupl
 
 
 def after_saves(browser: Any, runs: int) -> int:
-    """Print how long saves take until they are drawn; how many of them miss their bound."""
+    """Print the times until saves are drawn; return the number that exceed their bound."""
     missed = 0
     print(f"{'':28} {'saved':>8} {'must':>7}")
     with tempfile.TemporaryDirectory() as folder:
@@ -150,7 +150,7 @@ def after_saves(browser: Any, runs: int) -> int:
 
 
 def main() -> int:
-    """Print the table; exit code 1 when a bound is missed."""
+    """Print the table; return 1 if a bound is exceeded."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-n", type=int, default=5, help="how often each page is opened; medians are printed")
     arguments = parser.parse_args()

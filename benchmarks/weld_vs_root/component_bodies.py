@@ -1,6 +1,6 @@
-"""The same model with one body for each component, rigid ones as children without joints: how the prototype wrote it.
+"""The same model with one body per component, with rigid ones as children without joints, as in the prototype.
 
-The tree is walked over the mates of the assembly, from the root occurrence; nothing of thingc's own links or rooted tree is used.
+The tree is walked over the mates of the assembly, from the root occurrence; thingc's links and rooted tree are not used.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from thingc.model.assembly.types import Assembly, Mate
 from thingc.model.robot.types import Robot
 
 SECTIONS = ("keyframe", "worldbody")
-"""Sections that are not copied: positions are in another order here."""
+"""Sections that are not copied, because the order of positions differs."""
 
 
 def component_model(robot: Robot, mjcf: str) -> str:
-    """The MJCF of a mode, `mjcf`, rewritten. Joints, geoms, sites, drives and options keep names and values."""
+    """Rewrite the MJCF of a mode. Joints, geoms, sites, drives and options keep names and values."""
     assembly = robot.assembly
     fused = ElementTree.fromstring(mjcf)
     bodies = {body.get("name"): body for body in fused.iter("body")}
@@ -45,13 +45,13 @@ def component_model(robot: Robot, mjcf: str) -> str:
 
 
 def body_name(assembly: Assembly, link: str) -> str:
-    """The body here that stands for a link: that of its first member."""
+    """Return the body for a link: that of its first member."""
     found = next(candidate for candidate in assembly.links if candidate.name == link)
     return assembly.occurrences[found.members[0]].path
 
 
 def _walk(robot: Robot, world: ElementTree.Element) -> dict[int, ElementTree.Element]:
-    """One body for each occurrence; by index."""
+    """Return a body for each occurrence, by index."""
     assembly = robot.assembly
     root = robot.mode.root.occurrence
     link = assembly.links[assembly.link_of[root]]
@@ -108,7 +108,7 @@ def _walk(robot: Robot, world: ElementTree.Element) -> dict[int, ElementTree.Ele
 
 
 def _crossed(mate: Mate, forward: bool) -> tuple[Pose, tuple[float, ...], tuple[float, ...]]:
-    """The pose of the far occurrence at q = 0, and axis and anchor of the joint in its frame."""
+    """Return the pose of the far occurrence at q = 0, and axis and anchor of the joint in its frame."""
     pose = mate.X_PJ @ moved(tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)) @ mate.X_JC
     joint = mate.X_JC.inverse() if forward else mate.X_PJ
     axis = rotate(joint.rotation, (0.0, 0.0, 1.0))
@@ -116,7 +116,7 @@ def _crossed(mate: Mate, forward: bool) -> tuple[Pose, tuple[float, ...], tuple[
 
 
 def _renamed(section: ElementTree.Element, assembly: Assembly) -> ElementTree.Element:
-    """A section with the names of links replaced; a pair of links that never touch becomes all pairs of their components."""
+    """Return a section with the names of links replaced; an excluded pair of links becomes all pairs of their components."""
     if section.tag != "contact":
         for element in section:
             if element.tag == "adhesion":

@@ -1,7 +1,7 @@
-"""One robot held by its front foot, in three formulations: a soft weld, a stiff weld, and the foot as the root.
+"""A robot held by its front foot in three formulations: a soft weld, a stiff weld, and the foot as the root.
 
-All of them are compiled from one document. The welded ones are its `crawl` mode (free base at the body) with a MuJoCo `weld` of
-the foot to the world; the rooted one is `front_foot`. Contacts are off everywhere: it is the attachment that is compared.
+All are compiled from one document. The welded ones are its `crawl` mode (free base at the body) with a MuJoCo `weld` of the foot to the
+world; the rooted one is `front_foot`. Contacts are off, since only the attachment is compared.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import thingc
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENT = ROOT / "assemblies" / "minchw" / "minchw.yaml"
 FOOT, SOLE, TIP = "front/foot", "front/sole", "rear/sole"
-"""The body that is held, the site at which it is, and the site whose error is the robot's."""
+"""The held body, the site at which it is held, and the site whose error is that of the robot."""
 
 INTEGRATORS = {
     "Euler": mujoco.mjtIntegrator.mjINT_EULER,
@@ -30,17 +30,17 @@ TIMESTEPS = (0.0005, 0.001, 0.002, 0.005)
 SOFT, STIFF, ROOTED = "weld, default", "weld, stiff", "rooted"
 FORMULATIONS = (SOFT, STIFF, ROOTED)
 SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-"""Of the stiff weld: the largest impedance that MuJoCo takes, at any violation."""
+"""Parameters of the stiff weld: the largest impedance that MuJoCo accepts, at any violation."""
 
 REACHING = {"front/yaw": 35, "front/knee": 40, "front/ankle": 60, "rear/yaw": -50, "rear/knee": 70, "rear/ankle": 20}
-"""A posture of no named pose, out of every plane [deg]."""
+"""A posture that is not a named pose, with no joint in a plane [deg]."""
 
 Vector = np.ndarray
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How to step: timestep [s], the integrator's name, and the stiff weld's time constant in timesteps."""
+    """Options: timestep [s], name of the integrator, and time constant of the stiff weld in timesteps."""
 
     timestep: float
     integrator: str
@@ -48,7 +48,7 @@ class Settings:
 
 
 class Formulation:
-    """A model of the robot on its foot. Joint vectors (q, v, torque) are in the order of `Study.joints` whatever the tree is."""
+    """A model of the robot on its foot. Joint vectors (q, v, torque) are in the order of `Study.joints` for every tree."""
 
     def __init__(self, name: str, model: mujoco.MjModel, study: Study) -> None:
         self.name, self.model, self.study = name, model, study
@@ -61,7 +61,7 @@ class Formulation:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
 
     def configure(self, settings: Settings, gravity: str, friction: bool, drives: bool = False) -> None:
-        """Options of the run. Everything else is as the document has it, damping and armature too."""
+        """Set the options of the run. The rest is as in the document, including damping and armature."""
         option, flag = self.model.opt, int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
         option.timestep, option.integrator = settings.timestep, INTEGRATORS[settings.integrator]
         option.gravity = self.study.gravity[gravity]
@@ -74,7 +74,7 @@ class Formulation:
             self.model.eq_solimp[0] = SOLIMP
 
     def stand(self, q: Vector) -> mujoco.MjData:
-        """At rest at joint positions `q`, the foot exactly where it is held."""
+        """Return the state at rest at joint positions `q`, with the foot exactly where it is held."""
         data = mujoco.MjData(self.model)
         self.place(data, q)
         data.ctrl[self.drives] = q
@@ -82,25 +82,26 @@ class Formulation:
         return data
 
     def place(self, data: mujoco.MjData, q: Vector) -> None:
-        """Write joint positions; a free base goes where the rooted model has the body."""
+        """Write joint positions; a free base is placed where the rooted model has the body."""
         data.qpos[self.q] = q
         if self.free:
             data.qpos[:7] = self.study.body_pose(q)
 
     def torque(self, data: mujoco.MjData, torque: Vector) -> None:
-        """Apply joint torques [N m]: nothing at a free base."""
+        """Apply joint torques [N m], none at a free base."""
         data.qfrc_applied[self.v] = torque
 
     def places(self, data: mujoco.MjData) -> tuple[Vector, Vector]:
-        """For the state as it is now: where the sole that is held is, its body's frame, and the free sole (3 x 3, a row each) [m]; and
-        how the held body is turned, a matrix."""
+        """Return positions in the current state, of the held sole, the frame of its body, and the free sole (3 x 3, a row each) [m]; and
+        the rotation matrix of the held body.
+        """
         mujoco.mj_kinematics(self.model, data)
         points = np.array([data.site_xpos[self.sole], data.xpos[self.foot], data.site_xpos[self.tip]])
         return points, data.xmat[self.foot].reshape(3, 3).copy()
 
 
 class Study:
-    """The document, compiled once, and what all formulations share: joints, postures, exact kinematics and torques."""
+    """The document, compiled once, and shared data of the formulations: joints, postures, exact kinematics and torques."""
 
     def __init__(self, store: str | None = None) -> None:
         compiled = thingc.compile(str(DOCUMENT), modes=["front_foot", "front_foot_wall", "crawl"], store=store)
@@ -119,15 +120,15 @@ class Study:
         self.postures["reaching"] = self.vector({joint: radians(angle) for joint, angle in REACHING.items()})
 
     def vector(self, values: Mapping[str, float]) -> Vector:
-        """Values by joint as a vector, 0 where there is none."""
+        """Convert values by joint to a vector, 0 if missing."""
         return np.array([values.get(joint, 0.0) for joint in self.joints])
 
     def rooted_model(self) -> mujoco.MjModel:
-        """The `front_foot` model as built."""
+        """Return the `front_foot` model as built."""
         return self.modes["front_foot"].model()
 
     def weld_xml(self, xml: str, foot: str = FOOT) -> str:
-        """A model with a free base, its foot welded to the world (default softness) where the rooted model holds it."""
+        """Return a model with a free base whose foot is welded to the world (default softness) where the rooted model holds it."""
         foot_pose = np.concatenate([self.exact.body(FOOT).pos, self.exact.body(FOOT).quat])
         back, turn = np.zeros(3), np.zeros(4)
         mujoco.mju_negPose(back, turn, foot_pose[:3], foot_pose[3:])
@@ -136,29 +137,29 @@ class Study:
         return xml.replace("</mujoco>", f"{weld}</mujoco>")
 
     def welded_model(self) -> mujoco.MjModel:
-        """The `crawl` model with the weld. The weld's anchor, the world's origin, is the middle of the sole."""
+        """Return the `crawl` model with the weld. The anchor of the weld, the origin of the world, is the middle of the sole."""
         crawl = self.modes["crawl"]
         return mujoco.MjModel.from_xml_string(self.weld_xml(crawl.mjcf()), crawl.assets())
 
     def formulation(self, name: str) -> Formulation:
-        """One of `FORMULATIONS`, a model of its own."""
+        """Return a new model of one of `FORMULATIONS`."""
         return Formulation(name, self.rooted_model() if name == ROOTED else self.welded_model(), self)
 
     def body_pose(self, q: Vector) -> Vector:
-        """Position and quaternion of the body in the world when the foot is held, exact."""
+        """Return the exact position and quaternion of the body in the world when the foot is held."""
         self.scratch.qpos[:] = q
         mujoco.mj_kinematics(self.exact, self.scratch)
         body = self.scratch.body("body")
         return np.concatenate([body.xpos, body.xquat])
 
     def tip(self, q: Vector) -> Vector:
-        """Position [m] of the free foot's sole, exact."""
+        """Return the exact position [m] of the sole of the free foot."""
         self.scratch.qpos[:] = q
         mujoco.mj_kinematics(self.exact, self.scratch)
         return self.scratch.site(TIP).xpos.copy()
 
     def inverse(self, q: Vector, v: Vector, a: Vector, gravity: str, friction: bool) -> Vector:
-        """Joint torques [N m] of a motion by one inverse dynamics of the rooted model."""
+        """Return the joint torques [N m] of a motion by one inverse dynamics of the rooted model."""
         self.exact.opt.gravity = self.gravity[gravity]
         self.exact.dof_frictionloss[:] = self.friction if friction else 0.0
         data = self.scratch
@@ -167,6 +168,6 @@ class Study:
         return data.qfrc_inverse.copy()
 
     def holding(self, q: Vector, gravity: str) -> Vector:
-        """Joint torques [N m] that hold a posture."""
+        """Return the joint torques [N m] that hold a posture."""
         rest = np.zeros_like(q)
         return self.inverse(q, rest, rest, gravity, friction=False)

@@ -1,4 +1,4 @@
-"""All measurements of the study, as plain numbers: what the page and the figure show."""
+"""All measurements of the study as plain numbers, for the page and the figure."""
 
 from __future__ import annotations
 
@@ -14,22 +14,25 @@ from swinging import Swing, plan, swing
 GRAVITIES = ("floor", "wall")
 FRICTION, FREE, DRIVES = "dry friction", "no friction", "drives"
 CONDITIONS = {FRICTION: (True, False), FREE: (False, False), DRIVES: (False, True)}
-"""Condition to: whether the joints have their dry friction, and whether their drives hold them."""
+"""Whether joints have their dry friction, and whether drives hold them, by condition."""
 SWUNG = (0.00025, *TIMESTEPS, 0.01)
 """Timesteps of the swing [s]."""
 USUAL = (0.002, "implicitfast")
-"""The document's own timestep [s] and integrator."""
+"""The timestep [s] and integrator of the document."""
 OFF = 1e-9
-"""How wrong torques are made [N m], to see whether a posture is stable."""
+"""Error of the torques [N m], to test whether a posture is stable."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """By integrator and timestep: `limits`, the shortest time constant of a weld that is stable, and `factors`, the one chosen
-    (timesteps). `stands` by condition, gravity, posture, integrator, timestep, formulation; `disturbed`, final speeds of the
-    rooted model with torques wrong by `OFF`, by condition; `inverses` by gravity, posture, formulation; `swings` by feedback, gravity,
-    integrator, timestep, formulation; `steps` by contacts: name, bodies and wall time [s] of a step; `costs` [s] of a step by
-    integrator and formulation."""
+    """All measurements.
+
+    `limits` is the shortest stable time constant of a weld, and `factors` the one chosen (in timesteps), by integrator and timestep.
+    `stands` are by condition, gravity, posture, integrator, timestep and formulation; `disturbed` are final speeds of the rooted model with
+    torques wrong by `OFF`, by condition; `inverses` are by gravity, posture and formulation; `swings` by feedback, gravity, integrator,
+    timestep and formulation; `steps` by contacts: name, bodies and wall time [s] of a step; `costs` [s] of a step by integrator and
+    formulation.
+    """
 
     limits: dict[tuple[str, float], float] = field(default_factory=dict)
     factors: dict[tuple[str, float], float] = field(default_factory=dict)
@@ -42,7 +45,7 @@ class Measured:
 
 
 def measure(study: Study) -> Measured:
-    """Everything; about two minutes."""
+    """Measure everything, in about two minutes."""
     found = Measured()
     models = {name: study.formulation(name) for name in FORMULATIONS}
     _stiffness(found, study, models[STIFF])
@@ -57,7 +60,7 @@ def _say(text: str) -> None:
 
 
 def _stiffness(found: Measured, study: Study, formulation: Formulation) -> None:
-    """The time constant that serves the weld best, so that the comparison is with the best weld there is."""
+    """Find the time constant that is best for the weld, so that the comparison is with the best weld."""
     _say("the best stiff weld of each integrator and timestep")
     for timestep in SWUNG:
         paths = {gravity: plan(study, timestep, gravity) for gravity in GRAVITIES}
@@ -124,7 +127,7 @@ def _stepping(found: Measured, study: Study) -> None:
 
 
 def _prepared(study: Study, formulation: Formulation, q: Vector, integrator: str, found: Measured) -> Timed:
-    """A formulation that the drives hold, with the settings of the study: the cost of a step depends little on the timestep."""
+    """Return a formulation held by its drives, with the settings of the study; the cost of a step depends little on the timestep."""
     timestep = USUAL[0]
     settings = Settings(timestep, integrator, found.factors[integrator, timestep])
     formulation.configure(settings, "floor", friction=False, drives=True)
@@ -132,14 +135,14 @@ def _prepared(study: Study, formulation: Formulation, q: Vector, integrator: str
 
 
 def worst_swing(found: Measured, feedback: bool, integrator: str, timestep: float, name: str) -> Swing:
-    """Of both gravities."""
+    """Return the worst swing of both gravities."""
     runs = [found.swings[feedback, gravity, integrator, timestep, name] for gravity in GRAVITIES]
     return Swing(max(run.joint for run in runs), max(run.tip for run in runs))
 
 
 @dataclass(frozen=True)
 class Cheapest:
-    """The least wall time [s] per simulated second that stays within an error, and its integrator and timestep [s]."""
+    """The smallest wall time [s] per simulated second within an error, and its integrator and timestep [s]."""
 
     wall: float
     integrator: str
@@ -147,7 +150,9 @@ class Cheapest:
 
 
 def cheapest(found: Measured, feedback: bool, bound: float, name: str) -> Cheapest | None:
-    """For an error of the free sole of `bound` mm in the swing, under both gravities; None where no settings tried reach it."""
+    """Return the cheapest settings for an error of the free sole of `bound` mm in the swing, under both gravities; None if no tried
+    settings reach it.
+    """
     within = [
         Cheapest(found.costs[integrator, name] / timestep, integrator, timestep)
         for integrator in INTEGRATORS for timestep in SWUNG
@@ -159,7 +164,7 @@ def cheapest(found: Measured, feedback: bool, bound: float, name: str) -> Cheape
 def runs_of(
     found: Measured, condition: str, integrator: str, timestep: float, name: str, gravity: str | None = None
 ) -> list[Stand]:
-    """The runs of every posture, under one gravity or both."""
+    """Return the runs of every posture, under one gravity or both."""
     return [
         run for key, run in found.stands.items()
         if key[0] == condition and key[3:] == (integrator, timestep, name) and gravity in (None, key[1])
@@ -167,5 +172,5 @@ def runs_of(
 
 
 def fastest(runs: list[Stand]) -> float:
-    """The largest speed of any step of any run [rad/s, m/s]."""
+    """Return the largest speed in any step of any run [rad/s, m/s]."""
     return float(np.max([run.speeds.max() for run in runs]))

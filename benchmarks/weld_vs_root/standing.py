@@ -1,4 +1,4 @@
-"""Standing still: held by the foot, gravity torques applied, nothing should move."""
+"""Standing still: with the foot held and gravity torques applied, nothing should move."""
 
 from __future__ import annotations
 
@@ -10,18 +10,22 @@ import numpy as np
 from formulations import Formulation, Settings, Vector
 
 REST, NEARLY = 1e-6, 1e-3
-"""max |qvel| below which a model is at rest, and nearly so [rad/s, m/s]."""
+"""Limits of max |qvel| for a model at rest, and nearly at rest [rad/s, m/s]."""
 HORIZON = 4.0
 """Simulated time of a run [s]."""
 TRIED = (0.3, 0.4, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0)
-"""Time constants of the stiff weld, in timesteps. MuJoCo's own guard (`refsafe`) stops at 2."""
+"""Time constants of the stiff weld, in timesteps. MuJoCo's own guard (`refsafe`) limits them to 2."""
 
 
 @dataclass(frozen=True)
 class Stand:
-    """A run: after how many steps max |qvel| stays below `REST` and `NEARLY` (None: not within the run), and how far over the run
-    went the middle of the sole that is held (`drift` [mm]), its foot (`turn` [deg]), the frame of the foot's body, which is at the ankle
-    (`ankle` [mm]), the sole that is free (`tip` [mm]) and the energy [mJ]. `speeds` is max |qvel| after each step."""
+    """A run.
+
+    `steps` and `nearly` are the numbers of steps after which max |qvel| stays below `REST` and `NEARLY` (None: not within the run). The
+    others are the largest motions in the run: of the middle of the held sole (`drift` [mm]), the rotation of its foot (`turn` [deg]), the
+    frame of the body of the foot, at the ankle (`ankle` [mm]), the free sole (`tip` [mm]), and the energy [mJ]. `speeds` is max |qvel|
+    after each step.
+    """
 
     steps: int | None
     nearly: int | None
@@ -43,7 +47,7 @@ def stand(
     formulation: Formulation, q: Vector, torque: Vector, settings: Settings, gravity: str, friction: bool, drives: bool = False,
     horizon: float = HORIZON, kick: float = 0.0,
 ) -> Stand:
-    """Simulate `horizon` seconds from rest at `q`, or from joint speeds of `kick` [rad/s]."""
+    """Simulate `horizon` seconds from rest at `q`, or with initial joint speeds of `kick` [rad/s]."""
     formulation.configure(settings, gravity, friction, drives)
     model, data = formulation.model, formulation.stand(q)
     formulation.torque(data, torque)
@@ -73,14 +77,15 @@ def stand(
 
 
 def angle(rotation: Vector) -> float:
-    """Of a rotation matrix [deg], small ones with all digits."""
+    """Return the angle of a rotation matrix [deg], with all digits for small ones."""
     axis = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
     return degrees(atan2(float(np.linalg.norm(axis)), float(np.trace(rotation)) - 1.0))
 
 
 def is_stable(formulation: Formulation, settings: Settings) -> bool:
-    """Whether every posture stands after a kick of 0.2 rad/s, under both gravities, with document friction: the foot never leaves
-    by a millimetre, and after half a second the speeds have died down to a hundredth."""
+    """Return whether every posture stands after a kick of 0.2 rad/s, under both gravities, with the friction of the document: the foot
+    moves less than a millimetre, and after half a second speeds are below a hundredth.
+    """
     study = formulation.study
     for gravity in ("floor", "wall"):
         for q in study.postures.values():
@@ -92,9 +97,12 @@ def is_stable(formulation: Formulation, settings: Settings) -> bool:
 
 @dataclass(frozen=True)
 class Inverse:
-    """What one `mj_inverse` at rest says. `exact`: the largest joint torque [N m] by the rooted model. Of this one: `error`, the
-    largest error of a joint torque [N m], `base` [N], the force that it asks of a base on which nothing acts, and `projected`,
-    the error [N m] after the weld's forces have been solved for so that the base needs none."""
+    """The result of one `mj_inverse` at rest.
+
+    `exact` is the largest joint torque [N m] by the rooted model. `error` is the largest error of a joint torque of this model [N m],
+    `base` [N] the force that it needs at a base on which nothing acts, and `projected` the error [N m] after solving for weld forces that
+    need no force at the base.
+    """
 
     exact: float
     error: float
@@ -103,7 +111,7 @@ class Inverse:
 
 
 def inverse(formulation: Formulation, q: Vector, gravity: str) -> Inverse:
-    """Inverse dynamics of a model that stands at `q`, against the rooted model's."""
+    """Compare the inverse dynamics of a model standing at `q` with that of the rooted model."""
     exact = formulation.study.holding(q, gravity)
     formulation.configure(Settings(0.002, "implicitfast"), gravity, friction=False)
     model, data = formulation.model, formulation.stand(q)

@@ -1,4 +1,4 @@
-"""How fast the formulations step: steps per second and wall time, the best of many short interleaved runs."""
+"""The speed of the formulations: steps per second and wall time, the best of many short interleaved runs."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ class Timed:
 
 
 def component_rooted(study: Study) -> mujoco.MjModel:
-    """The `front_foot` model with one body for each component."""
+    """Return the `front_foot` model with one body per component."""
     mode = study.modes["front_foot"]
     return mujoco.MjModel.from_xml_string(component_model(mode.robot, mode.mjcf()), mode.assets())
 
 
 def component_welded(study: Study) -> mujoco.MjModel:
-    """The `crawl` model with one body for each component, and the weld: the whole of the prototype's way."""
+    """Return the `crawl` model with one body per component, and the weld, as in the prototype."""
     mode = study.modes["crawl"]
     xml = component_model(mode.robot, mode.mjcf())
     foot = body_name(study.assembly, FOOT)
@@ -40,7 +40,9 @@ def component_welded(study: Study) -> mujoco.MjModel:
 
 
 def ways(study: Study, q: Vector, contacts: bool) -> list[Timed]:
-    """Fused and with one body for each component, rooted and welded: the drives hold posture `q`, options as in the document."""
+    """Return fused models and models with one body per component, rooted and welded; drives hold posture `q`, options are those of the
+    document.
+    """
     found = []
     for name, model in (
         (ROOTED_FUSED, study.rooted_model()),
@@ -55,7 +57,7 @@ def ways(study: Study, q: Vector, contacts: bool) -> list[Timed]:
 
 
 def posed(study: Study, model: mujoco.MjModel, q: Vector) -> mujoco.MjData:
-    """A model in posture `q`, its drives at it, its foot where it is held."""
+    """Return a model in posture `q`, with its drives at it and its foot where it is held."""
     data = mujoco.MjData(model)
     for joint, value in zip(study.joints, q, strict=True):
         data.joint(joint).qpos[0] = value
@@ -67,7 +69,7 @@ def posed(study: Study, model: mujoco.MjModel, q: Vector) -> mujoco.MjData:
 
 
 def seconds_per_step(runs: Sequence[Timed], count: int = 100) -> list[float]:
-    """Wall time [s] of one `mj_step`, looped inside MuJoCo; the runs take turns, so that a busy machine is fair to all."""
+    """Return the wall time [s] of one `mj_step`, looped inside MuJoCo; runs take turns, so that other load affects all."""
     best = [np.inf] * len(runs)
     for _ in range(ROUNDS):
         for k, run in enumerate(runs):

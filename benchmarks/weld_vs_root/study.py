@@ -1,4 +1,7 @@
-"""`make bench-weld`: a robot held by its foot, welded or rooted. Prints `docs/studies/weld_vs_root.md`, and writes it and its figure."""
+"""`make bench-weld`: compare a robot held by its foot, welded or rooted.
+
+Prints `docs/studies/weld_vs_root.md`, and writes it and its figure.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ def main() -> int:
     parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder of `studies` (page) and `pictures` (figure)")
     parser.add_argument("--store", help="folder of modelled parts (default: the user's cache)")
     options = parser.parse_args()
-    mujoco.set_mju_user_warning(lambda text: None)  # welds that blow up on trial are counted, not logged to a file
+    mujoco.set_mju_user_warning(lambda text: None)  # unstable welds are counted, not logged to a file
     found = measure(Study(options.store))
     text = page(found)
     print(text, end="")

@@ -1,4 +1,4 @@
-"""The study as a picture: a posture that should be at rest, how far the foot goes, and the error of a swing."""
+"""The figure of the study: a posture that should be at rest, the motion of the foot, and the error of a swing."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from matplotlib import pyplot  # after its backend, which needs no display
 
 COLOURS = {SOFT: "#c44e52", STIFF: "#dd8452", ROOTED: "#1f77b4"}
 NOTHING = 1e-17
-"""Where 0 is drawn."""
+"""Position of 0 in the figure."""
 
 
 def draw(found: Measured, file: Path) -> None:
-    """Write the picture as PNG."""
+    """Write the figure as PNG."""
     timestep, integrator = USUAL
     figure, grid = pyplot.subplots(2, 2, figsize=(10.5, 8.0), layout="constrained")
     axes = grid.ravel()

@@ -1,4 +1,4 @@
-"""The study as a page of Markdown: `page.md` with its tables and numbers filled in."""
+"""The page of the study in Markdown: `page.md` with its tables and numbers filled in."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ BOUNDS = (10.0, 1.0, 0.1, 0.01)
 
 
 def page(found: Measured) -> str:
-    """The whole page. Raises KeyError where the template wants what is not here."""
+    """Format the whole page. Raises KeyError if a value of the template is missing."""
     conditions = {"friction": FRICTION, "free": FREE, "drives": DRIVES}
     return Template(TEMPLATE.read_text()).substitute(
         cores=os.cpu_count(), python=platform.python_version(), mujoco=mujoco.__version__,
@@ -53,20 +53,20 @@ def page(found: Measured) -> str:
 
 
 def number(value: float) -> str:
-    """Three digits, 0 as it is."""
+    """Format with three digits, 0 as it is."""
     if value == 0.0:
         return "0"
     return f"{value:.3g}" if value < float("inf") else "diverged"
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of Markdown, its first column to the left."""
+    """Format a table in Markdown, with its first column left-aligned."""
     lines = ["| " + " | ".join(heads) + " |", "|---" + "|--:" * (len(heads) - 1) + "|"]
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
 
 def span(values: Sequence[int | None]) -> str:
-    """Steps of several runs: `12`, `12 to 40`, `12 to never`."""
+    """Format the steps of several runs: `12`, `12 to 40`, `12 to never`."""
     low = min((value for value in values if value is not None), default=None)
     if low is None:
         return "never"
@@ -75,12 +75,12 @@ def span(values: Sequence[int | None]) -> str:
 
 
 def longest(values: Sequence[int | None]) -> str:
-    """The most steps of several runs."""
+    """Format the most steps of several runs."""
     return "never" if None in values else str(max(value for value in values if value is not None))
 
 
 def _short(found: Measured) -> dict[str, str]:
-    """The numbers of the summary, over all postures and both gravities."""
+    """Return the numbers of the summary, over all postures and both gravities."""
     timestep, integrator = USUAL
     soft, stiff = (runs_of(found, DRIVES, integrator, timestep, name) for name in (SOFT, STIFF))
     errors = {name: worst_swing(found, True, "RK4", timestep, name).tip for name in (STIFF, ROOTED)}
@@ -100,7 +100,7 @@ def _short(found: Measured) -> dict[str, str]:
 
 
 def _factors(factors: Mapping[tuple[str, float], float]) -> str:
-    """`Euler 1.25, RK4 1 to 1.5`: the range over the timesteps."""
+    """Format `Euler 1.25, RK4 1 to 1.5`: the range over the timesteps."""
     texts = []
     for integrator in INTEGRATORS:
         values = [factors[integrator, timestep] for timestep in SWUNG]

@@ -1,4 +1,4 @@
-"""A swing of the rear leg, the front foot held, driven by torques from inverse dynamics of the rooted model."""
+"""A swing of the rear leg with the front foot held, driven by torques from inverse dynamics of the rooted model."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import numpy as np
 from formulations import Formulation, Settings, Study, Vector
 
 DURATION = 1.0
-"""Of the swing [s]."""
+"""Duration of the swing [s]."""
 START, END = "stretched", "step_rear"
 TURN = {"rear/yaw": radians(20.0)}
-"""What the swing does besides going from one named pose to the other [rad]."""
+"""Additional motion of the swing between the two named poses [rad]."""
 KP, KD = 5.0, 0.5
 """Light feedback [N m/rad, N m s/rad]: a tenth of the drives' own stiffness."""
 
 
 @dataclass(frozen=True)
 class Swing:
-    """Over a swing: the largest errors of a joint [deg] and of the free foot's sole [mm]. Infinite where it blew up."""
+    """The largest errors in a swing: of a joint [deg] and of the sole of the free foot [mm]; infinite if it is unstable."""
 
     joint: float
     tip: float
@@ -28,8 +28,9 @@ class Swing:
 
 @dataclass(frozen=True)
 class Plan:
-    """A trajectory sampled for a timestep: positions and speeds at the start of each step and at the end, the sole's exact
-    positions there, and the torques at the middle of each step (held over it, they are right to second order)."""
+    """A trajectory sampled for a timestep: positions and speeds at the start of each step and at the end, exact positions of the sole
+    there, and torques in the middle of each step (constant over it, they are correct to second order).
+    """
 
     q: Vector
     v: Vector
@@ -38,7 +39,8 @@ class Plan:
 
 
 def minimum_jerk(s: float) -> tuple[float, float, float]:
-    """From 0 to 1 over s in [0, 1], at rest at both ends, with its first and second derivative (Flash and Hogan, 1985)."""
+    """Return position, first and second derivative of a motion from 0 to 1 over s in [0, 1], at rest at both ends (Flash and Hogan, 1985).
+    """
     return (
         s**3 * (10.0 - 15.0 * s + 6.0 * s * s),
         30.0 * s * s * (1.0 - s) ** 2,
@@ -47,7 +49,7 @@ def minimum_jerk(s: float) -> tuple[float, float, float]:
 
 
 def plan(study: Study, timestep: float, gravity: str) -> Plan:
-    """The swing, and its feed-forward without dry friction."""
+    """Return the swing, and its feed-forward without dry friction."""
     start = study.postures[START]
     step = study.postures[END] + study.vector(TURN) - start
 
@@ -63,7 +65,7 @@ def plan(study: Study, timestep: float, gravity: str) -> Plan:
 
 
 def swing(formulation: Formulation, path: Plan, settings: Settings, gravity: str, feedback: bool) -> Swing:
-    """Follow a plan made for this timestep, without dry friction and without the drives."""
+    """Follow a plan for this timestep, without dry friction and drives."""
     formulation.configure(settings, gravity, friction=False)
     model, data = formulation.model, formulation.stand(path.q[0])
     joint = tip = 0.0

@@ -20,12 +20,12 @@ compiled = SourceFileLoader.source_to_code
 
 
 def marks(file, number):
-    """The marks of a file, which the file itself asks for when it is imported."""
+    """Return the marks of a file; called by the instrumented file when it is imported."""
     return MARKS.setdefault(file, bytearray(number))
 
 
 def marked(body):
-    """Statements, each with its mark before it; docstrings and imports from `__future__` must stay first."""
+    """Return statements with a mark before each; docstrings and imports from `__future__` stay first."""
     for k, statement in enumerate(body):
         text = k == 0 and isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
         if not text and not (isinstance(statement, ast.ImportFrom) and statement.module == "__future__"):
@@ -48,7 +48,7 @@ def source_to_code(loader, data, path, **options):
 
 
 def found():
-    """The lines at which executed statements start, by file."""
+    """Return the lines at which executed statements start, by file."""
     return {file: [line for line, mark in enumerate(lines) if mark] for file, lines in MARKS.items()}
 
 
