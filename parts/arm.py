@@ -1,7 +1,7 @@
-"""The printed parts of the pen-drawing arm: what links its Dynamixel XM430 servos, and the hand that holds the pen.
+"""The printed parts of the pen-drawing arm: the links between its Dynamixel XM430 servos, and the hand that holds the pen.
 
-Every fixture places the servo that it is made for by the mount where that servo will sit, and takes faces, holes and
-clearances from it: no dimension of a servo is written here. All holes of a part are cut in one boolean.
+Every fixture places its servo by the mount where the servo will sit, and takes faces, holes and clearances from it, so that no dimension of
+a servo is repeated here. All holes of a part are cut in one boolean.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from thingc_stock.dynamixel import XM430
 from thingc_stock.fasteners import Screw
 
 PLAY = 0.1
-"""Room on each side of what goes into a printed part [mm]."""
+"""Clearance on each side of a component in a printed part [mm]."""
 
 
 class BasePlate(Thing):
@@ -98,7 +98,7 @@ class YawPitchBracket(Thing):
             servo.screw_right_bottom_front, servo.screw_right_bottom_rear,
         )
         sides = [hole(PLAY + wall) for hole in held]
-        # The heads end below the servo, however thick the platform is.
+        # The heads end below the servo for any thickness of the platform.
         sunk = [hole(thickness - hole(1).head_height - 4 * PLAY) for hole in self.yaw_servo.screws_horn]
         self.servo_screw = [MountPoint(screw.seat.location * MATE, "m2.5-head") for screw in sides]
 
@@ -202,7 +202,7 @@ class OmegaCap(Thing):
         self.body = body.cut(self._arch(radius), *(self.fixing(k, thickness).clearance_hull for k in (0, 1))).solid()
 
     def fixing(self, number: int, depth: float) -> Screw:
-        """The screw number 0 (+x) or 1 through its flange, `depth` [mm] into the hand."""
+        """Return the screw number 0 (+x) or 1 through its flange, `depth` [mm] into the hand."""
         return Screw("M3", self.p.thickness + depth).move(self.screw[number].location)
 
     def result(self) -> Solid:
@@ -210,11 +210,11 @@ class OmegaCap(Thing):
         return self.body
 
     def collision(self) -> list[Solid]:
-        """The arch with the pen's place filled, and the flanges."""
+        """The arch without the space for the pen, and the flanges."""
         return [self._arch(self.outer), _block(2 * self.half_width, self.p.width, self.p.thickness)]
 
     def _arch(self, radius: float) -> Solid:
-        """A half cylinder of that radius around the pen's axis on straight sides down to the hand."""
+        """Return a half cylinder of this radius around the pen's axis on straight sides down to the hand."""
         y, width, axis = -self.p.width / 2, self.p.width, self.axis
         left, right = (-radius, y, axis), (radius, y, axis)
         over = Edge.make_three_point_arc(left, (0, y, axis + radius), right)
@@ -305,7 +305,7 @@ class PenDummy(Thing):
 
 
 def _swing(servo: XM430) -> float:
-    """How far the corners next to the output reach from the axis [mm]: what a part across that end must stay outside of."""
+    """Return the distance [mm] of the corners next to the output from the axis: a part across that end must stay outside of it."""
     return hypot(servo.p.width / 2, servo.top.location.position.Y)
 
 
@@ -323,6 +323,6 @@ def _tongue(width: float, end: float, bottom: float, thickness: float) -> Solid:
 
 
 def _gusset(width: float, y: float, z: float, leg: float) -> Solid:
-    """A prism of that width [mm] in the corner between a leg above z and a leg beyond y, `leg` along both."""
+    """Return a prism of this width [mm] in the corner between a leg above z and a leg beyond y, `leg` along both."""
     corner = [(-width / 2, y - leg, z), (-width / 2, y, z - leg), (-width / 2, y, z)]
     return Solid.extrude(Face(Wire.make_polygon(corner)), (width, 0, 0))

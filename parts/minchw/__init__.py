@@ -1,9 +1,8 @@
-"""The parts of MInchW, the magnetic inchworm climbing robot: what links its six servos, its cells and its two magnets.
+"""The parts of MInchW, the magnetic inchworm climbing robot: the links between its six servos, its cells and its two magnets.
 
-As in the arm, every fixture places what it holds by the mount where that will sit, and takes faces, holes and clearances
-from there: no dimension of a servo, a cell or a magnet is written here. All holes of a part are cut in one boolean.
-
-`PLAY` is the room on each side of what goes into a printed part, `GAP` that between what moves and what does not [mm].
+As in the arm, every fixture places its component by the mount where that will sit, and takes faces, holes and clearances from there, so
+that no dimension of a servo, a cell or a magnet is repeated here. All holes of a part are cut in one boolean. `PLAY` is the clearance on
+each side of a component in a printed part, `GAP` that between moving and fixed parts [mm].
 """
 
 from __future__ import annotations

@@ -69,20 +69,20 @@ class Chassis(Thing):
         self.body = self.hull.cut(inside, *self._windows(end), *self._cables(axis), *holes).solid()
 
     def _windows(self, end: float) -> list[Solid]:
-        """What lets air through both sides: upright slots between ends of that thickness [mm]."""
+        """Return the upright slots for ventilation in both sides, between ends of this thickness [mm]."""
         pitch, height = 2.5 * CORNER, self.height - self.p.wall - 2.5 * CORNER
         count = int((self.p.length - 2 * end - CORNER) / pitch)
         slot = block(CORNER, 2 * self.width, height)
         return [Pos(self.middle + (k - (count - 1) / 2) * pitch, 0, self.p.wall + CORNER) * slot for k in range(count)]
 
     def _cables(self, z: float) -> list[Solid]:
-        """Openings for cables through both ends, left and right of the yaw servos at that height [mm]."""
+        """Return the openings for cables through both ends, left and right of the yaw servos at this height [mm]."""
         y = XM430().p.width / 2 + CORNER
         opening = block(2 * self.p.length, CORNER, 2 * CORNER)
         return [Pos(self.middle, s * y, z - CORNER) * opening for s in (1, -1)]
 
     def cover_screws(self, thickness: float) -> list[Screw]:
-        """The four screws that hold a cover of that thickness [mm], 8 mm deep in the ends of the case."""
+        """Return the four screws of a cover of this thickness [mm], 8 mm deep in the ends of the case."""
         x, y = (self.p.length - self.p.wall - 2) / 2, self.width / 2 - 2 * CORNER
         screw = Screw("M2.5", thickness + 8)
         corners = [(s * x, t * y) for s in (1, -1) for t in (1, -1)]
@@ -93,7 +93,7 @@ class Chassis(Thing):
         return self.body
 
     def collision(self) -> list[Solid]:
-        """The case as if it were full: what is in it never leaves it."""
+        """The case as a full block, because its contents never leave it."""
         return [self.hull]
 
 

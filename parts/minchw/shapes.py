@@ -1,4 +1,4 @@
-"""Shapes that several parts of the robot are made of."""
+"""Shapes that several parts of the robot use."""
 
 from __future__ import annotations
 
@@ -47,25 +47,26 @@ def tongue(length: float, width: float, height: float) -> Solid:
 
 
 def turned(outline: Sequence[tuple[float, float]]) -> Solid:
-    """What an outline of (radius, z) sweeps about z [mm]."""
+    """Return the solid of revolution of an outline of (radius, z) about z [mm]."""
     return Solid.revolve(Face(Wire.make_polygon([(x, 0, z) for x, z in outline])), 360, Axis.Z)
 
 
 def cut_away(screws: Sequence[Screw]) -> list[Solid]:
-    """What the screws need cut away: clearance holes and their heads."""
+    """Return the solids to cut away for screws: clearance holes and heads."""
     return [screw.clearance_hull for screw in screws]
 
 
 def sunk(hole: Hole, thickness: float, below: float) -> Screw:
-    """The screw into `hole` through a plate of that thickness, the top of its head `below` [mm] under the plate's face."""
+    """Return the screw into `hole` through a plate of this thickness, with the top of its head `below` [mm] under the plate's face."""
     return hole(thickness - hole(1).head_height - below)
 
 
 def swing(servo: XSeries) -> float:
-    """How far the corners next to the output reach from the axis [mm]: what turns across that end must stay outside of it."""
+    """Return the distance [mm] of the corners next to the output from the axis: a part that turns across that end must stay outside of it.
+    """
     return hypot(servo.p.width / 2, servo.top.location.position.Y)
 
 
 def placed(x: float, z_dir: tuple[float, float, float], x_dir: tuple[float, float, float], z: float = 0.0) -> Location:
-    """The frame at (x, 0, z) with those axes."""
+    """Return the frame at (x, 0, z) with these axes."""
     return Location(Plane((x, 0, z), x_dir=x_dir, z_dir=z_dir))

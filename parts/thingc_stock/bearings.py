@@ -60,12 +60,12 @@ class Bearing(Thing):
         self.back = MountPoint(Location((0, 0, -self.width / 2)) * MATE, f"bearing-{designation}")
 
     def mass(self) -> tuple[float, str]:
-        """That of the table above."""
+        """The value of the table above."""
         sizes = BEARINGS[self.p.designation]
         return (sizes.mass, sizes.source)
 
     def seat(self, depth: float) -> Solid:
-        """What a housing leaves free, from the bearing's middle plane `depth` [mm] up: a bore of the outer diameter."""
+        """Return the bore to leave free in a housing: a cylinder of the outer diameter, from the bearing's middle plane `depth` [mm] up."""
         return turned([(0, -self.width / 2), (self.diameter / 2, -self.width / 2), (self.diameter / 2, depth), (0, depth)])
 
     def result(self) -> Solid:
@@ -82,5 +82,5 @@ class Bearing(Thing):
         return turned([(inner, z - edge), *upper, *lower, (inner, edge - z)])
 
     def collision(self) -> list[Solid]:
-        """The cylinder around it."""
+        """The enclosing cylinder."""
         return [Solid.make_cylinder(self.diameter / 2, self.width).translate(-Axis.Z.direction * self.width / 2)]

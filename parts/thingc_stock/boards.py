@@ -1,4 +1,4 @@
-"""Boards: Raspberry Pi, Arduino and ESP32, with their holes and what stands up from them."""
+"""Boards (Raspberry Pi, Arduino and ESP32) with their holes and their tall components."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from thingc import MountPoint, Thing
 from thingc_stock.shapes import block, disc
 
 THICKNESS = 1.6
-"""Of the usual board [mm]."""
+"""Thickness of the usual board [mm]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """A board [mm]: its size, the middle of its holes from its middle, their distances and diameter, and what stands on it: the middle
-    (x, y) and the size (x, y, z) of blocks, z negative for those below."""
+    """A board [mm]: its size, the centre of its holes relative to its own, their distances and diameter, and its tall components: the
+    centre (x, y) and the size (x, y, z) of blocks, with negative z for those below.
+    """
 
     size: tuple[float, float]
     corner: float
@@ -58,7 +59,7 @@ class Board(Thing):
         return board.fuse(*tall).cut(*(disc(one.hole, 4, -1, x, y) for x, y in self.places)).solid()
 
     def collision(self) -> list[Solid]:
-        """The box around board and blocks."""
+        """The box around the board and the blocks."""
         one = self.layout
         above, below = max(dz for *_, dz in one.blocks), min(0.0, *(dz for *_, dz in one.blocks))
         return [block((*one.size, THICKNESS + max(0.0, above) - below), (0, 0, (THICKNESS + max(0.0, above) + below) / 2))]

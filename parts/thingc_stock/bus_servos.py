@@ -74,7 +74,7 @@ class BusServo(Thing):
         """The model's mass [kg] and its source."""
 
     def case_hull(self, play: float = 0.0) -> Solid:
-        """The case without horn and idler, `play` [mm] larger all around: what a bracket leaves free."""
+        """The case without horn and idler, `play` [mm] larger all around, to be left free in a bracket."""
         d = self.drawing
         return block((d.width + 2 * play, d.height + 2 * play, d.depth + 2 * play), (0, self.middle, 0), corner=d.corner)
 

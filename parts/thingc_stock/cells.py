@@ -92,7 +92,7 @@ class CellTray(Thing):
         across = [(k - (cells - 1) / 2) * pitch for k in range(cells)]
 
         self.base = MountPoint(MATE)
-        # A cell's flank lies where its own `side` looks down; every second one is turned end for end.
+        # A cell's flank is where its own `side` looks down; every second one is turned end for end.
         self.bay = [
             MountPoint(Location(Plane((0, y, wall), x_dir=(0, -1 if k % 2 else 1, 0), z_dir=(0, 0, 1))), "18650")
             for k, y in enumerate(across)
@@ -103,7 +103,7 @@ class CellTray(Thing):
 
         block = Solid.make_box(self.length, self.width, self.height, Plane((-self.length / 2, -self.width / 2, 0)))
         roomy = cell.adjust(diameter__add=2 * play)
-        # Down to the wall, not into it: the play is above and beside the cell.
+        # Down to the wall, not into it: the clearance is above and beside the cell.
         beds = [(Pos(0, y, wall + roomy.p.diameter / 2) * Location((0, 0, 0), (0, 90, 0))) * roomy.hull() for y in across]
         springs = [
             Solid.make_box(contact, 0.6 * pitch, self.height, Plane((x - contact / 2, y - 0.3 * pitch, wall)))
@@ -113,11 +113,11 @@ class CellTray(Thing):
         self.body = block.cut(*beds, *springs, *holes).solid()
 
     def fixing(self, number: int, depth: float) -> Screw:
-        """The screw number 0 or 1 through the wall below the cells, `depth` [mm] into what the tray is screwed to."""
+        """Return the screw number 0 or 1 through the wall below the cells, `depth` [mm] into the part below the tray."""
         return Screw("M2.5", self.p.wall + depth).move(self.screw[number].location)
 
     def result(self) -> Solid:
-        """A block with a bed for each cell, room for the springs and the holes for the screws."""
+        """A block with a bed for each cell, space for the springs, and the holes for the screws."""
         return self.body
 
     def envelope(self) -> Solid:

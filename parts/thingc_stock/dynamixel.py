@@ -23,7 +23,7 @@ from thingc_stock.fasteners import Hole, Size, threaded_hole
 Positive = Annotated[Length, Range(minimum=0.1)]
 
 FLIP = Location((0, 0, 0), (0, 180, 0))
-"""Looks at a place from behind: half a turn about y."""
+"""The pose of something seen from behind: half a turn about y."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,8 +72,9 @@ def velocity_gain(stall_torque: float, no_load_speed: float) -> float:
 
 
 def servo_drive(stall_torque: float, no_load_speed: float, gear_ratio: float, rotor_inertia: float) -> Actuator:
-    """A position drive from the published stall torque [N m], no-load speed [rad/s] and gear ratio, and an estimate of
-    the rotor's inertia at the motor [kg m^2]; the gains follow from them."""
+    """Return a position drive from the published stall torque [N m], no-load speed [rad/s] and gear ratio, and an estimate of the rotor's
+    inertia at the motor [kg m^2]. The gains follow from these.
+    """
     return Actuator(
         kind="position",
         stall_torque=(stall_torque, "vendor"),
@@ -182,7 +183,7 @@ class XSeries(Thing):
 
     @cached_property
     def screws_idler(self) -> list[Hole]:
-        """The holes of the idler, from +x towards +y; none where there is no idler."""
+        """The holes of the idler, from +x towards +y; empty without an idler."""
         d = self.drawing
         spots = [Pos(0, 0, self.idler_z) * spot * FLIP for spot in _circle(d.horn_circle, d.horn_holes) if self.p.idler]
         return [threaded_hole(spot, d.horn_screw, d.idler_thickness) for spot in spots]
@@ -202,12 +203,13 @@ class XSeries(Thing):
         return Solid.extrude(Face(Wire.make_polygon([(u, v, z) for u, v in outline])), (0, 0, self.p.depth))
 
     def boss_hull(self, height: float) -> Solid:
-        """The boss in the middle of the horn as a cylinder that ends `height` [mm] above the horn's face: what a part on
-        the horn leaves free."""
+        """Return the boss in the middle of the horn as a cylinder that ends `height` [mm] above the horn's face, to be left free in a part
+        on the horn.
+        """
         return Solid.make_cylinder(self.p.boss_diameter / 2, height, Plane((0, 0, self.horn_z)))
 
     def idler_hull(self, height: float) -> Solid:
-        """The idler as a cylinder that ends `height` [mm] behind the back of the case: what a part on the back leaves free."""
+        """Return the idler as a cylinder that ends `height` [mm] behind the back of the case, to be left free in a part on the back."""
         return Solid.make_cylinder(self.p.horn_diameter / 2, height, Plane((0, 0, -self.p.depth / 2 - height)))
 
     def result(self) -> Solid:
@@ -329,5 +331,5 @@ class XM540(XSeries):
 
 
 def _circle(diameter: float, count: int) -> list[Location]:
-    """`count` places around a circle, the first at +x, on towards +y."""
+    """Return `count` places around a circle, the first at +x, then towards +y."""
     return [Location((0, 0, 0), (0, 0, 360.0 * k / count)) * Pos(diameter / 2, 0, 0) for k in range(count)]

@@ -1,8 +1,8 @@
-"""Screws over bd_warehouse: its tables of dimensions, with hulls that cut the holes they need.
+"""Screws with the dimensions of bd_warehouse, and with solids for the holes that they need.
 
-Every dimension is bd_warehouse's, which tabulates the standards. The solids are made here, without threads: a revolved
-profile and one boolean take a tenth of the time of bd_warehouse's own screw, and its tables are read without importing
-its thirty kinds of fastener.
+All dimensions are from the tables of bd_warehouse, which are those of the standards. The solids are made here, without threads: a revolved
+profile and one boolean take a tenth of the time of bd_warehouse's own screw, and its tables are read without importing its thirty kinds of
+fastener.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Size = Literal["M1.6", "M2", "M2.5", "M3", "M4", "M5", "M6", "M8"]
 TABLES = resources.files(bd_warehouse) / "data"
 
 HEAD_PLAY = 0.2
-"""Room around a screw head in a counterbore, on the radius [mm]: what a 0.4 mm nozzle needs for the head to go in."""
+"""Radial clearance of a screw head in a counterbore [mm], sufficient for prints with a 0.4 mm nozzle."""
 
 class Screw(Thing):
     """A hexagon socket head cap screw, ISO 4762, steel, property class 8.8.
@@ -68,23 +68,24 @@ class Screw(Thing):
 
     @property
     def body_hull(self) -> Solid:
-        """What the screw itself fills: threads as their outer cylinder, the socket closed."""
+        """The volume of the screw: threads as their outer cylinder, the socket closed."""
         return self._hull(self.diameter, self.head_diameter, self.head_height)
 
     @property
     def clearance_hull(self) -> Solid:
-        """What is cut away where the screw passes: the clearance hole, and above the bearing plane the head with
-        `HEAD_PLAY` around it and as much height as it takes to put the whole screw in along its axis."""
-        return deepcopy(self._clearance)  # the kernel adds curves to a shape that is cut away, and takes longer each time
+        """Return the solid to cut away for the screw: the clearance hole, and above the bearing plane the head with `HEAD_PLAY` around it,
+        high enough to insert the whole screw along its axis.
+        """
+        return deepcopy(self._clearance)  # the kernel adds curves to a shape that is used as a tool, and takes longer each time
 
     @property
     def tapped_hull(self) -> Solid:
-        """What is drilled where the thread holds: the tap drill over the whole length."""
+        """The hole to drill for the thread: the tap drill over the whole length."""
         return Solid.make_cylinder(self.tap_diameter / 2, self.p.length, Plane((0, 0, -self.p.length)))
 
     @property
     def thread_hull(self) -> Solid:
-        """What a threaded hole is drawn as: the thread's outer cylinder over the whole length."""
+        """A threaded hole as it is drawn: the thread's outer cylinder over the whole length."""
         return Solid.make_cylinder(self.diameter / 2, self.p.length, Plane((0, 0, -self.p.length)))
 
     def result(self) -> Solid:
@@ -113,12 +114,13 @@ class Screw(Thing):
 
 
 Hole = Callable[[float], Screw]
-"""A threaded hole. Called with the thickness [mm] of what is fastened on the face, it gives the screw in place: its
-bearing plane that far above the face, its tip at the bottom of the hole."""
+"""A threaded hole. Called with the thickness [mm] of the fastened part, it returns the screw at its place: its bearing plane is that far
+above the face, its tip at the bottom of the hole.
+"""
 
 
 def threaded_hole(mouth: Location, size: Size, depth: float) -> Hole:
-    """The hole whose mouth is at `mouth` (z out of the material) and which is `depth` [mm] deep."""
+    """Return the hole with its mouth at `mouth` (z out of the material) and a depth of `depth` [mm]."""
 
     def screw(thickness: float) -> Screw:
         return Screw(size, thickness + depth).move(mouth * Pos(0, 0, thickness))
@@ -128,7 +130,7 @@ def threaded_hole(mouth: Location, size: Size, depth: float) -> Hole:
 
 @cache
 def _table(name: str) -> dict[str, dict[str, str]]:
-    """A table of bd_warehouse: its first column to the others by heading."""
+    """Return a table of bd_warehouse: its rows by the first column, each by heading."""
     with (TABLES / name).open(encoding="utf-8") as stream:
         rows = csv.reader(stream)
         _, *headings = (heading.strip() for heading in next(rows))

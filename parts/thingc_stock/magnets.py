@@ -1,4 +1,4 @@
-"""Holding magnets: permanent magnets whose hold a coil takes away."""
+"""Holding magnets: permanent magnets that a coil can release."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from thingc import MATE, Length, MountPoint, Range, Thing
 from thingc_stock.fasteners import Hole, threaded_hole
 
 SATURATION = 1.6
-"""Flux density that mild steel carries in a pole without much loss [T]."""
+"""Flux density [T] that mild steel carries in a pole without much loss."""
 
 MU_0 = 4e-7 * pi
 """Permeability of vacuum [N/A^2]."""
@@ -47,7 +47,7 @@ class HoldingMagnet(Thing):
         assert self.groove[1] - self.groove[0] >= 3, (
             f"poles of {pole:g} mm leave no room for a coil in a pot of {diameter:g} mm: make them thinner"
         )
-        # x along the right of what stands on it, y backwards: put onto the world it looks along the world's x.
+        # x is to the right of the part that stands on it, y backwards: on the world frame it looks along the world's x.
         self.sole = MountPoint(MATE, interface="steel")
         self.back = MountPoint(Location((0, 0, height)), interface=f"magnet-{diameter:g}")
         self.screws_back: list[Hole] = [
@@ -55,8 +55,9 @@ class HoldingMagnet(Thing):
         ]
 
     def pull(self, flux_density: float = SATURATION) -> float:
-        """The most pull [N] that this flux density [T] in both poles gives on thick steel without a gap, B^2 A / (2 mu_0)
-        for each pole: what the nominal pull must stay below."""
+        """Return the largest pull [N] with this flux density [T] in both poles on thick steel without a gap, B^2 A / (2 mu_0) for each
+        pole. The nominal pull must be less.
+        """
         inner, outer = self.groove
         area = min(inner**2, (self.p.diameter / 2) ** 2 - outer**2) * pi * 1e-6
         return 2 * flux_density**2 * area / (2 * MU_0)

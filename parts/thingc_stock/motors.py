@@ -15,8 +15,9 @@ from thingc_stock.shapes import bevelled, block, disc, spots
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stepper:
-    """What a maker publishes of a motor: length of the body [mm], mass [kg], holding torque [N m], inertia of the rotor [kg m^2]; the
-    inertia with its source."""
+    """The published data of a motor: length of the body [mm], mass [kg], holding torque [N m], inertia of the rotor [kg m^2]; the inertia
+    with its source.
+    """
 
     length: float
     mass: float
@@ -64,7 +65,7 @@ class _Nema17(Thing):
         self.threads: list[Hole] = [threaded_hole(mount.location, "M3", 4.5) for mount in self.hole]
 
     def mass(self) -> tuple[float, str]:
-        """That of the table above."""
+        """The value of the table above."""
         return (STEPPERS[self.model].mass, "vendor")
 
     def result(self) -> Solid:
@@ -81,8 +82,9 @@ class _Nema17(Thing):
 
 
 def _drive(model: str, speed: float) -> Actuator:
-    """A position drive by the holding torque: micro-stepping pulls like a spring whose torque is greatest a quarter of an electrical turn
-    (1.8 deg) off. `speed` [rad/s] is estimated, for 24 V without a load."""
+    """Return a position drive with the holding torque: micro-stepping acts like a spring whose torque is largest a quarter of an electrical
+    turn (1.8 deg) off. `speed` [rad/s] is estimated, for 24 V without a load.
+    """
     motor = STEPPERS[model]
     return Actuator(
         kind="position", stall_torque=(motor.torque, "vendor"), no_load_speed=(speed, "estimated"), gear_ratio=1.0,

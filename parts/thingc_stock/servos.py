@@ -1,7 +1,8 @@
-"""Hobby servos with a splined shaft, of four makers, and the discs that go onto their shafts.
+"""Hobby servos with a splined shaft, of four makers, and the discs for their shafts.
 
-One class; a model is a `Drawing`, an actuator and a mass. Each model says what was read, and where; a mass or torque for which nothing
-was found has the source `estimated`. Of all, estimates are gains, rotor inertia, gear ratio and the case's heights beside the ears.
+There is one class; a model is a `Drawing`, an actuator and a mass. Each model names its sources. A mass or torque without a published value
+has the source `estimated`. For all models, the gains, the rotor inertia, the gear ratio and the case's heights beside the ears are
+estimates.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ from thingc_stock.fasteners import Hole, Size, threaded_hole
 from thingc_stock.shapes import bevelled, block, disc, spots
 
 KGF_CM = 0.0980665
-"""One kgf cm, in which makers give torques [N m]."""
+"""One kgf cm [N m], the unit in which makers state torques."""
 
 ROTOR = 0.045 / 353.5**2
-"""Inertia of the rotor of a servo that is 28.5 mm wide [kg m^2], as identified on Dynamixel XM430 (see `thingc_stock.dynamixel`)."""
+"""Inertia of the rotor [kg m^2] of a servo with a width of 28.5 mm, as identified on Dynamixel XM430 (see `thingc_stock.dynamixel`)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,12 +108,12 @@ class HobbyServo(Thing):
         return block(size, (0, self.middle, (d.above - d.below) / 2), corner=0.04 * d.width)
 
     def pocket(self, depth: float, play: float = 0.2) -> Solid:
-        """What a frame of this thickness [mm] under the ears leaves free for the case."""
+        """Return the space to leave free for the case in a frame of this thickness [mm] under the ears."""
         d = self.drawing
         return block((d.width + 2 * play, d.length + 2 * play, depth), (0, self.middle, -depth / 2))
 
     def screws(self, diameter: float, depth: float) -> list[Solid]:
-        """Holes of this diameter into the frame below the ears [mm]: what is drilled for the screws."""
+        """Return holes of this diameter [mm] into the frame below the ears, to be drilled for the screws."""
         return [disc(diameter, depth, -depth, x, y) for x, y in self.places]
 
     def result(self) -> Solid:

@@ -1,4 +1,4 @@
-"""Wheels of a rim and a tyre, and ball casters of a socket and a ball."""
+"""Wheels, which consist of a rim and a tyre, and ball casters, which consist of a socket and a ball."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Rim(Thing):
         return ring.fuse(hub, *spokes).cut(disc(p.bore, p.width + 2, -z - 1)).solid()
 
     def collision(self) -> list[Solid]:
-        """The cylinder around it."""
+        """The enclosing cylinder."""
         return [disc(self.p.diameter, self.p.width, -self.p.width / 2)]
 
 
@@ -95,7 +95,7 @@ class Tyre(Thing):
         return body.cut(*notches).solid() if notches else body
 
     def collision(self) -> list[Solid]:
-        """The cylinder around it."""
+        """The enclosing cylinder."""
         return [disc(self.outer, self.p.width, -self.p.width / 2)]
 
 
