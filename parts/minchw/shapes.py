@@ -62,8 +62,7 @@ def sunk(hole: Hole, thickness: float, below: float) -> Screw:
 
 
 def swing(servo: XSeries) -> float:
-    """Return the distance [mm] of the corners next to the output from the axis: a part that turns across that end must stay outside of it.
-    """
+    """Return the distance [mm] of the corners next to the output from the axis; a part that turns across that end must stay outside."""
     return hypot(servo.p.width / 2, servo.top.location.position.Y)
 
 

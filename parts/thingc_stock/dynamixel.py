@@ -72,8 +72,9 @@ def velocity_gain(stall_torque: float, no_load_speed: float) -> float:
 
 
 def servo_drive(stall_torque: float, no_load_speed: float, gear_ratio: float, rotor_inertia: float) -> Actuator:
-    """Return a position drive from the published stall torque [N m], no-load speed [rad/s] and gear ratio, and an estimate of the rotor's
-    inertia at the motor [kg m^2]. The gains follow from these.
+    """Return a position drive from published data: stall torque [N m], no-load speed [rad/s] and gear ratio.
+
+    The rotor's inertia at the motor [kg m^2] is an estimate. The gains follow from these.
     """
     return Actuator(
         kind="position",
@@ -203,9 +204,7 @@ class XSeries(Thing):
         return Solid.extrude(Face(Wire.make_polygon([(u, v, z) for u, v in outline])), (0, 0, self.p.depth))
 
     def boss_hull(self, height: float) -> Solid:
-        """Return the boss in the middle of the horn as a cylinder that ends `height` [mm] above the horn's face, to be left free in a part
-        on the horn.
-        """
+        """The boss in the middle of the horn as a cylinder that ends `height` [mm] above the horn's face, to be left free in a part."""
         return Solid.make_cylinder(self.p.boss_diameter / 2, height, Plane((0, 0, self.horn_z)))
 
     def idler_hull(self, height: float) -> Solid:

@@ -73,8 +73,10 @@ class Screw(Thing):
 
     @property
     def clearance_hull(self) -> Solid:
-        """Return the solid to cut away for the screw: the clearance hole, and above the bearing plane the head with `HEAD_PLAY` around it,
-        high enough to insert the whole screw along its axis.
+        """The solid to cut away for the screw.
+
+        It is the clearance hole, and above the bearing plane the head with `HEAD_PLAY` around it, high enough to insert the whole screw
+        along its axis.
         """
         return deepcopy(self._clearance)  # the kernel adds curves to a shape that is used as a tool, and takes longer each time
 
@@ -114,8 +116,10 @@ class Screw(Thing):
 
 
 Hole = Callable[[float], Screw]
-"""A threaded hole. Called with the thickness [mm] of the fastened part, it returns the screw at its place: its bearing plane is that far
-above the face, its tip at the bottom of the hole.
+"""A threaded hole.
+
+Called with the thickness [mm] of the fastened part, it returns the screw at its place: its bearing plane is that far above the face, its
+tip at the bottom of the hole.
 """
 
 

@@ -55,8 +55,9 @@ class HoldingMagnet(Thing):
         ]
 
     def pull(self, flux_density: float = SATURATION) -> float:
-        """Return the largest pull [N] with this flux density [T] in both poles on thick steel without a gap, B^2 A / (2 mu_0) for each
-        pole. The nominal pull must be less.
+        """Return the largest pull [N] with this flux density [T] in both poles on thick steel without a gap.
+
+        It is B^2 A / (2 mu_0) for each pole. The nominal pull must be less.
         """
         inner, outer = self.groove
         area = min(inner**2, (self.p.diameter / 2) ** 2 - outer**2) * pi * 1e-6

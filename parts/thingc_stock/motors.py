@@ -82,8 +82,9 @@ class _Nema17(Thing):
 
 
 def _drive(model: str, speed: float) -> Actuator:
-    """Return a position drive with the holding torque: micro-stepping acts like a spring whose torque is largest a quarter of an electrical
-    turn (1.8 deg) off. `speed` [rad/s] is estimated, for 24 V without a load.
+    """Return a position drive with the holding torque; `speed` [rad/s] is estimated, for 24 V without a load.
+
+    Micro-stepping acts like a spring whose torque is largest a quarter of an electrical turn (1.8 deg) off.
     """
     motor = STEPPERS[model]
     return Actuator(

@@ -94,8 +94,9 @@ class Workers:
         return bool(self._processes)
 
     def warm(self) -> None:
-        """Start the workers without waiting, so that they load the kernel while the caller does something else. If none starts, `run`
-        raises.
+        """Start the workers without waiting, so that they load the kernel while the caller does something else.
+
+        If none starts, `run` raises.
         """
         with contextlib.suppress(WorkerBroken):
             self.ensure()
@@ -188,8 +189,9 @@ class Workers:
                 under_way.add(self._send(worker, request) if (begun := self._taken(request)) is None else begun)
 
     def _taken(self, request: Mapping[str, Any]) -> int | None:
-        """Return the number of a request that was begun, or None, and treat it as an ordinary request from now on. An early answer is
-        queued again.
+        """Return the number of a request that was begun, or None, and treat it as an ordinary request from now on.
+
+        An early answer is queued again.
         """
         number = self._begun.pop(_request_text(request), None)
         if number is not None and number in self._early:

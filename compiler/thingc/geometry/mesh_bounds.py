@@ -90,7 +90,7 @@ def is_text(stl: bytes) -> bool:
 
 
 def unfold(root: _T, parts: Callable[[_T], Iterable[_T]]) -> None:
-    """Raises `BadMesh` if `root`, which is made of its `parts`, places more than `INSTANCES` objects, or contains itself."""
+    """Raise `BadMesh` if `root` places more than `INSTANCES` objects, or contains itself. `parts` returns the objects in an object."""
     known: dict[_T, int] = {}
 
     def count(one: _T, level: int) -> int:
@@ -116,8 +116,10 @@ def _unfold_collada(root: ElementTree.Element) -> None:
 
 
 def _told_by_gltf(text: bytes) -> int:
-    """The triangles that the accessors of a glTF file declare, at least: a sparse one need not have bytes for them, and several may share
-    the same bytes."""
+    """Return a lower bound of the number of triangles that the accessors of a glTF file declare.
+
+    Sparse accessors need no bytes for their elements, and several may share the same bytes. Raises `BadMesh`.
+    """
     try:
         document = json.loads(text)
         pieces = [len(mesh["primitives"]) for mesh in document.get("meshes", ())]

@@ -28,8 +28,9 @@ class PartInputs(FrozenStruct):
 
 
 def part_inputs(references: Iterable[str], workspace: Workspace, store: Store | None) -> PartInputs:
-    """Return the inputs of the parts `module:Class` of a workspace. Without a store the workspace is untrusted: files outside of it are not
-    read.
+    """Return the inputs of the parts `module:Class` of a workspace.
+
+    Without a store the workspace is untrusted: files outside of it are not read.
     """
     code = PartCode(workspace, store)
     files = {os.path.join(workspace.root, LOCK_FILE)}

@@ -63,8 +63,9 @@ class PartSource(Protocol):
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> Mapping[str, PartRecord | PartFailure]:
-        """Return the `records` of `definitions` with the slices that are `wanted`, by text. A record whose slices cannot be obtained is not
-        `exact`.
+        """Return the `records` of `definitions` with the slices that are `wanted`, by text.
+
+        A record whose slices cannot be obtained is not `exact`.
         """
 
 

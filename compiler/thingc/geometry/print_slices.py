@@ -102,7 +102,9 @@ class SliceResult(OneLineRepr, FrozenStruct, tag=True):
     sparse: Moments
 
     def printed(self, infill: float) -> MassProperties:
-        """Return the mass properties at density 1: volume [m^3], centre [m] and inertia [m^5] in the part's frame. `infill` is from 0 to 1.
+        """Return the mass properties at density 1: volume [m^3], centre [m] and inertia [m^5] in the part's frame.
+
+        `infill` is from 0 to 1.
         """
         if infill <= 0.0:
             return self.solid.properties

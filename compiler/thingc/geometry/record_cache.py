@@ -71,8 +71,7 @@ class KeptRecords:
         return self._results.find("record", key, self._whole)
 
     def find(self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None) -> CachedResult | None:
-        """Return the record under the part's key, else one with the same outline for which all functions that ran are unchanged, or None.
-        """
+        """Return the record under the part's key, else one with the same outline whose executed functions are unchanged, or None."""
         kept = self.under(build_key.key)
         if kept is not None or code is None or not code.sources:
             return kept

@@ -123,8 +123,9 @@ class GeometryService:
         self._worker_pool().warm()
 
     def anticipate(self) -> bool:
-        """Call `warm` if a file that parts depend on has changed since the last run in this workspace, or if there was none. Return whether
-        it did.
+        """Call `warm` if a file that parts depend on has changed since the last run in this workspace, or if there was none.
+
+        Return whether it did.
 
         Call it before reading documents, since loading the kernel takes longest. With a lock, the kernel is probably not needed.
         """
@@ -419,7 +420,9 @@ class GeometryService:
     # --- assemble ------------------------------------------------------------------------------------------------
 
     def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
-        """Return the STEP file of an assembly, cached by all placements and colours. Raises `AssemblyFailed` if the kernel cannot write it.
+        """Return the STEP file of an assembly, cached by all placements and colours.
+
+        Raises `AssemblyFailed` if the kernel cannot write it.
         """
         listed = to_builtins(instances)
         key = repr([name, sorted(self._parts.versions(None).items()), listed])

@@ -23,8 +23,9 @@ class StoredArtifact(FrozenStruct):
 Content = bytes | StoredArtifact
 
 How = Literal["omitted", "approximated", "carried as custom data"]
-"""What happens to something that a target cannot express, the worst first. Custom data is written to the files, but readers ignore it
-unless they know it.
+"""What happens to something that a target cannot express, the worst first.
+
+Custom data is written to the files, but readers ignore it unless they know it.
 """
 
 CARRIED: Final = "carried as custom data"

@@ -178,8 +178,9 @@ def _material(occurrence: Occurrence) -> str | None:
 
 
 def _name(occurrence: Occurrence) -> str:
-    """Return the name for people: that of the Thing, else the class, the file without suffix, or the component; with its mirror axis, if
-    any.
+    """Return the name for people, with its mirror axis, if any.
+
+    It is that of the Thing, else the class, the file without suffix, or the component.
     """
     mirror = _definition(occurrence).mirror
     return _plain_name(occurrence) + (f" (mirror={mirror})" if mirror is not None else "")

@@ -1,5 +1,6 @@
-"""Capabilities of formats: one table for each target, which decides what its emitter writes, its losses, and its column in
-`docs/formats.md`.
+"""Capabilities of formats: one table for each target.
+
+The table decides what the emitter writes, the losses, and the target's column in `docs/formats.md`.
 
 Tables are complete by their type: a missing feature is an error of mypy. If something can be written in several ways, the cell names one of
 the target's own words (`by`), and the emitter matches on that (`written`), never on the kind itself: an unknown word, or one without a
@@ -35,8 +36,9 @@ Sensor = TypeVar("Sensor")
 
 
 class Supported(FrozenStruct, Generic[By], kw_only=False):
-    """The format supports it. `how` describes it if its name differs; `by` is the emitter's word for the way of writing it, None if there
-    is only one.
+    """The format supports it.
+
+    `how` describes it if its name differs; `by` is the emitter's word for the way of writing it, None if there is only one.
     """
 
     by: By
@@ -44,8 +46,9 @@ class Supported(FrozenStruct, Generic[By], kw_only=False):
 
 
 class Lossy(FrozenStruct, Generic[By], kw_only=False):
-    """The format supports it in part: it is written `by` a certain way, with a `Loss` of kind `how`. `words` are added to the description
-    of the loss, including the comma or colon before.
+    """The format supports it in part: it is written `by` a certain way, with a `Loss` of kind `how`.
+
+    `words` are added to the description of the loss, including the comma or colon before.
     """
 
     by: By
@@ -83,8 +86,9 @@ def written(cell: Cell[By]) -> By | None:
 
 
 class Joints(TypedDict, Generic[By]):
-    """Joints by the form of the motion (`joint_cell`). A base that moves in part, and a joint at which a loop is cut, are written as such
-    joints.
+    """Joints by the form of the motion (`joint_cell`).
+
+    A base that moves in part, and a joint at which a loop is cut, are written as such joints.
     """
 
     single: Written[By]
@@ -218,8 +222,10 @@ class OfSensors(TypedDict):
 
 
 class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
-    """Everything that a format may or may not support. The type parameters are the emitter's words for its ways of writing joints, drives,
-    loops, shapes and sensors; `Never` if it never writes them.
+    """Everything that a format may or may not support.
+
+    The type parameters are the emitter's words for its ways of writing joints, drives, loops, shapes and sensors; `Never` if it never
+    writes them.
     """
 
     joints: Joints[Joint]
@@ -364,7 +370,9 @@ class _Lost:
         )
 
     def of_sensor(self, sensor: LinkedSensor) -> Iterator[Loss]:
-        """Yield the loss of a sensor, or of its properties that are not written. The range of a rangefinder is not a cutoff of its values.
+        """Yield the loss of a sensor, or of its properties that are not written.
+
+        The range of a rangefinder is not a cutoff of its values.
         """
         cell, of = self.says["sensors"][sensor.kind], self.says["of_sensors"]
         yield from self(cell, None, sensor.path, "this sensor", sensor.origin)

@@ -1,5 +1,6 @@
-"""The visual and collision shapes of each occurrence, for any target: meshes by purpose, shared by definition, and primitives. Also the
-size of a robot.
+"""The visual and collision shapes of each occurrence, for any target: meshes by purpose, shared by definition, and primitives.
+
+Also the size of a robot.
 
 They are the same in every mode, so they are computed once. Meshes are copied from the store by their hash, unread. A target reports what it
 does not accept itself (`Takes`).
@@ -59,8 +60,9 @@ class MeshAsset(FrozenStruct):
 
 
 class Shape(FrozenStruct):
-    """A shape in its occurrence's frame: a mesh (named by `mesh`) or a primitive of `size`, as in `Primitive` [m], with material and
-    colour. `name` is its custom name, after the path of its document.
+    """A shape in its occurrence's frame: a mesh (named by `mesh`) or a primitive of `size`, as in `Primitive` [m].
+
+    It has a material and a colour. `name` is its custom name, after the path of its document.
     """
 
     kind: Literal["mesh"] | PrimitiveShape

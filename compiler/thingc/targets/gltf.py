@@ -174,9 +174,7 @@ class _Drawn:
         self._known: dict[str, Any] = {}
 
     def __call__(self, mesh: Mesh | Primitive) -> Any:
-        """Return a mesh of the store (OBJ, metres) as a trimesh object, with unchanged vertices and faces; for a primitive an
-        approximation.
-        """
+        """Return a mesh of the store (OBJ, metres) as a trimesh object, unchanged; for a primitive an approximation."""
         if isinstance(mesh, Primitive):
             return _tessellated(mesh)
         if mesh.sha256 not in self._known:

@@ -55,8 +55,9 @@ def alone(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
 
 
 def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> dict[str, object]:
-    """Return one mode as plain data for JSON, with lengths in metres and angles in radians. Names of links, and of MuJoCo's joints, have
-    `separator` in their paths, as in the model.
+    """Return one mode as plain data for JSON, with lengths in metres and angles in radians.
+
+    Names of links, and of MuJoCo's joints, have `separator` in their paths, as in the model.
 
     - `root` is the path of the site on which the mode stands, `base` is `fixed | held | free | planar | ball`, `gravity` [m/s^2] is in the
       world, `X_world_root` is the pose of the root link in this mode (4 x 4, by rows). `X_world_at` exists only for a `planar` or `ball`

@@ -21,7 +21,9 @@ def package_name(robot: str) -> str:
 
 
 def frames(robot: Robot) -> dict[int, list[Site]]:
-    """Return the additional frames on each body, by its index. If several paths give the same name and frame, only the first is included.
+    """Return the additional frames on each body, by its index.
+
+    If several paths give the same name and frame, only the first is included.
     """
     links = robot.assembly.links
     known = {(safe(links[body.link].name), index, NO_POSE) for index, body in enumerate(robot.bodies)}

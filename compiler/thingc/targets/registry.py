@@ -143,8 +143,9 @@ def unknown(words: Sequence[str]) -> tuple[tuple[int, str, str], ...]:
 
 
 def chosen(words: Sequence[str]) -> tuple[str, ...]:
-    """Return the targets that arguments name (`mjcf`, `mjcf,urdf`, `all`), in the order in which a build writes them; without arguments the
-    default targets.
+    """Return the targets that arguments name (`mjcf`, `mjcf,urdf`, `all`), in the order in which a build writes them.
+
+    Without arguments these are the default targets.
     """
     wanted = {word for text in words for word in text.split(",")}
     return tuple(target for target in targets() if (wanted & {target, ALL} if words else target not in TARGETS or TARGETS[target].unasked))

@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 
 class EmitRequest(FrozenStruct, eq=False):
-    """The robot, without a root (`assembly`) and once per chosen mode (`robots`, in document order), and the services that an emitter may
-    need.
+    """The input of an emitter.
 
-    `store` has the meshes, `geometry` makes STEP files, `report` receives diagnostics. `verify`: MuJoCo compiles every `verify`-th of the
-    models that only differ in numbers (1: all, 0: none). `compat`: names of other programs that will read MuJoCo models. `folder`: the
-    absolute path of the build folder (None: unknown). `repeated`: this is one of many requests of a session, so results for its models
-    alone are not worth caching.
+    It has the robot, without a root (`assembly`) and once per chosen mode (`robots`, in document order), and the services that an emitter
+    may need: `store` has the meshes, `geometry` makes STEP files, `report` receives diagnostics. `verify`: MuJoCo compiles every
+    `verify`-th of the models that only differ in numbers (1: all, 0: none). `compat`: names of other programs that will read MuJoCo models.
+    `folder`: the absolute path of the build folder (None: unknown). `repeated`: this is one of many requests of a session, so results for
+    its models alone are not worth caching.
     """
 
     assembly: Assembly

@@ -28,8 +28,9 @@ def classes_in_reach(sources: ModuleSources, packages: Sequence[str]) -> list[st
 
 
 def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[str, str]:
-    """Return the files of the public modules directly in the allowed packages that are merely installed, by module
-    (`bd_warehouse.fastener`).
+    """Return the files of the public modules directly in the allowed packages that are merely installed, by module.
+
+    A module is for example `bd_warehouse.fastener`.
     """
     files: dict[str, str] = {}
     for package in packages:
@@ -44,8 +45,7 @@ def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[s
 
 
 def classes_installed(module: str, file: str) -> list[str]:
-    """Return `module:Class` of every public class in the file of such a module, in the order of the file; empty if it is not valid Python.
-    """
+    """Return `module:Class` of every public class in the file of such a module, in order; empty if it is not valid Python."""
     try:
         with open(file, "rb") as stream:
             body = parse_python(stream.read()).body

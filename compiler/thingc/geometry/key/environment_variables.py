@@ -28,8 +28,9 @@ def passed() -> dict[str, str]:
 
 
 def environment(seed: int = 0) -> dict[str, str]:
-    """Return the environment of a worker, with the hash seed `seed`. `TEMPORARY` is for the worker itself; each part gets its own folder
-    there.
+    """Return the environment of a worker, with the hash seed `seed`.
+
+    `TEMPORARY` is for the worker itself; each part gets its own folder there.
     """
     variables = {name: os.environ[name] for name in TEMPORARY if name in os.environ}
     variables.update(passed())

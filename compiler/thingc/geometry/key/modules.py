@@ -74,8 +74,10 @@ def own_roots() -> tuple[str, ...]:
 
 @cache
 def installed_roots() -> tuple[str, ...]:
-    """Return the folders whose contents count by version: those of the interpreter, and other folders of the import path into which
-    packages were installed (for example through a `.pth` file).
+    """Return the folders whose contents count by version.
+
+    These are those of the interpreter, and other folders of the import path into which packages were installed (for example by a `.pth`
+    file).
     """
     others = [folder for folder in import_path() if any(name.endswith(".dist-info") for name in listing(folder))]
     return tuple(dict.fromkeys((*own_roots(), *_in_both_forms(others))))
@@ -140,9 +142,7 @@ class Finder:
         return module.file if module is not None else None
 
     def _in_folders(self, name: str, last: str, folders: Iterable[str], workspace: bool, *, plain_folders: bool = True) -> Module | None:
-        """Find a module in folders as Python's path finder does: a package, else a module, else (if allowed) a folder without
-        `__init__.py`.
-        """
+        """Find a module in folders as Python's path finder does: a package, a module, or (if allowed) a folder without `__init__.py`."""
         candidates: list[tuple[str, tuple[str, ...]]] = []
         plain: list[str] = []
         for folder in folders:

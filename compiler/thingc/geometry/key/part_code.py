@@ -60,8 +60,9 @@ class PartCode:
         return replace(failure, candidates=(*failure.candidates, *namesakes))
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """Return the modules that `module:Class` depends on and that hide others of their name. If there is no such class, check its module
-        only.
+        """Return the modules that `module:Class` depends on and that hide others of their name.
+
+        If there is no such class, check its module only.
         """
         code = self.code(reference)
         if isinstance(code, PartFailure) and code.file is not None:

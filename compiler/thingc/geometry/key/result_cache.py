@@ -41,7 +41,9 @@ class Results:
         self._states: dict[tuple[str, bool], str] = {}
 
     def state(self, path: str, like: str) -> str:
-        """Return the state of `path` (relative to the workspace, or absolute). `like` is an earlier state: a listed folder is listed again.
+        """Return the state of `path` (relative to the workspace, or absolute).
+
+        `like` is an earlier state: a listed folder is listed again.
         """
         self.consulted.add(os.path.normpath(os.path.join(self.root, path)))
         return self._seen(path, like)

@@ -147,8 +147,7 @@ def _is_main_guard(statement: ast.stmt) -> bool:
 
 
 def _imported(statement: ast.Import | ast.ImportFrom) -> list[tuple[str, str]]:
-    """Return the names that an import binds, each with its origin: `module`, or `module:name`, with the dots of a relative import in front.
-    """
+    """Return the names that an import binds, each with its origin: `module` or `module:name`, with the dots of a relative import."""
     if isinstance(statement, ast.Import):
         return [(alias.asname or alias.name.partition(".")[0], alias.name) for alias in statement.names]
     module = "." * statement.level + (statement.module or "")

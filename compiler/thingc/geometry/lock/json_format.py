@@ -57,7 +57,9 @@ class BadLock(Exception):
 
 
 def schema_values(schema: PartSchema) -> dict[str, Any]:
-    """Return the JSON values of a schema, the inverse of `read_schema`. The place in the part file is left out: every comment changes it.
+    """Return the JSON values of a schema, the inverse of `read_schema`.
+
+    The place in the part file is left out: every comment changes it.
     """
     return {
         "kind": schema.kind, "doc": schema.doc, "material": schema.material, "actuator": schema.actuator,
@@ -82,7 +84,9 @@ def _parameter_values(parameter: ParameterSchema) -> dict[str, Any]:
 
 
 def record_values(record: PartRecord) -> dict[str, Any]:
-    """Return the JSON values of a record, the inverse of `read_record`: what checks of assemblies need, without meshes and places in files.
+    """Return the JSON values of a record, the inverse of `read_record`.
+
+    They are those that checks of assemblies need, without meshes and places in files.
     """
     values: dict[str, Any] = {
         "material": record.material, "color": record.color, "volume": _rounded(record.volume), "area": _rounded(record.area),

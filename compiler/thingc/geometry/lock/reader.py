@@ -75,8 +75,9 @@ class LockAnswers:
         return state_of(path, listed=folder)
 
     def schema(self, reference: str) -> PartSchema | None:
-        """Return the part schema of `module:Class`, with the place of its class, or None if the lock is out of date or has none. Raises
-        `BadLock`.
+        """Return the part schema of `module:Class`, with the place of its class, or None if the lock is out of date or has none.
+
+        Raises `BadLock`.
         """
         if not self.current(reference):
             return None
@@ -197,7 +198,9 @@ class LockOnlyGeometry:
         """Do nothing."""
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """Return the part schema or failure of each `module:Class`, by reference. Without a lock, references without failure are left out.
+        """Return the part schema or failure of each `module:Class`, by reference.
+
+        Without a lock, references without failure are left out.
         """
         answers = {reference: self._described(reference) for reference in dict.fromkeys(references)}
         return {reference: answer for reference, answer in answers.items() if answer is not None}

@@ -36,8 +36,9 @@ class MeshFile(OneLineRepr, FrozenStruct):
 
     @property
     def name(self) -> str:
-        """The file name in the build output: `meshes.trunk.stl`. If the unit is not metres, 8 hex digits of the SHA-256 of the scale are
-        added.
+        """The file name in the build output: `meshes.trunk.stl`.
+
+        If the unit is not metres, 8 hex digits of the SHA-256 of the scale are added.
         """
         stem, suffix = os.path.splitext(self.path.replace("/", "."))
         if self.scale == (1.0, 1.0, 1.0):
@@ -51,8 +52,9 @@ class MeshFile(OneLineRepr, FrozenStruct):
 
 
 def mesh_file(absolute: str, path: str, scale: Vector, digest: Callable[[str], str] = digest_of) -> MeshFile:
-    """Return the mesh file at an absolute path; `path` is its path in the workspace, `digest` returns the SHA-256 of a file. Raises
-    `OSError`.
+    """Return the mesh file at an absolute path; `path` is its path in the workspace, `digest` returns the SHA-256 of a file.
+
+    Raises `OSError`.
     """
     folder = os.path.dirname(absolute)
     beside = [(name, os.path.join(folder, name)) for name in libraries(absolute)]

@@ -96,8 +96,7 @@ def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
 
 
 def _in_order(several: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Return the triangles of several geometries as one array, sorted by coordinates: the order of geometries in trimesh is not specified.
-    """
+    """Return the triangles of several geometries as one array, sorted by coordinates, because trimesh's order is not specified."""
     if len(several) == 1:
         return several[0]
     together = np.concatenate(several)
@@ -129,7 +128,9 @@ def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArra
 
 
 def _unreadable(file: MeshFile, data: bytes, fault: Exception) -> str:
-    """Return why a file cannot be read. For XML other than COLLADA, such as the error page of a server, trimesh's message is not helpful.
+    """Return why a file cannot be read.
+
+    For XML other than COLLADA, such as the error page of a server, trimesh's message is not helpful.
     """
     if file.suffix == ".dae" and isinstance(fault, AttributeError):
         return "shows nothing: it has no `<scene>`" if _COLLADA.search(data) else "is no COLLADA: it has no `<COLLADA xmlns=...>`"
@@ -176,8 +177,9 @@ def _color(geometry: Any, file: MeshFile) -> str | None:
 
 
 def _placed(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the corners in metres with z up: glTF has y up, COLLADA specifies the axis. Faces are flipped if an odd number of axes is
-    mirrored.
+    """Return the corners in metres with z up: glTF has y up, COLLADA specifies the axis.
+
+    Faces are flipped if an odd number of axes is mirrored.
     """
     up, unit = b"Z", 1.0
     if file.suffix == ".glb":

@@ -24,7 +24,9 @@ from typing import Any
 from thingc.base.filesystem import hash_name
 
 SEALED = 946_684_800
-"""Modification time [s] of every complete blob (2000-01-01). A blob that was written to later has another time, and is hashed before use.
+"""Modification time [s] of every complete blob (2000-01-01).
+
+A blob that was written to later has another time, and is hashed before use.
 """
 
 
@@ -268,8 +270,7 @@ class Outbox(Store):
         return self._held[sha256] if sha256 in self._held else super().read(sha256)
 
     def deliver(self) -> None:
-        """Move all blobs from the outbox to the store, by the hash of their content, so that nothing in the store can be replaced by other
-        content.
+        """Move all blobs from the outbox to the store, by the hash of their content, so that no blob in the store can be replaced.
 
         The process that wrote the outbox must have ended. Raises `StoreUnusable`.
         """

@@ -1,8 +1,7 @@
-"""Construction of Things: arguments are checked, equal parameters give the same object, `__init__` runs once and in isolation, then the
-Thing is frozen.
+"""Construction of Things: arguments are checked, equal parameters give the same object, and it is immutable after `__init__`.
 
-A metaclass is needed to intercept the call before the object exists (memoisation by value, checks before geometry) and to wrap each
-`__init__` of a family, so that the parameters of parents are known, too.
+`__init__` runs once and in isolation. A metaclass is needed to intercept the call before the object exists (memoisation by value, checks
+before geometry) and to wrap each `__init__` of a family, so that the parameters of parents are known, too.
 """
 
 from __future__ import annotations

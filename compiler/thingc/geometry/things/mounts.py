@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from thingc.geometry.things.thing import Thing
 
 MATE = Location(Plane(origin=(0, 0, 0), x_dir=(0, -1, 0), z_dir=(0, 0, -1)))
-"""The mate M: z axes opposed, x and y swapped and negated, exactly [[0, -1, 0], [-1, 0, 0], [0, 0, -1]]. It is its own inverse (build123d's
-`Location((0,0,0),(180,0,90))`).
+"""The mate M: z axes opposed, x and y swapped and negated, exactly [[0, -1, 0], [-1, 0, 0], [0, 0, -1]].
+
+It is its own inverse (build123d's `Location((0,0,0),(180,0,90))`).
 """
 
 RESERVED = frozenset({"origin", "root", "world"})

@@ -87,8 +87,7 @@ class Thing(Framed, metaclass=ThingType):
         return None
 
     def centre(self) -> Sequence[float] | Any | None:
-        """Return the centre of mass [mm], three numbers (a `Vector` will do) or `(numbers, source)`; None to compute it from the geometry.
-        """
+        """Return the centre of mass [mm], three numbers (or a `Vector`) or `(numbers, source)`; None to compute it from the geometry."""
         return None
 
     def matrix_of_inertia(self) -> Sequence[Sequence[float]] | Any | None:

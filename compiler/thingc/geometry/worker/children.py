@@ -1,5 +1,6 @@
-"""One forked child per request, on systems that can fork. Part code can end only its own process and change files only in its own folder,
-and no process that it starts outlives it.
+"""One forked child per request, on systems that can fork.
+
+Part code can end only its own process and change files only in its own folder, and no process that it starts outlives it.
 """
 
 from __future__ import annotations
@@ -126,8 +127,9 @@ class Child:
         return self.end(over, ())
 
     def end(self, over: str | None, others: Collection[int]) -> dict[str, Any]:
-        """End the child and everything that it has started, but not the processes `others` that run beside it. Return the answer for the
-        client.
+        """End the child and everything that it has started, but not the processes `others` that run beside it.
+
+        Return the answer for the client.
 
         `over` is the reason for ending it without an answer.
         """
@@ -277,7 +279,9 @@ def start(
 
 
 def _answer(run: Callable[[Mapping[str, Any]], dict[str, Any]], asked: int, errors: int, scratch: str) -> bytes:
-    """Wait for the request and return the line with the answer. If Python crashes or the time is almost over, the traceback is in `errors`.
+    """Wait for the request and return the line with the answer.
+
+    If Python crashes or the time is almost over, the traceback is in `errors`.
     """
     with open(asked, "rb") as stream:
         request = json.loads(stream.read())

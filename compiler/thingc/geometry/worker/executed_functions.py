@@ -64,8 +64,7 @@ def begin() -> None:
 
 
 def of(files: Iterable[str], hashes: Mapping[str, str]) -> dict[str, list[int] | None]:
-    """Return for each loaded file the numbers of the functions that ran or whose defaults were read, sorted; None if the file has no marks.
-    """
+    """Return for each loaded file the sorted numbers of the functions that ran or whose defaults were read; None without marks."""
     return {file: sorted(number for one, number in _noted if one == file) if (file, hashes[file]) in _marked else None for file in files}
 
 

@@ -256,10 +256,10 @@ _KERNEL_READERS = (
 
 
 def wrap_importers() -> None:
-    """Wrap all functions that read files into the kernel, so that they report to the active recorder, and the exporters of build123d, so
-    that they raise the audit event of opening a file.
+    """Wrap all functions that read files into the kernel, and the exporters of build123d.
 
-    Call it before part modules are loaded, since they may contain `from build123d import *`. Once per process; inherited by its children.
+    The readers then report to the active recorder, and the exporters raise the audit event of opening a file. Call it before part modules
+    are loaded, since they may contain `from build123d import *`. Once per process; inherited by its children.
     """
     import importlib
 

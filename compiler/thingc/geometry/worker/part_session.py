@@ -52,8 +52,9 @@ class RequestContext(FrozenStruct):
 
 @dataclass(slots=True)
 class PartSession:
-    """One request in its process, in the workspace's folder. The importer and the recorders of reads, impure inputs and output are active
-    in it.
+    """One request in its process, in the workspace's folder.
+
+    The importer and the recorders of reads, impure inputs and output are active in it.
 
     `loaded` is the time at which the last requested class was loaded (`time.monotonic`).
     """
@@ -106,8 +107,9 @@ class PartSession:
         return file in self.around.hashes or file in self.importer.loaded.values()
 
     def reads(self, *mentioned: str | None) -> list[tuple[str, str]]:
-        """Return what was read: files, modules that no version covers, and the `mentioned` files, whose layout affects line numbers in the
-        answer.
+        """Return what was read: files, modules that no version covers, and the `mentioned` files.
+
+        The layout of mentioned files affects line numbers in the answer.
         """
         states = dict(self.recorder.reads())
         loaded = [file for file in loaded_files() if file not in self.around.hashes and not self.recorder.leaves_out(file)]
@@ -117,8 +119,9 @@ class PartSession:
         return sorted(states.items())
 
     def ran(self) -> dict[str, list[int] | None] | None:
-        """Return the functions that ran by file of code that is in the key (None for all of them); None if other processes may have run
-        some.
+        """Return the functions that ran, by file of code that is in the key (None for all of them).
+
+        Return None if other processes may have run some.
         """
         if any(warning.asked is ImpureInputs.PROCESS for warning in self.asking.found):
             return None

@@ -82,8 +82,9 @@ def command(process: int) -> str:
 
 
 def exceeds(processes: Collection[int], most: int) -> bool:
-    """Whether processes use more than `most` bytes of memory. The exact number, in which shared memory counts once, is read only if
-    necessary.
+    """Whether processes use more than `most` bytes of memory.
+
+    The exact number, in which shared memory counts once, is read only if necessary.
     """
     return all(_kilobytes(processes, *entry) * 1024 > most for entry in (("status", b"VmRSS:"), ("smaps_rollup", b"Pss:")))
 
@@ -97,8 +98,9 @@ def _kilobytes(processes: Iterable[int], file: str, key: bytes) -> int:
 
 
 def stop(process: int) -> None:
-    """Stop a process, its group and all its descendants, so that none of them starts another: stopped processes count against limits, dead
-    ones do not.
+    """Stop a process, its group and all its descendants, so that none of them starts another.
+
+    They are stopped and not killed, because stopped processes count against limits, dead ones do not.
     """
     last = time.monotonic() + PATIENCE
     stopped: set[int] = set()

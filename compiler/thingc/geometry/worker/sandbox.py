@@ -1,5 +1,7 @@
-"""Confine code of others. Part code may change only its own folder: a change elsewhere, above all in the store, could affect other parts or
-remain. Expressions of an imported robot may, in addition, only read certain folders, and not start programs or open connections.
+"""Confine code of others.
+
+Part code may change only its own folder: a change elsewhere, above all in the store, could affect other parts or remain. Expressions of an
+imported robot may, in addition, only read certain folders, and not start programs or open connections.
 
 The audit hook refuses first, so that the error has a line, but it only sees what Python does. If the system has Landlock (Linux since
 5.13), that refuses the same to everything that the code loads and starts, and the code cannot undo it.
@@ -158,9 +160,10 @@ def _landlock(folder: str, readable: Sequence[str] | None) -> bool:
 
 
 _SECCOMP = {"x86_64": (317, 0xC000003E, 41, 90, 91, 268, 425, 452), "aarch64": (277, 0xC00000B7, 198, 52, 53, 425, 452)}
-"""For each machine the number of `seccomp`, the id of the machine, and the numbers of `socket`, `chmod`, `fchmod`, `fchmodat`,
-`io_uring_setup` and `fchmodat2`, as far as it has them. Landlock does not restrict these (Unix sockets and UDP, modes of files outside
-of the folder).
+"""For each machine the number of `seccomp`, the id of the machine, and the numbers of the calls to refuse.
+
+These are `socket`, `chmod`, `fchmod`, `fchmodat`, `io_uring_setup` and `fchmodat2`, as far as the machine has them. Landlock does not
+restrict them (Unix sockets and UDP, modes of files outside of the folder).
 """
 
 

@@ -106,10 +106,10 @@ def _load(answers: int) -> bool:
 
 
 def _stay_single() -> None:
-    """Keep the kernel and manifold3d (on Linux) from starting threads, which cost up to a fifth more processor time: children run in
-    parallel.
+    """Keep the kernel and manifold3d (on Linux) from starting threads, because children run in parallel.
 
-    The kernel has a function for this. TBB, which manifold3d uses, counts the available processors once, when it is first needed.
+    Threads would take up to a fifth more processor time. The kernel has a function for this. TBB, which manifold3d uses, counts the
+    available processors once, when it is first needed.
     """
     from manifold3d import Manifold
     from OCP.OSD import OSD_ThreadPool
@@ -168,8 +168,9 @@ def answered(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
-    """Move the results of a request from its `folder` to the store and remove the folder. Return the answer with the lines that the part
-    `printed`.
+    """Move the results of a request from its `folder` to the store and remove the folder.
+
+    Return the answer with the lines that the part `printed`.
     """
     from thingc.geometry.store.local import Outbox, StoreUnusable
     from thingc.geometry.worker.captured_output import lines_of
@@ -226,8 +227,9 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:
-    """Return the results of the likely slicings (`LikelySlicing`) of a part that was just built, each with its slicing. Failures are left
-    out.
+    """Return the results of the likely slicings (`LikelySlicing`) of a part that was just built, each with its slicing.
+
+    Failures are left out.
     """
     from thingc.geometry.print_slices import Slicing
     from thingc.geometry.record import Mesh
@@ -372,8 +374,9 @@ class _Server:
 
 
 def _prepare(request: Mapping[str, Any]) -> bool:
-    """Do once what each child would do: compile the part files (without running them), load packages that they import, and record the
-    loaded modules. Return whether anything was new.
+    """Do once what each child would do. Return whether anything was new.
+
+    The part files are compiled (without running them), packages that they import are loaded, and the loaded modules are recorded.
     """
     from thingc.geometry.worker.file_reads import remember_loaded
     from thingc.geometry.worker.kernel.mesh_files import reads_with_trimesh

@@ -55,8 +55,9 @@ class Rectangle(FrozenStruct):
 
 
 class Route(FrozenStruct):
-    """The course of a line: `stretches` are horizontal pieces `(x0, x1, y)` from left to right, joined by curves; `label` is on one of
-    them.
+    """The course of a line.
+
+    `stretches` are horizontal pieces `(x0, x1, y)` from left to right, joined by curves; `label` is on one of them.
     """
 
     stretches: tuple[tuple[float, float, float], ...]

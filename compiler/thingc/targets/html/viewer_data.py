@@ -145,8 +145,7 @@ def _shape(surface: Surface, packed: PackedMeshes) -> Data:
 
 
 def _mass(own: MassProperties) -> Data:
-    """Return mass [kg], centre [m], principal moments [kg m^2] about it, and the principal axes as the columns of `axes` (given by rows).
-    """
+    """Return mass [kg], centre [m], principal moments [kg m^2] about it, and `axes`, whose columns are the principal axes (by rows)."""
     moments, axes = principal_axes(own.inertia)
     return {"mass": own.mass, "centre": own.centre, "moments": moments, "axes": [x for row in axes for x in row]}
 

@@ -27,8 +27,9 @@ from thingc.targets.manifest import versions
 from thingc.targets.xml_writer import Element
 
 LEAST_VOLUME = 1e-14
-"""Smallest volume of a part [m^3]: MuJoCo refuses solid meshes of up to 1e-15 (mjMINVAL), and the volume of a mesh is slightly smaller than
-that of its part.
+"""Smallest volume of a part [m^3] whose mesh MuJoCo accepts as a solid.
+
+MuJoCo refuses solid meshes of up to 1e-15 (mjMINVAL), and the volume of a mesh is slightly smaller than that of its part.
 """
 
 FOLDER = "mjcf/assets"
@@ -36,8 +37,9 @@ FOLDER = "mjcf/assets"
 
 
 MODEL, MESH, START = "mujoco-model", "mujoco-mesh", "mujoco-start"
-"""Kinds of documents in the store: an accepted model, a mesh that a version of MuJoCo compiled without messages, and an initial state
-without errors (`initial_state_checks.py`).
+"""Kinds of documents in the store: accepted models, accepted meshes, and accepted initial states.
+
+Accepted is a mesh that a version of MuJoCo compiled without messages, and an initial state without errors (`initial_state_checks.py`).
 """
 
 HARMLESS = frozenset({"condim", "friction", "gap", "group", "margin", "priority", "rgba", "solimp", "solmix", "solref"})

@@ -17,8 +17,10 @@ CLASS = "adhesive"
 """The class, within `collision`, of every geom of a link with adhesion: in MuJoCo, an adhesion acts at all contacts of its link."""
 
 CONTACT = {"margin": "1e-05", "solmix": "1000", "solref": "0.004 1", "solimp": "0.99 0.999 0.001 0.5 2"}
-"""Attributes of these geoms. `margin` [m] includes contacts at distance 0 with rounding errors. `solmix` gives them precedence over the
-floor's, unless the floor has a priority.
+"""Attributes of these geoms.
+
+`margin` [m] includes contacts at distance 0 with rounding errors. `solmix` gives them precedence over the floor's, unless the floor has a
+priority.
 """
 
 OPTION = {"cone": "elliptic", "impratio": "100"}
@@ -40,7 +42,9 @@ def option(robot: Robot, stated: Mapping[str, object]) -> dict[str, str]:
 
 
 def adhering(robot: Robot) -> frozenset[int]:
-    """Return the links with an adhesion; empty in a mode that switches none on, because feet that only stand rest better on soft contacts.
+    """Return the links with an adhesion; empty in a mode that switches none on.
+
+    Feet that only stand rest better on soft contacts.
     """
     if not any(robot.adhesion.values()):
         return frozenset()

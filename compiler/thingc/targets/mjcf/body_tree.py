@@ -29,8 +29,10 @@ INTEGRATORS = {"euler": "Euler", "rk4": "RK4", "implicit": "implicit", "implicit
 RESERVED_CLASSES = frozenset({"main", "visual", "collision", adhesion_contacts.CLASS})
 
 STIFF = "0.9999 0.9999 0.001 0.5 2"
-"""`solimp` of a mimic joint, as stiff as MuJoCo allows. MuJoCo regularizes the constraint by the plain sum of both joints' inverse
-inertias, whatever the multiplier; with its default, a slide that mimics a light hinge lags by seconds instead of 20 ms.
+"""`solimp` of a mimic joint, as stiff as MuJoCo allows.
+
+MuJoCo regularizes the constraint by the plain sum of both joints' inverse inertias, whatever the multiplier; with its default, a slide that
+mimics a light hinge lags by seconds instead of 20 ms.
 """
 
 

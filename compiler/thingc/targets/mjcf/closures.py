@@ -30,8 +30,10 @@ TIMESTEP = 0.002
 
 
 def equalities(robot: Robot, section: Element, links: list[str]) -> None:
-    """Add a `weld` for each clamp or rigid loop, a `connect` for each point or ball, two for each hinge, and a `connect` and a `tendon` for
-    each universal, as stiff as the time step allows.
+    """Add the equalities of a mode's closures, as stiff as the time step allows.
+
+    They are a `weld` for each clamp or rigid loop, a `connect` for each point or ball, two for each hinge, and a `connect` and a `tendon`
+    for each universal.
     """
     stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
     stiff: dict[str, XmlValue] = {"solref": (2.0 * cast("float", stepped), 1.0), "solimp": STIFFNESS}

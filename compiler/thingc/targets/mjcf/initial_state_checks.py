@@ -113,8 +113,9 @@ class Gains(FrozenStruct):
 
     @property
     def calmest(self) -> float:
-        """The largest kv with which an explicit integrator is stable, other values unchanged; not above 0 if there is none (see `stiffest`,
-        `too_quick`).
+        """The largest kv with which an explicit integrator is stable, other values unchanged (see `stiffest`, `too_quick`).
+
+        It is not above 0 if there is none.
         """
         quick = self.inertia / self.dt
         if self.integrator == "RK4":

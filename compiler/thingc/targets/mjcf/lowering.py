@@ -25,8 +25,9 @@ class MujocoJoint(FrozenStruct, kw_only=False):
 
 
 def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
-    """Return the joints of a coordinate; the first has its name and its values. None for the coordinates of a ball, which is a single
-    joint.
+    """Return the joints of a coordinate; the first has its name and its values.
+
+    None for the coordinates of a ball, which is a single joint.
     """
     path, twist = joint.path, joint.twist
     form = CAPABILITIES["joints"][joint_cell(joint.kind)].by

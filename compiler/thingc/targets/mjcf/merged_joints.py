@@ -1,5 +1,7 @@
-"""Several joints on one body. MuJoCo does not accept a moving body without mass, but a body may have any number of joints: a link without
-mass that connects two joints is not written as a body, and its joint is added to the body behind it.
+"""Several joints on one body.
+
+MuJoCo does not accept a moving body without mass, but a body may have any number of joints: a link without mass that connects two joints is
+not written as a body, and its joint is added to the body behind it.
 """
 
 from __future__ import annotations

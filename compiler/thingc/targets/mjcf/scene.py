@@ -15,8 +15,9 @@ FLOOR = "floor"
 
 
 def scene(robot: Robot, file: str, heading: str, model: XmlText, memo: Memo | None = None, separator: str = "/") -> XmlText:
-    """Return the scene of a mode, which includes `file` in the same folder. `model` is the content of that file, with `separator` in its
-    paths.
+    """Return the scene of a mode, which includes `file` in the same folder.
+
+    `model` is the content of that file, with `separator` in its paths.
     """
     memo, mode = memo or Memo(), robot.mode
     box = memo(("bounds", mode.name), bounds, *placements(robot))

@@ -1,5 +1,6 @@
-"""Sensors in MJCF. A sensor has the same elements with the same names in every mode that supports it, so that a controller reads one
-layout: an element for each reading of its kind (`imu:gyro`), and a camera for a camera.
+"""Sensors in MJCF: an element for each reading of a sensor (`imu:gyro`), and a camera for a camera.
+
+A sensor has the same elements with the same names in every mode that supports it, so that a controller reads one layout.
 """
 
 from __future__ import annotations
@@ -149,10 +150,10 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield the losses of a mode: sensors that it does not support, forces measured elsewhere than at the mount, and accelerations of a
-    fixed base.
+    """Yield the losses of a mode's sensors.
 
-    For a fixed body MuJoCo's accelerometer reads 0, not the 9.81 m/s^2 of any other body at rest.
+    These are sensors that the mode does not support, forces that are measured elsewhere than at the mount, and accelerations of a fixed
+    base: for a fixed body MuJoCo's accelerometer reads 0, not the 9.81 m/s^2 of any other body at rest.
     """
     for sensor in robot.assembly.sensors:
         missing = _missing(robot, sensor)

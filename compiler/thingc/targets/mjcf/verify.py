@@ -183,8 +183,9 @@ _NUMBERS = re.compile(r'(?<=[" ])-?[0-9][0-9.e+-]*(?=[" ])')
 
 
 def due(candidates: Sequence[Candidate], share: int, memo: Memo) -> list[Candidate]:
-    """Return the models to compile if one of `share` models that only differ in numbers is compiled: the first of each kind, and every
-    `share`-th after it.
+    """Return the models to compile if one of `share` models that only differ in numbers is compiled.
+
+    These are the first of each kind, and every `share`-th after it.
     """
     if share <= 1:
         return list(candidates)

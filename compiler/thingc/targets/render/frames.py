@@ -59,8 +59,9 @@ class Frame(FrozenStruct):
 
 
 class JointAxis(FrozenStruct):
-    """The axis of a joint, z at `pose` in the frame of the MuJoCo body `body`. The arrow shows the direction of the motion for a growing
-    coordinate.
+    """The axis of a joint, z at `pose` in the frame of the MuJoCo body `body`.
+
+    The arrow shows the direction of the motion for a growing coordinate.
     """
 
     label: str

@@ -77,10 +77,10 @@ def _hint(backend: str) -> str:
 def picture(
     xml: str, assets: dict[str, bytes], *, pose: str | None, gravity: tuple[float, float, float], shot: Shot, marks: Sequence[Mark] = (),
 ) -> bytes:
-    """Return a PNG of the MuJoCo model `xml` with its meshes, in the keyframe `pose` (None: every coordinate 0), with `marks` drawn over
-    it.
+    """Return a PNG of the MuJoCo model `xml` with its meshes, with `marks` drawn over it.
 
-    `gravity` [m/s^2] decides which way is up. The result is reproducible on the same machine. Call `ready` first.
+    `pose` is its keyframe (None: every coordinate 0). `gravity` [m/s^2] decides which way is up. The result is reproducible on the same
+    machine. Call `ready` first.
     """
     import mujoco
     import numpy as np
@@ -133,8 +133,9 @@ def posed(model: Any, pose: str | None) -> Any:
 
 
 def points_of(model: Any, data: Any) -> Array:
-    """Return points `(n, 3)` [m] in the world with the same hull as all visible geoms: the vertices of meshes, and the corners of boxes
-    around other shapes.
+    """Return points `(n, 3)` [m] in the world with the same hull as all visible geoms.
+
+    They are the vertices of meshes, and the corners of boxes around other shapes.
     """
     import numpy as np
 
@@ -187,8 +188,7 @@ def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[l
 
 
 def body_poses(xml: str, assets: dict[str, bytes], pose: str | None) -> dict[str, tuple[list[float], list[float]]]:
-    """Return position [m] and quaternion (w, x, y, z) of the bodies of a MuJoCo model in the world, by name, in the same pose as `extent`.
-    """
+    """Return position [m] and quaternion (w, x, y, z) of the bodies of a model in the world, by name, in the pose of `extent`."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(xml, assets)

@@ -1,8 +1,7 @@
-"""Find the links that collide as the joints move: MuJoCo looks for contacts in the mode's own URDF, at random configurations drawn once for
-all.
+"""Find the links that collide as the joints move.
 
-A link's meshes collide as their convex hulls. Links whose hulls are apart are apart; if a mesh is not convex, a reported collision may not
-exist.
+MuJoCo looks for contacts in the mode's own URDF, at random configurations that are drawn once for all. A link's meshes collide as their
+convex hulls. Links whose hulls are apart are apart; if a mesh is not convex, a reported collision may not exist.
 """
 
 from __future__ import annotations

@@ -64,8 +64,7 @@ def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | Non
 
 
 def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> list[Group]:
-    """Return the groups: all joints, with the name of the robot, then a chain from the root to every exported mount that moves relative to
-    it.
+    """Return the groups: all joints, with the name of the robot, then a chain to every exported mount that moves relative to the root.
 
     The group of all joints comes first, because some readers only use the first of several states with the same name. If several mounts
     have the same frame, only the first has a group. The joints of a moving base are in no group.

@@ -35,8 +35,9 @@ class SdfAxis(FrozenStruct):
 
 
 class SdfJoint(FrozenStruct):
-    """A joint of SDF: `path` is its name, `at` its origin in the child link's frame [m], `axes` are its axes; empty if it is `fixed` or a
-    `ball`.
+    """A joint of SDF.
+
+    `path` is its name, `at` its origin in the child link's frame [m], `axes` are its axes; empty if it is `fixed` or a `ball`.
     """
 
     path: str

@@ -22,8 +22,9 @@ from thingc.targets.xml_writer import write
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return a folder and a world for each chosen mode. A folder contains its own meshes, as usual in Gazebo, so that it can be copied
-    alone.
+    """Return a folder and a world for each chosen mode.
+
+    A folder contains its own meshes, as usual in Gazebo, so that it can be copied alone.
     """
     assembly = request.assembly
     shapes, flat = solid_geometry(assembly, "sdf", f"sdf/{assembly.name}_MODE/{MESHES}", request.report)

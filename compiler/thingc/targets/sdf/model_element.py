@@ -58,8 +58,9 @@ MESHES = "meshes"
 """The folder of meshes beside the file."""
 
 PATCH = 16.0 / (3.0 * math.pi)
-"""The radius [m] of the contact patch at which a coefficient of 1 gives the same torque as MuJoCo's torsional friction of 1 m: in ODE it is
-`3 pi / 16` of the coefficient times the radius times the normal force.
+"""The radius [m] of the contact patch at which a coefficient of 1 gives the same torque as MuJoCo's torsional friction of 1 m.
+
+In ODE the torque is `3 pi / 16` of the coefficient times the radius times the normal force.
 """
 
 
@@ -284,10 +285,9 @@ def _weigh(link: Element, properties: MassProperties) -> None:
 
 
 def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint], names: Mapping[str, str]) -> Iterator[Element]:
-    """Yield the controllers of joints with one axis and a drive in this mode: a PID controller with the gains of the drive, or for a motor
-    one that applies forces.
+    """Yield the controllers of joints with one axis and a drive in this mode.
 
-    `names` are those of joints, by path.
+    They are PID controllers with the gains of the drive, or for a motor one that applies forces. `names` are those of joints, by path.
     """
     for step in steps:
         if len(step.axes) == 1 and step.axes[0].joint.path in robot.present:

@@ -125,8 +125,9 @@ class _Builder:
             parent = end
 
     def _moving(self, move: Move, parent: str, child: str) -> None:
-        """Add a moving joint. A joint that mimics a mimic joint follows the independent one, because not every reader supports chains of
-        mimics.
+        """Add a moving joint.
+
+        A joint that mimics a mimic joint follows the independent one, because not every reader supports chains of mimics.
         """
         joint = move.joint
         leader, multiplier, offset = self.follows.get(joint.path, (joint.path, 1.0, 0.0))

@@ -52,8 +52,9 @@ class Freedom(FrozenStruct):
 
 
 class UsdJoint(FrozenStruct):
-    """A joint of UsdPhysics: `path` is its name, `frame` its frame in the child at q = 0, `freedoms` are its motions (for a ball the
-    document's coordinates).
+    """A joint of UsdPhysics.
+
+    `path` is its name, `frame` its frame in the child at q = 0, `freedoms` are its motions (for a ball the document's coordinates).
     """
 
     path: str
@@ -68,8 +69,9 @@ class UsdJoint(FrozenStruct):
 
 
 def chain(connection: Connection) -> tuple[UsdJoint, ...]:
-    """Return the successive joints that connect two bodies. With F the frame of one of them, it is `X_0 @ F` on the parent and `X_1 @ F` on
-    the child.
+    """Return the successive joints that connect two bodies.
+
+    With F the frame of one of them, it is `X_0 @ F` on the parent and `X_1 @ F` on the child.
     """
     path, joints, twists = connection.path, connection.coordinates, connection.twists
     if not joints:

@@ -41,8 +41,9 @@ _INT_MAX = 2**31 - 1
 
 
 def lay(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
-    """Apply the raw attributes to the default prims of the chosen modes. Report one that has no place in any of them, or a value of the
-    wrong type.
+    """Apply the raw attributes to the default prims of the chosen modes.
+
+    Report one that has no place in any of them, or a value of the wrong type.
     """
     for attribute in assembly.raw:
         if attribute.target == "usd":

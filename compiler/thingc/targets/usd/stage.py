@@ -55,13 +55,16 @@ ROUGHNESS = 0.6
 """Roughness of all surfaces: documents specify colours, but not gloss."""
 
 ROOM = 2.0**-22
-"""Relative margin of the largest principal moment below the sum of the others. For a flat body they are equal, and after rounding to floats
-it could be larger.
+"""Relative margin of the largest principal moment below the sum of the others.
+
+For a flat body they are equal, and after rounding to floats it could be larger.
 """
 
 
 def model(robot: Robot, geometry: Geometry, meshes: dict[str, str], report: Report) -> Prim:
-    """Return the default prim of a mode; `meshes` are the paths of the prototypes by the names of the assets. Duplicate names are reported.
+    """Return the default prim of a mode; `meshes` are the paths of the prototypes by the names of the assets.
+
+    Duplicate names are reported.
     """
     return _Builder(robot, geometry, meshes, report).build()
 

@@ -54,8 +54,9 @@ def smallest_ball(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], flo
 
 
 def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
-    """Return centre, radius and support points of the smallest ball of a few points. The last point must be outside every ball of the
-    others.
+    """Return centre, radius and support points of the smallest ball of a few points.
+
+    The last point must be outside every ball of the others.
     """
     best: tuple[NDArray[np.float64], float, NDArray[np.float64]] | None = None
     dimension = points.shape[1]

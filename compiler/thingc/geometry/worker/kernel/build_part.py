@@ -368,8 +368,9 @@ def _off(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning
 
 
 def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWarning, ...]:
-    """Return a warning if solids of a part overlap, because integrals are sums over solids. The overlap of a thread and its hole is
-    tolerated.
+    """Return a warning if solids of a part overlap, because integrals are sums over solids.
+
+    The overlap of a thread and its hole is tolerated.
     """
     common, whole = meshing.counted_twice(solids) if len(solids) > 1 else 0.0, math.fsum(mesh.volume for mesh in solids)
     if common <= max(OVERLAP * whole, 1.0):

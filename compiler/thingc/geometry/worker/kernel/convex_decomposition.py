@@ -35,8 +35,9 @@ def decompose(sha256: str, store: Store) -> list[Any]:
 
 
 def _by_coacd(mesh: Triangles) -> list[Triangles]:
-    """Decompose a mesh by Wei et al., "Approximate convex decomposition for 3D meshes with collision-aware concavity and tree search",
-    2022.
+    """Decompose a mesh with CoACD.
+
+    Wei et al., "Approximate convex decomposition for 3D meshes with collision-aware concavity and tree search", 2022.
     """
     import coacd
 

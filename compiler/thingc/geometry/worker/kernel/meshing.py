@@ -113,8 +113,9 @@ def in_single(mesh: Triangles) -> Triangles:
 
 
 def _once(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the indices of the first of each set of equal points `(n, 3)`, sorted by x, y, z, and the number of the set of each point
-    `(n,)`.
+    """Group equal points `(n, 3)`.
+
+    Return the index of the first point of each group, sorted by x, y, z, and the number of the group of each point `(n,)`.
     """
     order = np.lexsort(points.T[::-1])  # stable: of equal points the first one comes first
     begins = np.ones(len(order), dtype=bool)

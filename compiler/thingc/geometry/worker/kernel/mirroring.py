@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
 SAME = 1e-4
-"""Tolerance for the integrals of two faces that are mirror images, relative to the area of a face and the size of the part: plain
-integration errs by 1e-5 on a cylinder with a cross hole.
+"""Tolerance for the integrals of two faces that are mirror images, relative to the area of a face and the size of the part.
+
+Plain integration errs by 1e-5 on a cylinder with a cross hole.
 """
 SAME_PLACE = 1e-9
 """Tolerance for the place [m] and the z axis [rad] of a mount that is its own image."""

@@ -112,7 +112,9 @@ def _turned_up(up: tuple[float, float, float]) -> NDArray[np.float64]:
 
 
 def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: float) -> tuple[list[Region], NDArray[np.float64]]:
-    """Return the cut in the middle of each layer, from the bed up, and its height `(n,)`. Equal cuts between upright walls are one object.
+    """Return the cut in the middle of each layer, from the bed up, and its height `(n,)`.
+
+    Equal cuts between upright walls are one object.
     """
     solid = Manifold(Mesh64(vertices, np.ascontiguousarray(faces, dtype=np.uint64)))
     if solid.status() != Error.NoError or solid.is_empty():
@@ -156,8 +158,9 @@ def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArra
 
 
 class _Lengths:
-    """The lengths [mm] of a slicing, and the material of bridges relative to the region that they cover (`bridge` of infill, `overhang` of
-    walls).
+    """The lengths [mm] of a slicing.
+
+    `bridge` (of infill) and `overhang` (of walls) are the material of bridges relative to the region that they cover.
     """
 
     def __init__(self, how: Slicing) -> None:

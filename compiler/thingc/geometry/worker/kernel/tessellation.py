@@ -81,7 +81,9 @@ def _straight(edge: TopoDS_Edge) -> bool:
 
 
 def _meshed(shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bool], linear: float, angular: float) -> Triangles | None:
-    """Return the triangles of a shape: the faces in `filled` are filled, the others meshed by the kernel. None if a face cannot be filled.
+    """Return the triangles of a shape: the faces in `filled` are filled, the others meshed by the kernel.
+
+    None if a face cannot be filled.
     """
     BRepTools.Clean_s(shape)  # the kernel would keep an existing finer mesh
     points = _Points()

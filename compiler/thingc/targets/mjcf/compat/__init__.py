@@ -1,5 +1,6 @@
-"""MJCF for programs besides MuJoCo: for each program in `compat`, models are changed if that does no harm, and what it will refuse is
-reported.
+"""MJCF for programs besides MuJoCo, those in `compat`.
+
+Models are changed for a program if that does no harm, and what it will still refuse is reported.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ def separator(names: Collection[str]) -> str:
 def suited(
     names: Collection[str], robots: Sequence[Robot], roots: Sequence[Element], report: Report,
 ) -> tuple[list[Element], dict[Loss, None]]:
-    """Return the models of some modes, changed for the named consumers, and the resulting losses. Warn of everything that one of them still
-    refuses.
+    """Return the models of some modes, changed for the named consumers, and the resulting losses.
+
+    Warn of everything that one of them still refuses.
     """
     losses: dict[Loss, None] = {}
     refused: dict[tuple[str, Refusal], list[str]] = {}

@@ -48,8 +48,9 @@ def nothing_refused(robot: Robot, root: Element) -> Iterator[Refusal]:
 
 
 class UnsupportedOptions(FrozenStruct):
-    """Solvers that a consumer lacks, and flags that it does not accept as enabled or disabled, with their names in MJCF. Only raw
-    attributes can set them.
+    """Solvers that a consumer lacks, and flags that it does not accept as enabled or disabled, by their names in MJCF.
+
+    Only raw attributes can set them.
     """
 
     solvers: Collection[str] = ()

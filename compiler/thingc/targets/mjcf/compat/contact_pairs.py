@@ -1,5 +1,6 @@
-"""Pairs of geoms that may collide, read from the tree of a model as MuJoCo does (the chapter Computation of its documentation,
-"Selection").
+"""Pairs of geoms that may collide, read from the tree of a model as MuJoCo does.
+
+See the chapter Computation of its documentation, "Selection".
 """
 
 from __future__ import annotations

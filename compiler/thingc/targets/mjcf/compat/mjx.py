@@ -126,7 +126,9 @@ def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
 
 
 def _prisms(root: Element) -> Iterator[Loss]:
-    """Replace every cylinder that may collide with a box or a mesh by a prism. Prisms are meshes, with which other cylinders may collide.
+    """Replace every cylinder that may collide with a box or a mesh by a prism.
+
+    Prisms are meshes, with which other cylinders may collide.
     """
     meeting = [pair for pair in pairs(root) if pair[0].element is not None]
     replaced: dict[int, ContactPairs] = {}
