@@ -8,8 +8,9 @@ from typing import Any
 
 
 def exported(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return the `__getattr__` of a package. `modules` maps names to modules of the package (`xml:number` if the name there is `number`);
-    other names raise `AttributeError`.
+    """Return the `__getattr__` of a package.
+
+    `modules` maps names to modules of the package (`xml:number` if the name there is `number`); other names raise `AttributeError`.
     """
 
     def get(name: str) -> Any:

@@ -108,8 +108,9 @@ def write_new(path: str, data: bytes, mode: int = 0o666) -> None:
 
 
 def write_whole(path: str, data: bytes, check: Callable[[], None] = lambda: None) -> bool:
-    """Write a file beside `path`, call `check`, then rename it, unless `path` has that content already. Return whether the file was
-    written.
+    """Write a file beside `path`, call `check`, then rename it, unless `path` has that content already.
+
+    Return whether the file was written.
 
     The mode of an existing file is preserved; a link is replaced, not followed. Raises `OSError`.
     """

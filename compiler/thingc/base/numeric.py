@@ -87,8 +87,9 @@ def rounded(value: float, digits: int) -> float:
 
 
 def sum_of(values: Iterable[float]) -> float:
-    """Return the sum of floats added from left to right, each addition rounded. `sum` compensates rounding errors since Python 3.12, which
-    would change last digits in files, and make `plans` differ from the passes.
+    """Return the sum of floats added from left to right, each addition rounded.
+
+    `sum` compensates rounding errors since Python 3.12, which would change last digits in files, and make `plans` differ from the passes.
     """
     return reduce(operator.add, values, 0)
 

@@ -27,8 +27,9 @@ class PackageInfo(FrozenStruct):
 
     @staticmethod
     def of(texts: Mapping[str, str]) -> PackageInfo:
-        """Create the metadata from the texts of a workspace file, by key. Missing values are the placeholders that `ros2 pkg create`
-        writes.
+        """Create the metadata from the texts of a workspace file, by key.
+
+        Missing values are the placeholders that `ros2 pkg create` writes.
 
         Raises `ValueError` or `TypeError` for invalid texts.
         """

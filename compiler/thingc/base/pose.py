@@ -226,8 +226,9 @@ def along(z: Vector, origin: Vector) -> Pose:
 
 
 def rpy_of(rotation: Matrix) -> Vector:
-    """Return roll, pitch and yaw [rad] of a rotation, as in `placed`. At a pitch of 90 deg, yaw and roll are about the same axis: the yaw
-    is arbitrary, and the roll complements it.
+    """Return roll, pitch and yaw [rad] of a rotation, as in `placed`.
+
+    At a pitch of 90 deg, yaw and roll are about the same axis: the yaw is arbitrary, and the roll complements it.
     """
     (xx, xy, xz), (yx, yy, yz), (zx, _, _) = rotation
     yaw = atan2(yx, xx)

@@ -111,8 +111,9 @@ _ESCAPED = {ord("<"): "\\u003c", ord(">"): "\\u003e", ord("&"): "\\u0026"}
 
 
 def pieces(frame: str) -> list[str]:
-    """Split a template at its placeholders (`@TITLE@`), which are included. Splitting before substitution keeps placeholders in names
-    inert.
+    """Split a template at its placeholders (`@TITLE@`), which are included.
+
+    Splitting before substitution keeps placeholders in names inert.
     """
     return re.split("(@[A-Z]+@)", frame)
 

@@ -60,8 +60,10 @@ class Tessellation(FrozenStruct):
 DEFAULT_MESH = Tessellation(linear=1e-4, angular=0.17453292519943295)
 """0.1 mm and 10 deg: for printing and checks of clearance."""
 DEFAULT_SIMULATION = Tessellation(linear=1e-4, angular=0.5235987755982988)
-"""0.1 mm and 30 deg: for simulators. The linear tolerance is that of the other mesh; surfaces with a radius below
-2.9 mm, which have most of a robot's facets (holes, screws, fillets), have a third of the facets.
+"""0.1 mm and 30 deg: for simulators.
+
+The linear tolerance is that of the other mesh; surfaces with a radius below 2.9 mm, which have most of a robot's facets (holes, screws,
+fillets), have a third of the facets.
 """
 
 
@@ -101,8 +103,9 @@ class Workspace:
 
     @staticmethod
     def find(document: str, report: Report, texts: Mapping[str, bytes] | None = None) -> Workspace | None:
-        """Find the workspace of a document (a path that need not exist). None if its file is invalid (reported). `texts` replace
-        contents on disk, by absolute path.
+        """Find the workspace of a document (a path that need not exist).
+
+        None if its file is invalid (reported). `texts` replace contents on disk, by absolute path.
         """
         start = folder = os.path.dirname(os.path.abspath(document))
         if not is_text(start):
@@ -129,8 +132,9 @@ class Workspace:
             folder = above
 
     def relative(self, path: str) -> str:
-        """Return the path inside the workspace with `/` and links resolved, which all outputs use. Documents of installed
-        packages have their dotted name, `thingc_stock.materials`, because their location depends on the machine.
+        """Return the path inside the workspace with `/` and links resolved, which all outputs use.
+
+        Documents of installed packages have their dotted name, `thingc_stock.materials`, because their location depends on the machine.
         """
         name = os.path.relpath(os.path.realpath(path), os.path.realpath(self.root)).replace(os.sep, "/")
         elsewhere = name.startswith("../") or not LIBRARIES.isdisjoint(name.split("/"))

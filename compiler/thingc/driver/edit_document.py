@@ -95,8 +95,9 @@ def opened(document: str, options: Options, memo: Memo) -> Documents | None:
 def checked(
     document: str, options: Options, *, strict: bool = False, memo: Memo | None = None,
 ) -> tuple[Documents | None, list[Diagnostic]]:
-    """Check a document: return it with all documents that it names (None if it cannot be read), and the diagnostics. `memo` caches
-    reading.
+    """Check a document: return it with all documents that it names (None if it cannot be read), and the diagnostics.
+
+    `memo` caches reading.
     """
     with Environment(document, replace(options, lock=True), memo=memo) as environment:
         compilation = pipeline.compile(environment)

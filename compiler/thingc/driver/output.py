@@ -270,8 +270,9 @@ def _beside(folder: str, what: str) -> str:
 
 @contextlib.contextmanager
 def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
-    """Hold the lock of `folder`. The lock file is deleted on release, so after waiting it must be checked that it is still the same
-    file.
+    """Hold the lock of `folder`.
+
+    The lock file is deleted on release, so after waiting it must be checked that it is still the same file.
     """
     path = _beside(folder, "lock")
     said = False

@@ -57,8 +57,9 @@ class UnknownChoice(Exception):
 
 
 def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
-    """Return the named programs that read MuJoCo models, in the order of `CONSUMERS`. `names` may be a comma-separated text. Raises
-    `UnknownChoice`.
+    """Return the named programs that read MuJoCo models, in the order of `CONSUMERS`.
+
+    `names` may be a comma-separated text. Raises `UnknownChoice`.
     """
     from thingc.documents.workspace import CONSUMERS
 
@@ -131,8 +132,9 @@ def compile(
 
 
 def recompile(environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
-    """Compile the sources with other settings, see `compile`. The checks of single robots (start below the floor, overlapping parts) are
-    skipped.
+    """Compile the sources with other settings, see `compile`.
+
+    The checks of single robots (start below the floor, overlapping parts) are skipped.
     """
     return replace(_passes(environment, sources, settings, modes, environment.memo), repeated=True)
 
@@ -221,8 +223,9 @@ def settings_of(options: Options) -> Settings:
 
 
 def choose(environment: Environment, sources: Sources, choices: Mapping[str, str], report: Report, memo: Memo | None) -> Sources:
-    """Return the sources, with the documents and parts that `choices` name; their errors are reported. `memo` caches results for these
-    texts of the documents.
+    """Return the sources, with the documents and parts that `choices` name; their errors are reported.
+
+    `memo` caches results for these texts of the documents.
     """
     if not choices:
         return sources
@@ -253,8 +256,9 @@ def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], 
 
 
 def model(environment: Environment, own: Sources, settings: Settings, report: Report) -> AssemblyDefinition | None:
-    """Run `resolve` alone: return the definition with these settings, before parts are modelled. Errors are reported; None if nothing is
-    valid.
+    """Run `resolve` alone: return the definition with these settings, before parts are modelled.
+
+    Errors are reported; None if nothing is valid.
     """
     from thingc.model.resolve.resolver import resolve
 
@@ -262,8 +266,9 @@ def model(environment: Environment, own: Sources, settings: Settings, report: Re
 
 
 def _passes(environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str], of_text: Memo | None) -> Compilation:
-    """Run the passes from the sources to the robots. `of_text` caches results that are valid for these texts of the documents; the memo of
-    the environment those that are always valid.
+    """Run the passes from the sources to the robots.
+
+    `of_text` caches results that are valid for these texts of the documents; the memo of the environment those that are always valid.
     """
     from thingc.geometry.meshes.cache import mesh_records
     from thingc.model.assembly.linking import link

@@ -29,8 +29,9 @@ EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons"))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParsedSettings:
-    """Parsed settings: sorted `names` of numeric settings with their `values` in SI; others as `texts`. Errors are in `report` (None if
-    there are none).
+    """Parsed settings: sorted `names` of numeric settings with their `values` in SI; others as `texts`.
+
+    Errors are in `report` (None if there are none).
     """
 
     names: tuple[str, ...]

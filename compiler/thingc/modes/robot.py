@@ -226,8 +226,9 @@ def _speed(twist: Array) -> float:
 
 
 def _bolted(state: RobotState, mode: Mode, place: Array, tolerance: float) -> RobotState:
-    """Return the state with its base exactly at `place`. Raises `BaseElsewhere` if the base, or another hold, is off by more than
-    `tolerance`.
+    """Return the state with its base exactly at `place`.
+
+    Raises `BaseElsewhere` if the base, or another hold, is off by more than `tolerance`.
     """
     _compare(mode, mode.root_link, state.base_pose, place, tolerance)
     poses = mode.poses(state)

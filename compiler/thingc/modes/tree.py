@@ -79,8 +79,10 @@ class Inertias(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Link(OneLineRepr):
-    """A link. `X_root_link` (4, 4) is its frame in the root link's at q = 0; `mass` [kg], `centre` (3,) [m] and `inertia` (3, 3)
-    [kg m^2, about the centre] are in its own frame.
+    """A link.
+
+    `X_root_link` (4, 4) is its frame in the root link's at q = 0; `mass` [kg], `centre` (3,) [m] and `inertia` (3, 3) [kg m^2, about the
+    centre] are in its own frame.
     """
 
     name: str

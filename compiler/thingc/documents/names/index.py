@@ -25,9 +25,10 @@ Role = Literal["declared", "used", "fits"]
 
 
 class Name(FrozenStruct, kw_only=False):
-    """A name. `what` is a word of `name_types.py`, or `document`, `part`, `part mount`, `part parameter`; `file` is the
-    absolute path of the document or module that declares it (empty if unknown); `owner` is its owner there
-    (`components.leg`, a class).
+    """A name.
+
+    `what` is a word of `name_types.py`, or `document`, `part`, `part mount`, `part parameter`; `file` is the absolute path of the document
+    or module that declares it (empty if unknown); `owner` is its owner there (`components.leg`, a class).
     """
 
     what: str

@@ -1,5 +1,6 @@
-"""Names of Things in the modules of a workspace: classes, attributes that are mounts, parameters. Modules are parsed,
-never run.
+"""Names of Things in the modules of a workspace: classes, attributes that are mounts, parameters.
+
+Modules are parsed, never run.
 """
 
 from __future__ import annotations
@@ -113,8 +114,9 @@ class PartClass:
         return None if header is None else module.span(node.lineno, len(module.lines[node.lineno - 1][: header.end()].encode()), node.name)
 
     def mounts(self, text: str, pattern: re.Pattern[str] | None) -> list[PartName]:
-        """Return the attributes that are the mount `text`: itself, or the list or dict that contains it (`screw` of `screw_0`). With a
-        `pattern`, the text is the part of the name before special characters, and all attributes that match are included.
+        """Return the attributes that are the mount `text`: itself, or the list or dict that contains it (`screw` of `screw_0`).
+
+        With a `pattern`, the text is the part of the name before special characters, and all attributes that match are included.
         """
         owners: dict[str, tuple[_Module, ast.ClassDef]] = {}
         several: set[str] = set()

@@ -76,8 +76,9 @@ def renamable(sight: WorkspaceIndex, name: Name) -> None:
 
 
 def rename_edits(sight: WorkspaceIndex, name: Name, new: str) -> RenameEdits:
-    """Return the edits that rename a name. Raises `RenameRefused` if the new name is invalid or taken, or if other text would change its
-    meaning.
+    """Return the edits that rename a name.
+
+    Raises `RenameRefused` if the new name is invalid or taken, or if other text would change its meaning.
     """
     renamable(sight, name)
     _check(sight, name, new)

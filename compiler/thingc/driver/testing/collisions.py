@@ -76,8 +76,9 @@ class Collisions:
     def overlapping(
         self, poses: Sequence[Pose], frame: Keyframe, allowed: Mapping[tuple[int, int], int], seen: set[object] | None,
     ) -> Iterator[NearPair]:
-        """Yield the `close` pairs that overlap, unless the document allows it (`TC520`). A sweep passes `seen`, the cells of poses so far:
-        a pair is compared once per cell.
+        """Yield the `close` pairs that overlap, unless the document allows it (`TC520`).
+
+        A sweep passes `seen`, the cells of poses so far: a pair is compared once per cell.
         """
         for pair in self.overlaps.pairs(self.assembly.occurrences, poses):
             one, other = indices = pair.one.index, pair.other.index
@@ -104,8 +105,9 @@ class Collisions:
         self, poses: Sequence[Pose], frame: Keyframe, clearance: float, look: float, allowed: Mapping[tuple[int, int], int],
         needed: Collection[int] = (),
     ) -> Iterator[NearPair]:
-        """Yield the pairs nearer than `clearance` [m], and of those without an allowance also the nearest within `look` [m]. Pairs whose
-        allowance is in `needed` are skipped.
+        """Yield the pairs nearer than `clearance` [m], and of those without an allowance also the nearest within `look` [m].
+
+        Pairs whose allowance is in `needed` are skipped.
         """
         if not self.pairs:
             return

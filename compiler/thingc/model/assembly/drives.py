@@ -79,8 +79,9 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
 
 
 def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: Drive, findings: LinkReport) -> Drive | None:
-    """Fill in a drive from the actuator of its Thing; inline values take precedence. Return None if it is invalid or the part is not
-    exact.
+    """Fill in a drive from the actuator of its Thing; inline values take precedence.
+
+    Return None if it is invalid or the part is not exact.
     """
     if drive.component is None:
         return drive

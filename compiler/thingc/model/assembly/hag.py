@@ -107,8 +107,10 @@ def hag_of(model: AssemblyDefinition) -> Hag:
 
 
 class _Names:
-    """Nodes by definition. Edges refer to texts: if two definitions print the same text (two documents, or an assembly and a frame),
-    the later one gets its reference in brackets.
+    """Nodes by definition.
+
+    Edges refer to texts: if two definitions print the same text (two documents, or an assembly and a frame), the later one gets its
+    reference in brackets.
     """
 
     def __init__(self) -> None:

@@ -97,8 +97,9 @@ FIELDS: Mapping[str, _Field] = {
 """Compared fields of a record, most informative first."""
 
 LEFT_OUT = frozenset({"text", "code", "own_image", "warnings", "convex", "slices", "exact", "brep"})
-"""Fields that are not compared: they do not affect the part, or follow from its meshes. The B-rep has numerical noise of the kernel
-(see `modelling.DECIMALS`).
+"""Fields that are not compared: they do not affect the part, or follow from its meshes.
+
+The B-rep has numerical noise of the kernel (see `modelling.DECIMALS`).
 """
 
 

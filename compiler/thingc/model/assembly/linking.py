@@ -34,8 +34,9 @@ ABSENT = {
 
 
 def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Report an error for each part without the shape that its `collision` selects. Parts of unknown geometry, such as those of a lock, are
-    skipped.
+    """Report an error for each part without the shape that its `collision` selects.
+
+    Parts of unknown geometry, such as those of a lock, are skipped.
     """
     for one in occurrences:
         choice = one.overrides.collision

@@ -41,8 +41,9 @@ class _Naming(FrozenStruct, kw_only=False):
 
 
 def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: LinkReport, memo: Memo) -> tuple[Link, ...]:
-    """Return the links in order. Names and frames are those of `links:` (the outermost document wins), else those of the first
-    occurrence.
+    """Return the links in order.
+
+    Names and frames are those of `links:` (the outermost document wins), else those of the first occurrence.
     """
     link_of = connected_components(len(occurrences), mates)
     members: list[list[int]] = [[] for _ in range(max(link_of, default=-1) + 1)]

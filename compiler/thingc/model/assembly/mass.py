@@ -128,8 +128,9 @@ def component_mass(record: PartRecord | None, density: Density | None, process: 
 
 
 def weigh_link(matter: MassProperties, overrides: Overrides) -> MassResult:
-    """Return the mass properties of a link: as stated in the document, else `matter`, those of its shapes. If only the mass is stated,
-    `matter` is scaled to it.
+    """Return the mass properties of a link: as stated in the document, else `matter`, those of its shapes.
+
+    If only the mass is stated, `matter` is scaled to it.
     """
     if overrides.mass is None:
         return MassResult(properties=_with_overrides(matter, overrides), source="derived")

@@ -34,8 +34,9 @@ _ROUNDING = 1e-9
 
 
 SLIDE = 1.0
-"""Default sliding friction, that of MuJoCo for both sides of a contact (the larger one applies). The friction of a material takes
-precedence over that of the floor (it is written with a priority).
+"""Default sliding friction, that of MuJoCo for both sides of a contact (the larger one applies).
+
+The friction of a material takes precedence over that of the floor (it is written with a priority).
 """
 
 
@@ -211,9 +212,10 @@ def check_poses(
     poses: Sequence[NamedPose], modes: Sequence[Mode], joints: Sequence[JointEdge], findings: LinkReport,
     loops: Collection[str] = (), *, unset: bool,
 ) -> None:
-    """Check every pose against the limits of joints. In poses that a mode uses, check also joints that are at 0 because the pose does not
-    set them, and those that mimic others (only if `unset`, which means that no joints were left out). Joints in `loops` are only checked if
-    the pose sets them.
+    """Check every pose against the limits of joints.
+
+    In poses that a mode uses, check also joints that are at 0 because the pose does not set them, and those that mimic others (only if
+    `unset`, which means that no joints were left out). Joints in `loops` are only checked if the pose sets them.
     """
     used = {name for mode in modes for name in mode.poses}
     names = {pose.name for pose in poses}

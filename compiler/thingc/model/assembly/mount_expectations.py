@@ -42,8 +42,9 @@ def check_expectations(robot: Connected, laid: Collection[int], findings: LinkRe
 
 
 def _is(other: Occurrence, expected: MountExpectation, owner: Occurrence) -> bool:
-    """Return whether `other` is the expected part. For a mirrored owner, the mirror image is expected, or the part itself if it is
-    symmetric.
+    """Return whether `other` is the expected part.
+
+    For a mirrored owner, the mirror image is expected, or the part itself if it is symmetric.
     """
     plain = other.definition.plain if owner.definition.mirror is not None else None
     texts = (other.definition.text,) if plain is None else (other.definition.text, plain.text)

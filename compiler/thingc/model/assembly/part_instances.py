@@ -386,8 +386,9 @@ class PartInstances:
         )
 
     def _physical(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> bool:
-        """Return whether the inertia that the Thing states is physical (reported if not). One that the document states is checked with its
-        link (`check_stated`); a computed one is exact.
+        """Return whether the inertia that the Thing states is physical (reported if not).
+
+        One that the document states is checked with its link (`check_stated`); a computed one is exact.
         """
         if component.overrides.inertia is not None:
             return True

@@ -432,6 +432,7 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport
 
 def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link], findings: LinkReport) -> None:
     """Warn of suspicious masses without a shape: too heavy relative to the rest of the robot, or too far from the parts of their link.
+
     Positions are not checked if an offset has already been reported.
     """
     whole = sum_of(link.properties.mass for link in links)

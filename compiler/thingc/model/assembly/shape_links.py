@@ -93,8 +93,9 @@ def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | N
 
 
 class MissingDensity(Exception):
-    """The mass of a link cannot be computed from its shapes. The message follows the link's name; it is empty if a mesh file was not
-    read.
+    """The mass of a link cannot be computed from its shapes.
+
+    The message follows the link's name; it is empty if a mesh file was not read.
     """
 
 

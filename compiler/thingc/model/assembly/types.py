@@ -274,6 +274,7 @@ class Foot(OneLineRepr, FrozenStruct):
 
 class LinkedSensor(Measurement):
     """A sensor with its path (`leg/imu`) and resolved references: `joint` and `tendon` are paths, `touching` the indices of links.
+
     `parts` are the readings that have their own names in files.
     """
 
@@ -308,8 +309,9 @@ class TendonStep(Wrap):
 
 
 class LinkedTendon(OneLineRepr, FrozenStruct):
-    """A tendon with its path (`hand/grip`). `moves` is the change of its length per unit of q, by joint path; `turns`: the length is an
-    angle [rad], otherwise it is in [m].
+    """A tendon with its path (`hand/grip`).
+
+    `moves` is the change of its length per unit of q, by joint path; `turns`: the length is an angle [rad], otherwise it is in [m].
 
     A spatial tendon has `steps`, and a `width` [m] if specified. The rest length of its spring is that specified, or its length at q = 0.
     """

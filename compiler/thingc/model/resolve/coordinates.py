@@ -12,8 +12,9 @@ from thingc.base.source import Origin
 
 
 class Limit(OneLineRepr, FrozenStruct):
-    """Limits of a joint: `lower`, `upper` [rad or m]; `effort` [N m or N] and `velocity` [rad/s or m/s], if specified. For a ball, `cone`
-    is the largest rotation angle [rad] from q = 0, about any axis.
+    """Limits of a joint: `lower`, `upper` [rad or m]; `effort` [N m or N] and `velocity` [rad/s or m/s], if specified.
+
+    For a ball, `cone` is the largest rotation angle [rad] from q = 0, about any axis.
     """
 
     lower: float | None = None
@@ -50,8 +51,9 @@ class Dynamics(OneLineRepr, FrozenStruct):
 
 
 class CoordinateName(str):
-    """Name of a coordinate in documents: `hand.wrist[0]`, or `hand.yaw` for a joint with one coordinate. `joint` is the joint's name,
-    `number` the index of the coordinate (None if there is only one), `path` its name in files: `hand/wrist_0`.
+    """Name of a coordinate in documents: `hand.wrist[0]`, or `hand.yaw` for a joint with one coordinate.
+
+    `joint` is the joint's name, `number` the index of the coordinate (None if there is only one), `path` its name in files: `hand/wrist_0`.
     """
 
     joint: str

@@ -144,8 +144,9 @@ def _coordinates(
 def _ball(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, mounts: tuple[Reference, Reference], layers: DefaultLayers,
 ) -> tuple[Joint, ...]:
-    """Return the coordinates of a ball. Limit and dynamics belong to all of them; each of up to three drives has its own axis, and is
-    stored with one of the coordinates.
+    """Return the coordinates of a ball.
+
+    Limit and dynamics belong to all of them; each of up to three drives has its own axis, and is stored with one of the coordinates.
     """
     scope, spec, path, name = item.scope, item.spec, item.path, item.name
     for key in ("limit", "dynamics"):

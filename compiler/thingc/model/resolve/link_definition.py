@@ -26,9 +26,11 @@ NAMED = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LinkShape(OneLineRepr):
-    """A shape of a link, in its frame. `drawn` and `touches` enable display and collision. `pose` is that of a mesh file; primitives have
-    their own. `material`, `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) are specified for the shape itself; None: those
-    of the link and its material. `name` is its name in files.
+    """A shape of a link, in its frame.
+
+    `drawn` and `touches` enable display and collision. `pose` is that of a mesh file; primitives have their own. `material`, `color`
+    (`#rrggbb`) and `friction` (sliding, torsional, rolling) are specified for the shape itself; None: those of the link and its material.
+    `name` is its name in files.
     """
 
     solid: Primitive | MeshFile

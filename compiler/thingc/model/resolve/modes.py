@@ -1,5 +1,6 @@
-"""Resolve modes: merge `extends`, resolve names, convert numbers to SI; holds, cuts and feet. `model/assembly/modes.py` finds the link of a
-root.
+"""Resolve modes: merge `extends`, resolve names, convert numbers to SI; holds, cuts and feet.
+
+`model/assembly/modes.py` finds the link of a root.
 """
 
 from __future__ import annotations
@@ -47,8 +48,9 @@ def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Ho
 
 
 def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut, ...]:
-    """Return the joints at which a mode should cut loops, in the order written; fixed joints only if they close a loop. Invalid ones are
-    reported and left out.
+    """Return the joints at which a mode should cut loops, in the order written; fixed joints only if they close a loop.
+
+    Invalid ones are reported and left out.
     """
     said = layers.pick("cut")
     if said is None:
@@ -79,8 +81,9 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
 
 
 def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers, base: BaseType) -> Standing | None:
-    """Return the mounts under `standing_on`, each once, and their friction, if stated; None if there are none. Invalid ones are
-    reported.
+    """Return the mounts under `standing_on`, each once, and their friction, if stated; None if there are none.
+
+    Invalid ones are reported.
     """
     said = layers.pick("standing_on")
     if said is None or said[0] == []:

@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 
 
 class Settings(FrozenStruct):
-    """Settings of one compilation. `parameters` are texts as for `-p` (`{"reach": "120 mm"}`), `choices` texts by dotted path in the root
-    document (`{"components.foot.part": "feet:Wide"}`). `quantities` replace the texts of some of these paths by values.
+    """Settings of one compilation.
+
+    `parameters` are texts as for `-p` (`{"reach": "120 mm"}`), `choices` texts by dotted path in the root document
+    (`{"components.foot.part": "feet:Wide"}`). `quantities` replace the texts of some of these paths by values.
     """
 
     parameters: Mapping[str, str] = {}

@@ -94,8 +94,9 @@ class Reader:
         self, raw: Any, key: Key, dimension: Dimension, what: str | None = None, *, above: float | None = None,
         least: float | None = None, most: float | None = None,
     ) -> float:
-        """Return the SI value; NaN, with which all comparisons are false, if it is invalid (reported). `what` is its name in messages, by
-        default its key.
+        """Return the SI value; NaN, with which all comparisons are false, if it is invalid (reported).
+
+        `what` is its name in messages, by default its key.
         """
         what = f"`{key}`" if what is None else what
         value = self.scope.number(raw, self.at(key), dimension, what, above=above, least=least)

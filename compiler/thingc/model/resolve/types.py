@@ -64,8 +64,10 @@ class Process(OneLineRepr, FrozenStruct):
 
 
 class Material(OneLineRepr, FrozenStruct):
-    """A material in scope. `density` [kg/m^3]; `color` `#rrggbb` or `#rrggbbaa`; `slide` is the sliding friction (likewise torsional and
-    rolling); `process_origin` is where its `process` is written (empty if it is not), `density_origin` where its density is.
+    """A material in scope.
+
+    `density` [kg/m^3]; `color` `#rrggbb` or `#rrggbbaa`; `slide` is the sliding friction (likewise torsional and rolling); `process_origin`
+    is where its `process` is written (empty if it is not), `density_origin` where its density is.
     """
 
     name: str
@@ -81,8 +83,9 @@ class Material(OneLineRepr, FrozenStruct):
 
 
 class StatedValue(OneLineRepr, FrozenStruct):
-    """A value in a document (mass [kg], com [m], inertia [kg m^2] as ixx iyy izz ixy ixz iyz), its source and place. A `stand_in` replaces
-    an invalid one (reported).
+    """A value in a document (mass [kg], com [m], inertia [kg m^2] as ixx iyy izz ixy ixz iyz), its source and place.
+
+    A `stand_in` replaces an invalid one (reported).
     """
 
     value: tuple[float, ...]
@@ -100,8 +103,9 @@ class ExtraMount(OneLineRepr, FrozenStruct):
 
 
 class Overrides(OneLineRepr, FrozenStruct):
-    """Overrides of a component in a document; None: not overridden. `up` is the direction away from the
-    bed of a printer, a unit vector in the component's axes.
+    """Overrides of a component in a document; None: not overridden.
+
+    `up` is the direction away from the bed of a printer, a unit vector in the component's axes.
     """
 
     mass: StatedValue | None = None
@@ -174,8 +178,9 @@ class Component(OneLineRepr, FrozenStruct):
 
 
 class Drive(OneLineRepr, FrozenStruct):
-    """A drive of a joint: a `component` whose Thing declares an actuator, or an inline drive (`component` None). For a ball, `axis` is
-    a unit vector fixed in the child, in the parent mount's axes at q = 0.
+    """A drive of a joint: a `component` whose Thing declares an actuator, or an inline drive (`component` None).
+
+    For a ball, `axis` is a unit vector fixed in the child, in the parent mount's axes at q = 0.
     """
 
     component: Reference | None
@@ -258,8 +263,9 @@ NamedKind = Literal["components", "mounts", "joints", "tendons", "actuators", "e
 
 
 class NameInFiles(OneLineRepr, FrozenStruct):
-    """`names: {joints: {joint_1: "1"}}`: the name of an element in files. `own` is its name in the document, for coordinates
-    that in files (`wrist_0`).
+    """`names: {joints: {joint_1: "1"}}`: the name of an element in files.
+
+    `own` is its name in the document, for coordinates that in files (`wrist_0`).
     """
 
     kind: NamedKind
@@ -269,8 +275,9 @@ class NameInFiles(OneLineRepr, FrozenStruct):
 
 
 class NamedPose(OneLineRepr, FrozenStruct):
-    """A pose with patterns and nested poses resolved: joint path (`hand/finger`) to q [rad or m], and where each
-    value is written. Other joints are at 0.
+    """A pose with patterns and nested poses resolved: joint path (`hand/finger`) to q [rad or m], and where each value is written.
+
+    Other joints are at 0.
     """
 
     name: PoseName
@@ -280,9 +287,10 @@ class NamedPose(OneLineRepr, FrozenStruct):
 
 
 class Sensor(Measurement):
-    """A sensor of some kind, `at` a mount, and relative to another one (`seen_from`). `joint` is the path of the measured or driven joint
-    (`leg/knee`), `tendon` the name of such a tendon; `touching` are the component whose contacts are measured, and the other component
-    of the contact, if specified.
+    """A sensor of some kind, `at` a mount, and relative to another one (`seen_from`).
+
+    `joint` is the path of the measured or driven joint (`leg/knee`), `tendon` the name of such a tendon; `touching` are the component whose
+    contacts are measured, and the other component of the contact, if specified.
     """
 
     name: str
@@ -308,8 +316,9 @@ class Hold(OneLineRepr, FrozenStruct):
 
 
 class Standing(OneLineRepr, FrozenStruct):
-    """The mounts that a mode with a free base stands on: points that the floor pushes and does not pull. `friction` None: that of
-    their materials.
+    """The mounts that a mode with a free base stands on: points that the floor pushes and does not pull.
+
+    `friction` None: that of their materials.
     """
 
     mounts: tuple[Reference, ...]

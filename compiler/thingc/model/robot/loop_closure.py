@@ -110,8 +110,9 @@ def _at_own_pose(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...],
 
 
 def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -> dict[str, float]:
-    """Return q [rad or m] of every joint in a pose (None: all at 0), with the loops of joints closed as far as possible. `memo` caches
-    results.
+    """Return q [rad or m] of every joint in a pose (None: all at 0), with the loops of joints closed as far as possible.
+
+    `memo` caches results.
     """
     q = coordinates(joints_of(assembly), pose.values if pose is not None else {})
     loops = _doc_loops(assembly, memo)

@@ -28,8 +28,10 @@ from thingc.model.robot.least_squares import solve
 from thingc.model.robot.types import Body, Closure
 
 CLOSED, ALIGNED = 1e-7, 1e-6
-"""Tolerances [m] and [rad] of a closed loop. Newton's method usually reaches 1e-15; but for planar linkages nothing can correct
-rounding of the document's numbers (often 6 or 9 digits) perpendicular to the plane.
+"""Tolerances [m] and [rad] of a closed loop.
+
+Newton's method usually reaches 1e-15; but for planar linkages nothing can correct rounding of the document's numbers (often 6 or 9 digits)
+perpendicular to the plane.
 """
 
 FREE = 100.0
@@ -53,8 +55,10 @@ oscillate across a valley.
 """
 
 ROUNDING = 1e-13
-"""Relative gains below this value count as none. Such steps are retried with more damping, which turns them towards the
-steepest descent: if a step takes two joints to their limits, possibly only one belongs there.
+"""Relative gains below this value count as none.
+
+Such steps are retried with more damping, which turns them towards the steepest descent: if a step takes two joints to their limits,
+possibly only one belongs there.
 """
 
 
@@ -127,8 +131,9 @@ class Loops:
         return tuple(chain)
 
     def _extent(self) -> float:
-        """Return the size of the robot [m]: the largest distance at q = 0 of bodies on its loops from their mean position. It is
-        independent of the root, and defines the length equivalent to a radian.
+        """Return the size of the robot [m]: the largest distance at q = 0 of bodies on its loops from their mean position.
+
+        It is independent of the root, and defines the length equivalent to a radian.
         """
         at = self._placed(SolverState(q=dict.fromkeys(self.joints, 0.0), base=NO_POSE))
         places = [at[body].translation for body in self._needed]

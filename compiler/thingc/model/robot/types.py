@@ -28,9 +28,11 @@ class TreeJoint(JointEdge):
 
 
 class Body(OneLineRepr, FrozenStruct):
-    """A link in the tree. `parent` is an index into `Robot.bodies` (None: the world); `X_PL` is the pose of its frame in the
-    parent link's frame at q = 0 (for the root: in the world, as placed by the mode's `at`). It moves by its `joints` in sequence,
-    `X_PL @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...`, or, for a ball, by exponential coordinates; the root has none.
+    """A link in the tree.
+
+    `parent` is an index into `Robot.bodies` (None: the world); `X_PL` is the pose of its frame in the parent link's frame at q = 0 (for the
+    root: in the world, as placed by the mode's `at`). It moves by its `joints` in sequence, `X_PL @ exp(twist_0 q_0) @ exp(twist_1 q_1)
+    ...`, or, for a ball, by exponential coordinates; the root has none.
     """
 
     link: int

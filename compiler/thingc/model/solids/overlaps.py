@@ -60,8 +60,9 @@ class Overlaps:
         return sorted(found, key=lambda pair: (pair.one.index, pair.other.index))
 
     def shared(self, pair: PartPair, *, keep: bool = True) -> tuple[float, float] | None:
-        """Return the volume [m^3] and the mean thickness [m] of an intersection; None if it does not count. `keep` also caches it in the
-        store.
+        """Return the volume [m^3] and the mean thickness [m] of an intersection; None if it does not count.
+
+        `keep` also caches it in the store.
         """
         content = [self.deep, _made_of(pair.one), _made_of(pair.other), repr(pair.at)]
         key = hashlib.sha256(json.dumps(content).encode()).hexdigest()
@@ -146,8 +147,9 @@ def _cubic(volume: float) -> str:
 
 
 def _thickness(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> float:
-    """Return the smallest extent [m] of the intersection of two boxes, a bound of the mean thickness of an intersection inside. Not
-    positive if the boxes do not intersect.
+    """Return the smallest extent [m] of the intersection of two boxes, a bound of the mean thickness of an intersection inside.
+
+    Not positive if the boxes do not intersect.
     """
     lows, highs = map(maximum, one[0], other[0]), map(minimum, one[1], other[1])
     return minimum(high - low for low, high in zip(lows, highs, strict=True))

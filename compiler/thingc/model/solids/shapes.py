@@ -26,9 +26,10 @@ ENDLESS = 100.0
 
 
 class Solid(FrozenStruct, kw_only=False):
-    """A solid. `whole` is all of it, with facets on curved surfaces. `cores` are solids each with a radius [m]: points nearer
-    to the core belong to it. So gaps to spheres and capsules are exact and quick to compute: their cores are points and
-    lines.
+    """A solid.
+
+    `whole` is all of it, with facets on curved surfaces. `cores` are solids each with a radius [m]: points nearer to the core belong to it.
+    So gaps to spheres and capsules are exact and quick to compute: their cores are points and lines.
     """
 
     whole: Any
@@ -82,8 +83,9 @@ class Solids:
 
 
 def solid_of(store: Store, surfaces: Sequence[Surface], *, simplify: float = 0.0) -> Solid | None:
-    """Return the solid inside surfaces, in their frame, or None if none of them is solid. `simplify` [m] is the tolerance for reducing the
-    number of facets: intersections then take half the time.
+    """Return the solid inside surfaces, in their frame, or None if none of them is solid.
+
+    `simplify` [m] is the tolerance for reducing the number of facets: intersections then take half the time.
     """
     made = [(_whole(store, surface), surface.solid) for surface in surfaces]
     inside = [(whole, solid) for whole, solid in made if not whole.is_empty()]

@@ -18,8 +18,10 @@ LEVEL = 0.02
 
 
 class FootContact(NamedTuple):
-    """A foot at `point` [m] in the world, where the floor pushes upwards. `moves` is its velocity by the speed of each joint that
-    carries it [m/rad or 1], by path; `pull` [N] is the force of its adhesion to the floor.
+    """A foot at `point` [m] in the world, where the floor pushes upwards.
+
+    `moves` is its velocity by the speed of each joint that carries it [m/rad or 1], by path; `pull` [N] is the force of its adhesion to the
+    floor.
     """
 
     path: str

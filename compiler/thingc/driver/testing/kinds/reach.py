@@ -14,8 +14,9 @@ from thingc.driver.testing.results import Outcome, TestCase, check_bounds, unclo
 
 
 def measure(case: TestCase, check: ReachCheck) -> Outcome:
-    """Measure the largest distance of two mounts, without a mode: no holds, and the base component is fixed. It is a lower bound of the
-    true reach.
+    """Measure the largest distance of two mounts, without a mode: no holds, and the base component is fixed.
+
+    It is a lower bound of the true reach.
     """
     assembly = case.robot.assembly
     mode = replace(assembly.modes[0], holds=(), cut=(), pose=None, base="fixed")
