@@ -320,7 +320,7 @@ class _Batch:
         return engine.ahead if isinstance(engine, Cluster) else 2 * self.asked.jobs
 
     def _size(self, engine: Executor) -> int:
-        """Return the number of variants for the next chunk: for about half a second, but few enough to keep all runners busy."""
+        """Return the number of variants for the next chunk: as many as fit its target duration, but few enough to keep all runners busy."""
         first, seconds, most = 1, CHUNK_SECONDS, CHUNK_MOST
         if isinstance(engine, Cluster):
             first, seconds, most = engine.first, engine.chunk_seconds, engine.chunk_most

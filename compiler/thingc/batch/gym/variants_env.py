@@ -42,8 +42,8 @@ CACHED = 16
 class VariantsEnv(gymnasium.Env[Array, Array]):
     """One robot of a batch at a time; `reset` selects the variant. Create it with `make_env`.
 
-    An action in [-1, 1] is mapped to the range of each control. The observation is qpos, qvel and the descriptor; with `pad`, qpos, qvel
-    and the action have the sizes of the largest variant, padded with 0.
+    An action in [-1, 1] is mapped to the range of each control. The observation is qpos, qvel and the descriptor; with `pad`, qpos and
+    qvel are padded with 0 to the sizes of the largest variant, and a smaller one ignores further actions.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}

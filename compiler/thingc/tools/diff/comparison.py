@@ -70,7 +70,7 @@ class _Following:
     def _made(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> dict[str, None]:
         """Return the changes that gave a part another shape: its definition and its parameters.
 
-        A change of its code is not recorded as a change, so it is never among them.
+        If only its code has changed, there are none: the change of its geometry has no other cause.
         """
         paths = (old.path, new.path)
         return self.changes.causes("component", paths, MADE) | self.changes.causes("parameter", paths, ("params.",))

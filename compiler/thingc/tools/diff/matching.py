@@ -3,7 +3,7 @@
 Components with the same name match. Each of the others matches if it is the only one with its definition and its mates to matched
 components; this repeats until there is nothing more to find. Then components get colours, refined by those of their neighbours until the
 partition is stable (B. Weisfeiler and A. Leman, 1968). Components of the same colour are matched by an isomorphism of the remaining graphs
-if these are small, else by their poses; such matches are marked `perhaps`.
+if these are small, else by their poses. Uncertain matches are marked `perhaps`.
 
 The result does not depend on which robot is the old one: both are ordered first.
 """

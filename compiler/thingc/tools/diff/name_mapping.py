@@ -70,7 +70,7 @@ class NameMapping:
         return Named(what=value.what, path=self._paths[value.what].get(value.path, value.path), mount=mount)
 
     def same(self, old: Value, new: Value) -> bool:
-        """Return whether a value of the old robot equals one of the new robot. Lists of names are compared as sets."""
+        """Return whether a value of the old robot equals one of the new robot. Names in a list have no order."""
         now = self.now(old)
         if _names(now) and _names(new):
             return sorted(map(repr, now)) == sorted(map(repr, new))  # type: ignore[arg-type]

@@ -159,7 +159,7 @@ class SourceMotion(OneLineRepr, SourceThing):
 
 
 class SourceJoint(SourceMotion):
-    """A motion of a link about or along the unit vector `axis` through `anchor` [m], both in the frame of the link at q = 0.
+    """A motion of a link about or along the unit vector `axis` through `anchor` [m], both in the frame of the link at q = `start`.
 
     The robot starts at q = `start` [rad or m], or at `begin` if that is outside of the limits (None: in their middle). `lead` is the travel
     of a screw per turn [m].
@@ -211,7 +211,7 @@ class SourceTendon(SourceMotion):
 
 
 class Attachment(SourceThing):
-    """The attachment of the link `child` to the link `parent`: at `pose` in it at q = 0, moved by the joints in sequence.
+    """The attachment of the link `child` to the link `parent`: at `pose` in it when joints are at `start`, moved by them in sequence.
 
     `name` is the name in the source; `rpy` [rad] are the angles of the pose as stated there, if they are. A `floating` child is not
     attached; only the world may be its parent.

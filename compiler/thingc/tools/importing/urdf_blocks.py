@@ -18,7 +18,7 @@ from thingc.tools.importing.xml_values import Values
 
 TAGS = ("gazebo", "transmission", "ros2_control", "mujoco")
 KEPT = {"preserveFixedJoint", "disableFixedJointLumping", "provideFeedback", "canonicalBody"}
-"""Elements of Gazebo that are ignored without a loss, because links that are fixed to others are always kept."""
+"""Elements of Gazebo that are ignored without a loss, because links that are fixed to others always stay."""
 WHY = {
     **dict.fromkeys(("kp", "kd", "maxVel", "minDepth", "maxContacts"), "how stiff a contact is, its simulator says"),
     **dict.fromkeys(("gravity", "turnGravityOff"), "all links have the mode's gravity"), "fdir1": "friction has no direction",

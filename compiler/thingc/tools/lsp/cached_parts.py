@@ -229,7 +229,7 @@ class BackgroundWorkers:
             self._give_up_soon()
 
     def renew(self) -> None:
-        """Discard all answers, after a file of parts was saved."""
+        """Forget all requests, so that they are sent again after a file of parts was saved."""
         with self._changed:
             self._asked, self._wanted = PendingRequests(), PendingRequests()
             self._give_up_soon()

@@ -285,7 +285,7 @@ class _SupersededMemo(Memo):
         return super().last(place, inputs)
 
     def apart(self) -> Memo:
-        """See `Memo`. The copy also interrupts the analysis."""
+        """Return a new memo that also interrupts the analysis (see `Memo`)."""
         memo = _SupersededMemo()
         memo.until(self._superseded)
         return memo

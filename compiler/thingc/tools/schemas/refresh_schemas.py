@@ -264,7 +264,7 @@ class Schemas:
         )
 
     def _write(self, name: str, reading: ParsedDocument | None, model: AssemblyDefinition | None, usual: Mapping[str, Any]) -> bool | None:
-        """Whether the schema of a document was written; None if the document is broken and keeps its last one."""
+        """Write the schema of a document; return whether it changed. None if the document is broken: it keeps its last schema."""
         root, kind = self.workspace.root, reading.kind if reading is not None else self._symbols[name].kind
         if (reading is None or reading.broken) and load_schema(root, name):
             return None

@@ -1,8 +1,7 @@
-"""What `thingc new` begins a workspace with: one folder here for each template, and `common/` for what all of them have. `stubs/` has
-what `thingc add` begins a part or an assembly with.
+"""Templates of `thingc new`, one folder each, with common files in `common/`; `stubs/` has those of `thingc add`.
 
-In a template the robot is called `my_robot`, in names of files and in texts; so each of them is a workspace as it lies here. A name that
-begins with `dot_` begins with a dot in the workspace.
+In a template, the robot is named `my_robot`, in names of files and in texts, so that the folder is a valid workspace. The prefix `dot_` of
+a name becomes a dot in the workspace.
 """
 
 from __future__ import annotations
@@ -15,14 +14,16 @@ TEMPLATES = {
     "gripper": "a gripper of one servo: two gears, and fingers that loops keep parallel",
     "empty": "two parts and a joint, to begin with",
 }
-"""Each template, and in words what its robot is; the first is the usual one."""
+"""Descriptions of the templates; the first one is the default."""
 PLACEHOLDER = "my_robot"
 _HERE = Path(__file__).parent
 
 
 def files_of(template: str, name: str) -> dict[str, bytes]:
-    """The files of a workspace, by their path in it with `/`, for a robot of that name. What a template has itself goes before what all
-    of them have. Raises `ValueError` for a name that another document of the template has."""
+    """Return the files of a workspace for a robot, by path with `/`. Files of the template replace those in `common/`.
+
+    Raises `ValueError` if another document of the template has this name.
+    """
     if name.lower() != PLACEHOLDER and any(path.stem == name.lower() for path in (_HERE / template).glob("*.yaml")):
         raise ValueError(f"`{name}` is another document of the template `{template}`")
     files: dict[str, bytes] = {}

@@ -13,21 +13,21 @@ import mujoco
 
 FOLDER = Path(__file__).parent / "build" / "my_robot" / "mjcf"
 PERIOD = 1.0
-"""Of two steps [s]."""
+"""Duration of two steps [s]."""
 LEAN, SWING = radians(18), radians(20)
-"""How far the ankles tip the robot over to one side, and how far the hips turn [rad]."""
+"""Angles by which the ankles lean the robot to one side, and by which the hips turn [rad]."""
 SECONDS = 10
 
 
 def gait(t: float) -> dict[str, float]:
-    """Where each joint shall be at a time [s], in rad. A robot that leans on its left foot turns on it, and the right one goes ahead."""
+    """Return the target of each joint [rad] at a time [s]. The robot leans on one foot and turns on it, so that the other moves ahead."""
     phase, slowly = 2 * pi * t / PERIOD, min(t / PERIOD, 1.0)
     lean, swing = slowly * LEAN * sin(phase), -slowly * SWING * cos(phase)
     return {"left/ankle": lean, "right/ankle": lean, "left/hip": swing, "right/hip": swing}
 
 
 def main() -> None:
-    """Simulates ten seconds, and says how far the robot has come."""
+    """Simulate ten seconds, and print the distance that the robot has walked."""
     model = mujoco.MjModel.from_xml_path(str(FOLDER / "scene_walking.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)

@@ -28,5 +28,5 @@ class MyPart(Thing):
         return self.body
 
     def collision(self):
-        """What simulators touch where a document says `collision: part`: convex solids."""
+        """Convex solids that collide in simulators, if a document sets `collision: part`."""
         return [self.body]

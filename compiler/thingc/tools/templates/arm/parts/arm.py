@@ -131,7 +131,7 @@ class Link(Thing):
         return self.body
 
     def collision(self):
-        """Both cheeks, and what joins them."""
+        """Both cheeks, and the web between them."""
         return self.pieces
 
 
@@ -164,7 +164,7 @@ class Beak(Thing):
         return self.body
 
     def collision(self):
-        """Both cheeks, what joins them, and the point."""
+        """Both cheeks, the web between them, and the point."""
         return self.pieces
 
 

@@ -33,11 +33,11 @@ HANGING = (Align.CENTER, Align.CENTER, Align.MAX)
 PLAY = 0.1
 """Room on each side of what goes into a printed part [mm]."""
 MODULE = 2
-"""Of the gears: diameter of the pitch circle by teeth [mm]."""
+"""Module of the gears: diameter of the pitch circle divided by the number of teeth [mm]."""
 ROD = (15, 30)
 """The rod's pins from those of the lever: towards the other finger, and ahead [mm]."""
 PIN = Screw("M4")
-"""What fingers and rods turn on."""
+"""The pins on which fingers and rods turn."""
 
 
 class Palm(Thing):
@@ -136,7 +136,7 @@ class Lever(Thing):
 
 
 class Rod(Thing):
-    """What turns beside a lever, from the palm to the finger.
+    """A rod that turns beside a lever, from the palm to the finger.
 
     The origin is in the middle of one pin in the underside; z points to the fingers' side, y to the other pin.
 
@@ -193,7 +193,7 @@ class Finger(Thing):
         return self.body
 
     def collision(self):
-        """What joins both pins, the blade and the grip."""
+        """The web between both pins, the blade and the grip."""
         return [self.strap, self.blade, self.grip]
 
 

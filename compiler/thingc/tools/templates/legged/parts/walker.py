@@ -101,7 +101,7 @@ class Eye(Thing):
 
 
 class Lid(Thing):
-    """What closes the body, with an antenna.
+    """A lid for the body, with an antenna.
 
     The origin is in the underside; x points forwards, z up.
 
