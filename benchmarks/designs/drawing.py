@@ -160,7 +160,7 @@ def _limit(source: random.Random) -> Drawn:
 
 
 def _hold(source: random.Random) -> Drawn:
-    """The pose of the rear foot in `bridge`; the solver decides whether it can be reached."""
+    """Return the edit that moves the rear foot in `bridge`; the solver decides whether the pose can be reached."""
     old = """["=6 mm - 207.31 mm - body_length - (front_leg + rear_leg) * cos(100 deg)", 0, 8 mm]
         rpy: 0 3 180 deg"""
     new = old.replace("6 mm", f"{source.randint(-200, 60)} mm").replace("0, 8", f"{source.randint(-15, 15)} mm, {source.randint(-30, 60)}")

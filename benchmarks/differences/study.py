@@ -29,7 +29,7 @@ from thingc.tools.diff.take_snapshot import take_snapshot
 
 
 def drawn(document: Path) -> Snapshot | None:
-    """The snapshot of a document; None if it does not compile."""
+    """Return the snapshot of a document; None if it does not compile."""
     with Environment(str(document), Options()) as environment:
         compilation = compile(environment)
         return None if compilation.report.failed or compilation.assembly is None else take_snapshot(compilation)
@@ -93,7 +93,10 @@ def _cases(folder: Path, snapshots: dict[str, Snapshot | None]) -> Iterator[tupl
 
 
 def _designs(folder: Path, snapshots: dict[str, Snapshot | None], count: int) -> Iterator[tuple[str, list[str]]]:
-    """Designs that violate no rule: their parameters, written into the document, are the only changes to report."""
+    """Yield the title and the faults of the comparison of designs that violate no rule.
+
+    Their parameters, written into the document, are the only changes to report.
+    """
     old, number, taken = snapshots["minchw"], 0, 0
     while taken < count:
         number += 1

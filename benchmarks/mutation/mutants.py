@@ -32,7 +32,7 @@ class Mutant:
 
 
 def mutants(file: str, source: str) -> Iterator[Mutant]:
-    """All mutants of a module."""
+    """Yield all mutants of a module."""
     lines = source.encode().splitlines(keepends=True)
     for node, statement in _expressions(ast.parse(source)):
         if node.lineno != node.end_lineno:
