@@ -1,9 +1,9 @@
 """Compare the outputs of the compiler with earlier ones: `make freeze`, then, after a refactoring, `make frozen`.
 
 A corpus of outputs is stored as hashes: both robots and the documents that they nest, every document of `docs/`, every right example of
-`tests/cases/codes` and the random robots of `benchmarks/conformance` in all formats, 200 random designs of MInchW (`benchmarks/designs`),
+`docs/codes` and the random robots of `benchmarks/conformance` in all formats, 200 random designs of MInchW (`benchmarks/designs`),
 and 50 sampled variants of it. Each entry is one command of `thingc`, with its exit code, output and the SHA-256 of every file that it
-wrote. Diagnostics of wrong documents are tested by `tests/cases`.
+wrote. Diagnostics of wrong documents are tested by `tests/cases` and `docs/codes`.
 
     python benchmarks/corpus.py freeze build/corpus.json      # about ten minutes on two idle cores
     python benchmarks/corpus.py compare build/corpus.json     # the same again; prints differences, exits with 1 if there are any
@@ -34,11 +34,14 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent / "designs"))
 sys.path.insert(0, str(Path(__file__).resolve().parent / "conformance"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "docs"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "docs"))
 
+import code_pages
 import drawing
 import pages
 import robots as joints
 
+from thingc.base.diagnostics import Code
 from thingc.tools.cli.main import main as thingc
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -125,11 +128,13 @@ def entries(folder: Path, only: Sequence[str]) -> Iterator[tuple[str, Entry]]:
         if page.is_relative_to(ROOT / "docs") and any(not pages.meant_to_be_wrong(block) for block in pages.documents(page)):
             name = page.relative_to(ROOT).as_posix()
             yield from documents(name, pages.unpack(page, fresh(folder / name.removesuffix(".md"))), shown, only)
-    examples = shutil.copytree(ROOT / "tests" / "cases", folder / "cases") / "codes"
-    for document in sorted([*examples.glob("*/*.right.*"), *examples.glob("*/*/right/*")]):
-        name = f"codes/{document.relative_to(examples).as_posix().partition('/')[2]}"
-        if document.suffix in (".yaml", ".toml") and ASSEMBLY.search(document.read_text()) and fits(name, only):
-            yield name, build(document.parent, document, *ALL)
+    for code in Code:
+        page = code_pages.read_page(code)
+        if page.examples and fits(f"codes/{code.code}", only):
+            code_pages.unpack(page, "right", folder / code.code)
+            document = folder / code.code / page.examples["right"].document
+            if ASSEMBLY.search(document.read_text()):
+                yield f"codes/{code.code}", build(document.parent, document, *ALL)
     trees = fresh(folder / "trees")
     for number in range(RANDOM):
         for balls in (False, True):

@@ -1,11 +1,9 @@
 """Writes the pages of the diagnostics, what `thingc explain` shows of them, the kinds of tests in `language/tests.md`, and the table of
 `formats.md`: `python docs/generate.py`.
 
-From the closed set of codes, the sentences of `docs/codes/meanings.toml` and the examples of `tests/cases/codes` it makes
-`docs/diagnostics.md`, a page `docs/codes/TC302.md` for every code, and `compiler/thingc/tools/reporting/examples.json`.
-
-The wrong example of a code is a case: `TC302.yaml` with what is said of it in `TC302.txt`. The right one is `TC302.right.yaml`.
-Where an example needs a workspace of its own they are `TC120/wrong/robot.yaml` and `TC120/right/robot.yaml`.
+`docs/diagnostics.md` lists all codes. Their pages, such as `docs/codes/TC302.md`, are written by hand (`code_pages.py`): the title, the fix
+and the last line are written here, and a new code gets a page to be filled in. `compiler/thingc/tools/reporting/examples.json` is what
+`thingc explain` reads of them.
 
 The text between `<!-- generated: ... -->` and `<!-- /generated -->` comes from the files of `documents/checks/` in
 `docs/language/tests.md`, from the capabilities of the targets in `docs/formats.md`, and from the parsers of the command line in
@@ -18,14 +16,12 @@ import argparse
 import inspect
 import json
 import re
-import shlex
-import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any, get_type_hints
+
+from code_pages import current_page, parse_page, path_of
 
 from thingc.base.diagnostics import Code
 from thingc.base.joints.kinds import KINDS
@@ -40,10 +36,7 @@ PAGE = DOCS / "diagnostics.md"
 FORMATS = DOCS / "formats.md"
 TESTS = DOCS / "language" / "tests.md"
 COMMAND_PAGES = DOCS / "commands"
-MEANINGS = DOCS / "codes" / "meanings.toml"
-CASES = ROOT / "tests" / "cases" / "codes"
 EXAMPLES = ROOT / "compiler" / "thingc" / "tools" / "reporting" / "examples.json"
-SUFFIXES = ("yaml", "toml")
 
 GROUPS = {
     "joints": "joints", "of_joints": "properties of joints", "drives": "drives", "loops": "loops, by the joint that is cut",
@@ -118,95 +111,25 @@ def sections() -> dict[str, str]:
     return dict(found)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Example:
-    """A document, the files it needs by name (itself first), the command that was run on it, and what that printed."""
-
-    files: dict[str, str]
-    command: str
-    said: str
-
-
-def example(code: Code, side: str) -> Example | None:
-    """The `wrong` or the `right` example of a code, or None where `tests/cases/codes` has none."""
-    stem = code.code if side == "wrong" else f"{code.code}.right"
-    names = (*(f"{stem}.{suffix}" for suffix in SUFFIXES), f"{code.code}/{side}/robot.yaml")
-    document = next((path for name in names for path in CASES.glob(f"*/{name}")), None)
-    if document is None or not document.with_suffix(".txt").exists():
-        return None
-    text = _read(document)
-    files = {document.name: text}
-    for path in sorted(document.parent.iterdir()):
-        own = document.parent.name == side and path.suffix in (".py", ".toml")
-        if own or (path.name.startswith("_") and path.name in text):
-            files[path.name] = _read(path)
-    first = re.match(r"# \$ (thingc .*)", text)
-    said = document.with_suffix(".txt").read_text(encoding="utf-8")
-    return Example(
-        files=files, command=first.group(1) if first else f"thingc check {document.name}",
-        said=re.sub(r"exit \d+\n$", "", said).rstrip("\n"),
-    )
-
-
 def _read(path: Path) -> str:
     return path.read_text(encoding="utf-8", errors="replace")
 
 
-@cache
-def meanings() -> Mapping[str, str]:
-    """What each code means, by code."""
-    return {code: str(text) for code, text in tomllib.loads(MEANINGS.read_text(encoding="utf-8")).items()}
-
-
-def code_page(code: Code, meaning: str | None) -> str:
-    """The page of one code."""
-    lines = [f"# {code.code}: {code.title}", ""]
-    lines += [meaning, ""] if meaning else []
-    lines += [f"**Cure.** {code.cure}", ""]
-    wrong, right = example(code, "wrong"), example(code, "right")
-    if wrong is not None:
-        lines += ["## Wrong", "", *_files(wrong), "```console", f"$ {wrong.command}", wrong.said, "```", ""]
-    if right is not None:
-        lines += ["## Right", "", *_files(right)]
-        if not _is_plain(right.command):
-            lines += ["```console", f"$ {right.command}", right.said, "```", ""]
-    texts = "".join(text for one in (wrong, right) if one is not None for text in one.files.values())
-    parts = sorted({module for module in ("boxes", "failing") if f"{module}:" in texts})
-    if parts:
-        named = " and ".join(f"[`{module}`](../../tests/cases/parts/{module}.py)" for module in parts)
-        lines += [f"The parts come from {named}, small parts for examples.", ""]
-    lines += [f"`thingc explain {code.code}` prints this page. [All codes](../diagnostics.md)", ""]
-    return "\n".join(lines)
-
-
-def _is_plain(command: str) -> bool:
-    """Whether a command is nothing but the check of one document."""
-    return len(shlex.split(command)) == 3 and command.startswith("thingc check ")
-
-
-def _files(one: Example) -> list[str]:
-    lines = []
-    for name, text in one.files.items():
-        language = {"py": "python", "toml": "toml"}.get(name.rpartition(".")[2], "yaml")
-        lines += [f"`{name}`", "", f"```{language}", text.rstrip("\n"), "```", ""]
-    return lines
-
-
-def examples() -> str:
+def examples(pages: Mapping[Path, str]) -> str:
     """What `thingc explain` reads: the sections, and by code the meaning and the two examples."""
-    told = meanings()
-    codes = {}
+    codes: dict[str, Any] = {}
     for code in sorted(Code, key=lambda code: code.code):
-        sides = {side: example(code, side) for side in ("wrong", "right")}
-        codes[code.code] = {"meaning": told.get(code.code), **{side: asdict(one) if one else None for side, one in sides.items()}}
+        page = parse_page(pages[path_of(code)])
+        codes[code.code] = {"meaning": page.meaning, "wrong": None, "right": None}
+        for side, example in page.examples.items():
+            codes[code.code][side] = {"files": example.files, "command": example.command, "said": example.printed.rstrip("\n")}
     return json.dumps({"sections": sections(), "codes": codes}, indent=1, ensure_ascii=False) + "\n"
 
 
 def generated() -> dict[Path, str]:
     """Every file that is made here, with its text."""
-    told = meanings()
-    pages = {DOCS / "codes" / f"{code.code}.md": code_page(code, told.get(code.code)) for code in Code}
-    return {PAGE: page(), EXAMPLES: examples(), TESTS: tests(), FORMATS: formats(), **pages, **command_pages()}
+    pages = {path_of(code): current_page(code) for code in Code}
+    return {PAGE: page(), EXAMPLES: examples(pages), TESTS: tests(), FORMATS: formats(), **pages, **command_pages()}
 
 
 def formats() -> str:

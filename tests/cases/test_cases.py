@@ -4,9 +4,6 @@ Every document `<area>/<name>.yaml` (or `.toml`) is a case, unless its name begi
 it `<name>.txt` holds what `thingc check <name>.yaml` prints when it is run in the document's folder, and the exit code.
 A first line `# $ thingc build bad.yaml -p 'reach=3 kg'` gives another command.
 
-`codes/ROOM/` has the examples that `thingc explain` shows, by the room that says them: `TC302.yaml` is wrong, `TC302.right.yaml` is
-the same document mended.
-
 `REGENERATE=1 pytest tests/cases` writes the texts anew: read the difference as the person at the keyboard would.
 """
 
@@ -25,6 +22,7 @@ import pytest
 from thingc.base.diagnostics import Code
 from thingc.tools.cli.console import USAGE_CODES
 from thingc.tools.cli.main import main
+from thingc.tools.reporting.explain import explained
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 
@@ -36,41 +34,6 @@ DOCUMENTS = sorted(
     if path.suffix in (".yaml", ".yml", ".toml") and path.is_file() and path.name not in SETTINGS and path.name[0] != "_"
 )
 NAMES = [str(path.relative_to(HERE).with_suffix("")) for path in DOCUMENTS]
-
-ELSEWHERE = {
-    "INCOMPLETE": "tests/graph/test_link_faults.py",  # what earlier passes should have caught
-    "UNREACHED": "tests/robot/test_spanning_tree.py",
-    "INTERNAL": "tests/cases/test_folders.py",
-    "TOO_COSTLY": "tests/safety/test_bounds.py",  # takes its time
-    "NO_GRAPHICS": "tests/cli/test_render.py",  # a machine without EGL
-    "LIBRARY": "tests/resolve/test_components.py",  # a machine without the library
-    "MJCF_WARNING": "tests/mjcf/test_mjcf_check.py",  # depends on the version of MuJoCo
-    "SAME_FILE": "tests/emit/test_stl.py",  # two part files of one name on one file system
-    "STEP_FAILED": "tests/emit/test_step.py",  # a kernel that fails
-    "UNSTATED": "tests/cases/test_folders.py",  # a package that is installed
-    "UNREADABLE": "tests/cases/test_folders.py",  # files and folders that no repository keeps
-    "OUTPUT": "tests/cases/test_folders.py",
-    "VARIANT_DIED": "tests/variants/test_faults.py",  # what happens while variants are built
-    "VARIANT_HUNG": "tests/variants/test_faults.py",
-    "VARIANT_RAISED": "tests/variants/test_faults.py",
-    "RUNNERS": "tests/variants/test_faults.py",
-    "BATCH_LOCKED": "tests/variants/test_faults.py",
-    "BATCH_UNFINISHED": "tests/variants/test_faults.py",
-    "BATCH_CHANGED": "tests/variants/test_batch.py",
-    "CLUSTER": "tests/variants/test_cluster.py",  # other machines
-    "UNEXPECTED": "tests/cases/test_folders.py",
-    "WORKING_FOLDER": "tests/cases/test_folders.py",
-    "SOURCE_XML": "tests/importing/wrong/syntax.txt",  # files of other formats
-    "SOURCE_VALUE": "tests/importing/wrong/values.txt",
-    "SOURCE_TREE": "tests/importing/wrong/tree.txt",
-    "SOURCE_INERTIA": "tests/importing/wrong/inertias.txt",
-    "SOURCE_FILE": "tests/importing/test_meshes.py",
-    "SOURCE_DOUBT": "tests/importing/test_inertias.py",
-    "SOURCE_CONFLICT": "tests/importing/test_updates.py",
-}
-"""Codes that no document on a healthy machine brings about, and where they are tested."""
-
-_SPOKEN = {"UNREACHED": "does not hang together with the root of mode"}
 
 _PROGRESS = re.compile(r"^(modelling|decomposing|slicing) parts: \d+ of \d+\n", re.MULTILINE)
 """Depends on what the store holds already."""
@@ -88,11 +51,11 @@ def command_of(document: Path) -> list[str]:
     return ["check", document.name]
 
 
-def said(document: Path) -> str:
-    """What the command prints, standard output before standard error, and the exit code."""
+def said(words: list[str]) -> tuple[str, int]:
+    """What a command prints, standard output before standard error, and its exit code."""
     with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
-        code = main(command_of(document))
-    return f"{_SECONDS.sub('  0.00 s', out.getvalue())}{_PROGRESS.sub('', err.getvalue())}exit {code}\n"
+        code = main(words)
+    return _SECONDS.sub("  0.00 s", out.getvalue()) + _PROGRESS.sub("", err.getvalue()), code
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=NAMES)
@@ -102,7 +65,8 @@ def test_what_is_said_is_word_for_word_what_was_agreed(
     monkeypatch.setenv("THINGC_STORE", shared_store)
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.chdir(document.parent)
-    text = said(document)
+    printed, code = said(command_of(document))
+    text = f"{printed}exit {code}\n"
     agreed = document.with_suffix(".txt")
     if os.environ.get("REGENERATE"):
         agreed.write_text(text)
@@ -113,19 +77,12 @@ def test_what_is_said_is_word_for_word_what_was_agreed(
 
 TEXTS = {name: document.with_suffix(".txt").read_text() for name, document in zip(NAMES, DOCUMENTS)
          if document.with_suffix(".txt").exists()}
+TEXTS |= {f"{code.code} {side}": example["said"] for code in Code for side in ("wrong", "right") if (example := explained(code)[side])}
+"""What is said of each document, and of the examples on the pages of the codes."""
 
 
 def test_every_text_belongs_to_a_document() -> None:
     assert {str(path.relative_to(HERE).with_suffix("")) for path in HERE.rglob("*.txt")} == set(NAMES)
-
-
-def test_every_code_has_a_case(root: Path) -> None:
-    met = {code for text in TEXTS.values() for code in re.findall(r"^(?:error|warning|note)\[(TC\d{3})\]", text, re.MULTILINE)}
-    unmet = {code.name for code in Code if code.code not in met}
-    assert unmet == set(ELSEWHERE), "a case in tests/cases for each, or a line in `ELSEWHERE` above: which test brings it about"
-    for name, file in ELSEWHERE.items():
-        text = (root / file).read_text()
-        assert any(spoken in text for spoken in (f"Code.{name}", f'"{name}"', Code[name].code, _SPOKEN.get(name, "\0"))), name
 
 
 def test_no_text_shows_the_inside_of_the_compiler() -> None:

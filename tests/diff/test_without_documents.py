@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
+from code_pages import read_page, unpack
 
 from diff.cranes import write
+from thingc.base.diagnostics import Code
 from thingc.tools.cli.main import main
 
-LOCKED = Path(__file__).resolve().parents[1] / "cases" / "codes" / "resolve" / "TC345" / "right"
+LOCKED = read_page(Code.NOT_LOOKED_AT)
 
 
 @pytest.fixture(autouse=True)
@@ -25,7 +26,7 @@ def locked(tmp_path: Path) -> tuple[Path, Path]:
     """A workspace with a lock and an edited copy of it: parts of twice the length, which the lock knows, and one the less."""
     old, new = tmp_path / "old", tmp_path / "new"
     for folder in (old, new):
-        shutil.copytree(LOCKED, folder)
+        unpack(LOCKED, "right", folder)
     document = new / "robot.yaml"
     document.write_text(document.read_text().replace("block: {part: blocks:Block}", "block: {part: blocks:Block, params: {edge: 20 mm}}"))
     return old, new
@@ -109,5 +110,6 @@ def test_build_folders(tmp_path: Path, capsys: pytest.CaptureFixture[str], monke
     (build / "manifest.json").write_text("[]")
     assert main(["diff", str(build), str(new)]) == 2
     assert "manifest.json` was not built by this version of thingc" in capsys.readouterr().err
-    assert main(["diff", str(build), str(LOCKED / "parts.lock.json")]) == 2
+    unpack(LOCKED, "right", tmp_path / "locked")
+    assert main(["diff", str(build), str(tmp_path / "locked" / "parts.lock.json")]) == 2
     assert "one is a build folder, the other a lock" in capsys.readouterr().err

@@ -1,121 +1,124 @@
-"""Every code has a meaning, a wrong and a right example that are what they say, a current page, and `thingc explain` for it.
+"""Every code has a page with a meaning, and with a wrong and a right example that are what they say; `thingc explain` shows the same.
 
-Examples are cases (`tests/cases/codes`), so that what is said of them is checked word for word there. Here it is checked that
-the wrong one shows its code and nothing else, and that the right one does not: by `check`, and by the wrong one's own command
-where that is a build.
+`REGENERATE=1 pytest tests/reporting/test_codes.py` writes the output of the examples into the pages: read it as a user would.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import re
-import runpy
 import shlex
-from functools import cache
 from pathlib import Path
 
 import pytest
+from code_pages import NEW, parse_page, path_of, read_page, unpack, with_output
+from generate import generated
 
+from cases.test_cases import said
 from thingc.base.diagnostics import Code
+from thingc.tools.cli.console import USAGE_CODES
 from thingc.tools.cli.main import COMMANDS, main
 from thingc.tools.reporting.explain import explained, find, near, sections
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 
 ROOT = Path(__file__).resolve().parents[2]
-CASES = ROOT / "tests" / "cases" / "codes"
-GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))
-IN_WORDS = {
-    "UNREADABLE", "LIBRARY", "INCOMPLETE", "UNREACHED", "MJCF_WARNING", "STEP_FAILED", "SAME_FILE", "UNEXPECTED",
-    "UNSTATED", "OUTPUT", "NO_GRAPHICS", "INTERNAL", "VARIANT_DIED", "VARIANT_HUNG", "VARIANT_RAISED", "RUNNERS", "CLUSTER", "BATCH_LOCKED",
-    "BATCH_UNFINISHED", "BATCH_CHANGED", "TOO_COSTLY", "WORKING_FOLDER", "SOURCE_XML", "SOURCE_VALUE", "SOURCE_TREE",
-    "SOURCE_INERTIA", "SOURCE_DOUBT", "SOURCE_FILE", "SOURCE_CONFLICT",
-}
-"""Codes that no document on a healthy machine brings about: their pages say in words when it happens."""
-
 CODES = sorted(Code, key=lambda code: code.code)
-SHOWN = [code for code in CODES if code.name not in IN_WORDS]
 AGAIN = "run `python docs/generate.py`"
 
+ELSEWHERE = {
+    "INCOMPLETE": "tests/graph/test_link_faults.py",  # what earlier passes should have caught
+    "UNREACHED": "tests/robot/test_spanning_tree.py",
+    "INTERNAL": "tests/cases/test_folders.py",
+    "TOO_COSTLY": "tests/safety/test_bounds.py",  # takes its time
+    "NO_GRAPHICS": "tests/cli/test_render.py",  # a machine without EGL
+    "LIBRARY": "tests/resolve/test_components.py",  # a machine without the library
+    "MJCF_WARNING": "tests/mjcf/test_mjcf_check.py",  # depends on the version of MuJoCo
+    "SAME_FILE": "tests/emit/test_stl.py",  # two part files of one name on one file system
+    "STEP_FAILED": "tests/emit/test_step.py",  # a kernel that fails
+    "UNSTATED": "tests/cases/test_folders.py",  # a package that is installed
+    "UNREADABLE": "tests/cases/test_folders.py",  # files and folders that no repository keeps
+    "OUTPUT": "tests/cases/test_folders.py",
+    "VARIANT_DIED": "tests/variants/test_faults.py",  # what happens while variants are built
+    "VARIANT_HUNG": "tests/variants/test_faults.py",
+    "VARIANT_RAISED": "tests/variants/test_faults.py",
+    "RUNNERS": "tests/variants/test_faults.py",
+    "BATCH_LOCKED": "tests/variants/test_faults.py",
+    "BATCH_UNFINISHED": "tests/variants/test_faults.py",
+    "BATCH_CHANGED": "tests/variants/test_batch.py",
+    "CLUSTER": "tests/variants/test_cluster.py",  # other machines
+    "UNEXPECTED": "tests/cases/test_folders.py",
+    "WORKING_FOLDER": "tests/cases/test_folders.py",
+    "SOURCE_XML": "tests/importing/wrong/syntax.txt",  # files of other formats
+    "SOURCE_VALUE": "tests/importing/wrong/values.txt",
+    "SOURCE_TREE": "tests/importing/wrong/tree.txt",
+    "SOURCE_INERTIA": "tests/importing/wrong/inertias.txt",
+    "SOURCE_FILE": "tests/importing/test_meshes.py",
+    "SOURCE_DOUBT": "tests/importing/test_inertias.py",
+    "SOURCE_CONFLICT": "tests/importing/test_updates.py",
+}
+"""Codes that no document on a healthy machine causes, and where they are tested. Their pages have no examples."""
 
-@cache
-def of(code: Code, side: str) -> tuple[Path, str]:
-    """The document of an example, and what is said of it with the exit code."""
-    stem = code.code if side == "wrong" else f"{code.code}.right"
-    names = (f"{stem}.yaml", f"{stem}.toml", f"{code.code}/{side}/robot.yaml")
-    there = [path for name in names for path in CASES.glob(f"*/{name}")]
-    assert len(there) == 1, f"{code.code} has no {side} example in tests/cases/codes, see CONTRIBUTING.md, `A new check`"
-    return there[0], there[0].with_suffix(".txt").read_text()
+_SPOKEN = {"UNREACHED": "does not hang together with the root of mode"}
+
+
+SHOWN = [code for code in CODES if code.name not in ELSEWHERE]
+SIDES = ("wrong", "right")
 
 
 @pytest.mark.parametrize("code", CODES, ids=lambda code: code.code)
-def test_every_code_has_a_meaning_in_sentences(code: Code) -> None:
-    meaning = GENERATE["meanings"]().get(code.code)
-    assert meaning, f"write a sentence for {code.code} into docs/codes/meanings.toml, see CONTRIBUTING.md, `A new check`"
-    assert meaning.endswith(".") and len(meaning) > 30 and meaning not in (code.title, code.cure)
+def test_every_code_has_a_page_with_a_meaning_in_sentences(code: Code) -> None:
+    assert path_of(code).exists(), AGAIN
+    meaning = read_page(code).meaning
+    assert meaning.endswith(".") and len(meaning) > 30 and meaning not in (code.title, code.cure), "say what the code means"
+    assert meaning != parse_page(NEW).meaning, "say what the code means"
 
 
-def test_there_is_no_meaning_of_a_code_that_is_none() -> None:
-    assert set(GENERATE["meanings"]()) <= {code.code for code in Code}
+@pytest.mark.parametrize("code", CODES, ids=lambda code: code.code)
+def test_every_code_has_an_example_or_is_tested_elsewhere(code: Code) -> None:
+    if code.name in ELSEWHERE:
+        text = (ROOT / ELSEWHERE[code.name]).read_text()
+        assert any(spoken in text for spoken in (f"Code.{code.name}", f'"{code.name}"', code.code, _SPOKEN.get(code.name, "\0")))
+    assert tuple(read_page(code).examples) == (() if code.name in ELSEWHERE else SIDES)
 
 
 @pytest.mark.parametrize("code", SHOWN, ids=lambda code: code.code)
-def test_the_wrong_example_shows_its_code_and_no_other(code: Code) -> None:
-    _, said = of(code, "wrong")
-    heads = re.findall(r"^(?:error|warning|note)\[(TC\d+)\]", said, re.MULTILINE)
-    assert set(heads) == {code.code}
-
-
-@pytest.mark.parametrize("code", SHOWN, ids=lambda code: code.code)
-def test_the_right_example_is_right(code: Code) -> None:
-    document, said = of(code, "right")
-    assert said.endswith("exit 0\n") and not re.search(r"TC\d{3}\]", said)
-    wrong, _ = of(code, "wrong")
-    assert document.read_text() != wrong.read_text(errors="replace") or code.name in FILES_DIFFER
-
-
-FILES_DIFFER = {
-    "WORKSPACE_FOLDER", "PART_EMPTY", "PART_UNREADABLE", "NO_LOCK", "LOCK_STALE", "LOCK_BROKEN", "NOT_LOCKED", "NOT_LOOKED_AT",
-    "NO_RESULT", "APART", "PART_WRITES", "PART_LEFT", "PART_SWARMED", "PART_STARVED", "NOT_TWICE",
-}
-"""Codes whose two examples differ in another file than the document."""
-
-
-def _built() -> list[Code]:
-    """Codes whose wrong example is a build."""
-    paths = {code: [CASES / f"{code.code}.yaml", CASES / code.code / "wrong" / "robot.yaml"] for code in SHOWN}
-    first = {code: [p.read_text("latin-1") for p in found if p.exists()] for code, found in paths.items()}
-    return [code for code, texts in first.items() if any(text.startswith("# $ thingc build") for text in texts)]
-
-
-@pytest.mark.parametrize("code", _built(), ids=lambda code: code.code)
-def test_the_right_example_builds_where_the_wrong_one_does_not(
-    code: Code, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+def test_the_examples_of_a_page_print_what_it_shows(
+    code: Code, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The wrong one shows its code and no other. The right one shows none, also where the wrong one is built."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
-    wrong, _ = of(code, "wrong")
-    right, _ = of(code, "right")
-    words = shlex.split(wrong.read_text().partition("\n")[0].removeprefix("# $ thingc "))
-    assert "_out" in words and wrong.name in words
-    exits = []
-    for document in (wrong, right):
-        monkeypatch.chdir(document.parent)
-        again = [{"_out": str(tmp_path), wrong.name: document.name}.get(word, word) for word in words]
-        exits.append(main(again))
-        assert (code.code in capsys.readouterr().err) == (document == wrong)
-    assert exits == [1, 0]
+    monkeypatch.setenv("COLUMNS", "100")
+    page = read_page(code)
+    wrong, right = (page.examples[side] for side in SIDES)
+    for side, example in page.examples.items():
+        unpack(page, side, tmp_path / side)
+        monkeypatch.chdir(tmp_path / side)
+        printed, exit_code = said(shlex.split(example.command)[1:])
+        if os.environ.get("REGENERATE"):
+            path_of(code).write_text(with_output(path_of(code).read_text(), example, printed))
+        again = f"if it is right: REGENERATE=1 .venv/bin/pytest tests/reporting -k {code.code}, and read the difference"
+        assert printed == read_page(code).examples[side].printed, again
+        heads = re.findall(r"^(error|warning|note)\[(TC\d+)\]", printed, re.MULTILINE)
+        assert {head for _, head in heads} == ({code.code} if side == "wrong" else set())
+        failed = side == "wrong" and ("--strict" in example.command or any(severity == "error" for severity, _ in heads))
+        assert exit_code == (0 if not failed else 2 if code in USAGE_CODES else 1)
+    assert right.files and all(text != wrong.files.get(name) for name, text in right.files.items()), "leave out files that are the same"
+    if wrong.command.startswith("thingc build"):
+        command = wrong.command.replace(f"{code.code}.yaml", f"{code.code}.right.yaml")
+        printed, exit_code = said(shlex.split(command)[1:])
+        assert exit_code == 0 and code.code not in re.findall(r"\[(TC\d+)\]", printed)
 
 
-def test_codes_in_words_are_those_without_an_example() -> None:
-    with_example = {path.name[:5] for path in CASES.glob("*/TC*")}
-    assert with_example == {code.code for code in SHOWN}
+def test_there_is_no_page_of_a_code_that_is_none() -> None:
+    assert set((ROOT / "docs" / "codes").glob("TC*.md")) == {path_of(code) for code in CODES}, AGAIN
 
 
 def test_pages_and_what_explain_reads_are_current() -> None:
-    files = GENERATE["generated"]()
+    files = generated()
     stale = [str(path.relative_to(ROOT)) for path, text in files.items() if not path.exists() or path.read_text(encoding="utf-8") != text]
     assert stale == [], AGAIN
-    assert set((ROOT / "docs" / "codes").glob("TC*.md")) <= set(files), AGAIN
 
 
 def test_the_table_leads_to_every_page() -> None:
@@ -125,17 +128,10 @@ def test_the_table_leads_to_every_page() -> None:
 
 
 @pytest.mark.parametrize("code", CODES, ids=lambda code: code.code)
-def test_a_page_shows_both_examples_to_the_letter(code: Code) -> None:
-    page = (ROOT / "docs" / "codes" / f"{code.code}.md").read_text()
-    assert page.startswith(f"# {code.code}: {code.title}\n") and code.cure in page
+def test_links_of_a_page_lead_somewhere(code: Code) -> None:
+    page = path_of(code).read_text()
     for target in re.findall(r"\]\(([^)\s]+)\)", page):
         assert (ROOT / "docs" / "codes" / target).exists(), target
-    assert re.findall(r"^## (\w+)$", page, re.MULTILINE) == ([] if code.name in IN_WORDS else ["Wrong", "Right"])
-    if code.name not in IN_WORDS:
-        wrong, said = of(code, "wrong")
-        right, _ = of(code, "right")
-        assert wrong.read_text(errors="replace").rstrip("\n") in page and right.read_text().rstrip("\n") in page
-        assert re.sub(r"\n*exit \d\n$", "", said) in page
 
 
 # --- thingc explain ------------------------------------------------------------------------------------------------
@@ -146,21 +142,19 @@ def test_explain_says_what_the_page_says(code: Code, capsys: pytest.CaptureFixtu
     assert main(["explain", code.code]) == 0
     printed = capsys.readouterr().out
     assert printed.startswith(f"{code.code}: {code.title}\n") and f"Cure: {code.cure}\n" in printed
-    meaning = GENERATE["meanings"]()[code.code]
-    assert meaning in printed
+    page = read_page(code)
+    assert page.meaning in printed
     assert main(["explain", code.code, "--format", "json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert (answer["code"], answer["title"], answer["cure"], answer["meaning"]) == (code.code, code.title, code.cure, meaning)
-    for side in ("wrong", "right"):
-        if code.name in IN_WORDS:
+    assert (answer["code"], answer["title"], answer["cure"], answer["meaning"]) == (code.code, code.title, code.cure, page.meaning)
+    for side in SIDES:
+        example = page.examples.get(side)
+        if example is None:
             assert answer[side] is None
             continue
-        document, said = of(code, side)
-        text = document.read_text(errors="replace")
-        assert next(iter(answer[side]["files"].items())) == (document.name, text)
-        assert re.sub(r"\n*exit \d\n$", "", said) == answer[side]["said"]
-        assert all(f"  | {line}".rstrip() in printed for line in text.rstrip("\n").split("\n"))
-        assert f"  $ {answer[side]['command']}\n" in printed
+        assert answer[side] == {"files": example.files, "command": example.command, "said": example.printed.rstrip("\n")}
+        assert all(f"  | {line}".rstrip() in printed for text in example.files.values() for line in text.rstrip("\n").split("\n"))
+        assert f"  $ {example.command}\n" in printed
 
 
 def test_explain_takes_a_code_in_any_case_and_without_its_letters(capsys: pytest.CaptureFixture[str]) -> None:

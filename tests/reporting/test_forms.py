@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from code_pages import read_page, unpack
 
 from reporting.test_github import parsed
 from reporting.test_sarif import checked
@@ -32,8 +33,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared_store: str) -
     monkeypatch.setenv("THINGC_STORE", shared_store)
     (tmp_path / ".git").mkdir()
     shutil.copy(CASES / "thingc.toml", tmp_path)
-    for name in ("parts", "names", "codes"):
+    for name in ("parts", "names"):
         shutil.copytree(CASES / name, tmp_path / name)
+    for side, example in read_page(Code.UNKNOWN_COMPONENT).examples.items():
+        (tmp_path / f"{side}.yaml").write_text(example.files[example.document])
+    unpack(read_page(Code.PART_WARNING), "wrong", tmp_path / "remark")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -64,25 +68,25 @@ def said(capsys: pytest.CaptureFixture[str], words: Sequence[str]) -> tuple[int,
 
 
 @pytest.mark.parametrize(("words", "code"), [
-    (["check", "names/mount.yaml"], 1), (["check", "names/mount.yaml", "codes/resolve/TC302.yaml"], 1),
-    (["check", "codes/resolve/TC302.right.yaml"], 0),
-    (["check", "codes/realize/TC406/wrong/robot.yaml"], 0), (["build", "names/mount.yaml", "-o", "out"], 1), (["check", "nothing.yaml"], 2),
-    (["check", "codes/resolve/TC302.yaml", "-p", "x"], 2), (["check", "--speed", "3"], 2), (["chek", "codes/resolve/TC302.yaml"], 2),
-    (["build", "codes/resolve/TC302.right.yaml", "--mode", "nmae"], 2),
-    (["build", "codes/resolve/TC302.right.yaml", "--emit", "bom", "-o", "out"], 0),
+    (["check", "names/mount.yaml"], 1), (["check", "names/mount.yaml", "wrong.yaml"], 1),
+    (["check", "right.yaml"], 0),
+    (["check", "remark/robot.yaml"], 0), (["build", "names/mount.yaml", "-o", "out"], 1), (["check", "nothing.yaml"], 2),
+    (["check", "wrong.yaml", "-p", "x"], 2), (["check", "--speed", "3"], 2), (["chek", "wrong.yaml"], 2),
+    (["build", "right.yaml", "--mode", "nmae"], 2),
+    (["build", "right.yaml", "--emit", "bom", "-o", "out"], 0),
 ])
 def test_every_form_says_the_same(words: list[str], code: int, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     exit_code, forms, _ = said(capsys, words)
     assert exit_code == code
     assert forms["text"] == forms["json"] == forms["github"] == forms["sarif"]
-    assert bool(forms["text"]) == (code != 0 or "TC406" in words[1])
+    assert bool(forms["text"]) == (code != 0 or "remark" in words[1])
 
 
 def test_an_unchanged_document_answers_in_every_form(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A warning is remembered with the stamp; the second run answers from it, in whatever form."""
-    words = ["check", "codes/realize/TC406/wrong/robot.yaml"]
+    words = ["check", "remark/robot.yaml"]
     assert main(words) == 0
     monkeypatch.setattr("thingc.driver.pipeline.check", lambda *_, **__: pytest.fail("the stamp should have answered"))
     exit_code, forms, _ = said(capsys, words)
@@ -97,13 +101,13 @@ def test_a_defect_is_told_in_the_form_that_was_asked_for(
         raise ZeroDivisionError("division by zero")
 
     monkeypatch.setattr("thingc.driver.pipeline.check", defect)
-    (folder / "codes" / "resolve" / "TC302.yaml").write_text("thingc: assembly/1\nname: never_seen_before\ncomponents: {}\n")
-    exit_code, forms, _ = said(capsys, ["check", "codes/resolve/TC302.yaml"])
+    (folder / "wrong.yaml").write_text("thingc: assembly/1\nname: never_seen_before\ncomponents: {}\n")
+    exit_code, forms, _ = said(capsys, ["check", "wrong.yaml"])
     assert exit_code == 1 and list(forms.values()) == [["TC899"]] * 4
 
 
 def test_a_form_that_a_command_has_not_is_refused_in_text(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["info", "codes/resolve/TC302.right.yaml", "--format", "sarif"]) == 2
+    assert main(["info", "right.yaml", "--format", "sarif"]) == 2
     printed = capsys.readouterr()
     assert printed.out == "" and "expected `text` or `json`, found `sarif`" in printed.err
 
@@ -131,7 +135,7 @@ PLAIN = "error[TC302]: this document has no component `plaet`\n"
 
 def test_colour_is_for_terminals(folder: Path) -> None:
     environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
-    words = ["check", "codes/resolve/TC302.yaml"]
+    words = ["check", "wrong.yaml"]
     colored = printed_on_terminal(words, environment)
     assert "\x1b[1;31merror[TC302]\x1b[0m" in colored
     plain = re.sub(r"\x1b\[[\d;]*[mK]", "", colored)
@@ -144,7 +148,7 @@ def test_colour_is_for_terminals(folder: Path) -> None:
 @pytest.mark.parametrize("form", ["json", "github", "sarif"])
 def test_no_machine_gets_colours(form: str, folder: Path) -> None:
     environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
-    assert "\x1b[1;31m" not in printed_on_terminal(["check", "codes/resolve/TC302.yaml", "--format", form], environment)
+    assert "\x1b[1;31m" not in printed_on_terminal(["check", "wrong.yaml", "--format", form], environment)
 
 
 @pytest.mark.parametrize(("fault", "help"), [

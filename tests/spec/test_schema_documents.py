@@ -13,14 +13,16 @@ import re
 import subprocess
 import sys
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
+from code_pages import read_page, unpack
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from docs.pages import PAGES, documents, meant_to_be_wrong
+from thingc.base.diagnostics import Code
 from thingc.documents.spec import fields
 from thingc.documents.spec.validation import KINDS
 from thingc.tools.cli.main import main
@@ -41,14 +43,14 @@ EXCEPTIONS = {
     ("spec/unit_of_a_file.yaml", "components.motor.unit"): "which files carry a unit of their own is a matter of their endings",
     ("spec/mesh_keys.yaml", "components.trunk.shapes[2].unit"): "which files carry a unit of their own is a matter of their endings",
     ("spec/quaternions.yaml", "modes.one.hold.base.long.quat"): "a hold that carries force alone takes no angles",
-    ("codes/spec/TC211.yaml", "materials.petg.color"): "colours are taken in any case, and JSON Schema's patterns know no case",
+    ("TC211.yaml", "materials.petg.color"): "colours are taken in any case, and JSON Schema's patterns know no case",
 }
 """Other faults that the schemas let through: document and key path, and why."""
 SHARES = {
     "TC201": 1.0, "TC202": 1.0, "TC203": 1.0, "TC204": 1.0, "TC205": 1.0, "TC206": 0.9, "TC207": 0.9, "TC208": 0.85, "TC209": 0.0,
     "TC210": 1.0, "TC211": 0.7, "TC212": 0.9, "TC213": 1.0, "TC214": 1.0,
 }
-"""Of the faults of each code in `tests/cases`, the share that the schemas refuse, at least."""
+"""Of the faults of each code in `tests/cases` and `docs/codes`, the share that the schemas refuse, at least."""
 
 
 def run(*words: object) -> dict[str, object]:
@@ -96,8 +98,22 @@ def test_it_would_say_so_if_they_were_not(tmp_path: Path) -> None:
     assert run("--check-metaschema", tmp_path / "broken.json")["status"] == "fail"
 
 
+def checked(folder: Path) -> Iterator[tuple[str, Path, str]]:
+    """Every case and every example of a code (written into `folder`) that is checked without options: name, path, what is printed."""
+    for path in sorted(CASES.rglob("*")):
+        text = path.with_suffix(".txt")
+        if path.suffix in (".yaml", ".yml", ".toml") and text.exists() and not path.read_text("latin-1").startswith("# $ "):
+            yield path.relative_to(CASES).as_posix(), path, re.sub(r"exit \d\n$", "", text.read_text())
+    for code in Code:
+        page = read_page(code)
+        for side, example in page.examples.items():
+            if example.command == f"thingc check {example.document}":
+                unpack(page, side, folder / f"{code.code}_{side}")
+                yield example.document, folder / f"{code.code}_{side}" / example.document, example.printed
+
+
 def right_documents(folder: Path) -> list[Path]:
-    """Every right document of the repository: the robots, what the pages show (written into `folder`), and the cases that are `ok`."""
+    """Every right document of the repository: robots, what pages show (written into `folder`), cases and examples that are `ok`."""
     robots = [path for path in (ROOT / "assemblies").rglob("*") if path.suffix in (".yaml", ".yml", ".toml")]
     shown = []
     for page in PAGES:
@@ -106,10 +122,7 @@ def right_documents(folder: Path) -> list[Path]:
                 suffix = Path(block.file or "x.yaml").suffix
                 shown.append(folder / f"{page.stem}_{number}{suffix}")
                 shown[-1].write_text(block.text)
-    cases = [
-        path for path in CASES.rglob("*") if path.suffix in (".yaml", ".yml", ".toml") and path.with_suffix(".txt").exists()
-        and path.with_suffix(".txt").read_text() == f"{path.name}: ok\nexit 0\n"
-    ]
+    cases = [path for _, path, printed in checked(folder) if printed == f"{path.name}: ok\n"]
     assert len(robots) > 5 and len(shown) > 10 and len(cases) > 80
     return [path for path in (*robots, *shown, *cases, ROOT / "thingc.toml") if kind_of(path) is not None]
 
@@ -122,10 +135,7 @@ def test_every_right_document_is_valid(tmp_path: Path) -> None:
 def test_wrong_documents_are_refused_fault_by_fault(shared_store: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A fault is refused where the schema complains of its key, of one that holds it, or of what is in it."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
-    wrong = [
-        path for path in sorted(CASES.rglob("*")) if path.suffix in (".yaml", ".toml") and path.with_suffix(".txt").exists()
-        and re.search(r"\[TC2\d\d\]", path.with_suffix(".txt").read_text()) and not path.read_text("latin-1").startswith("# $ ")
-    ]
+    wrong = {path: name for name, path, printed in checked(tmp_path) if re.search(r"\[TC2\d\d\]", printed)}
     assert len(wrong) > 50
     # ruamel, which reads for check-jsonschema, takes a lone `=` for the default value of YAML 1.1 and gives up.
     copies = {path: tmp_path / f"{number}{path.suffix}" for number, path in enumerate(wrong)}
@@ -134,7 +144,7 @@ def test_wrong_documents_are_refused_fault_by_fault(shared_store: str, monkeypat
     refused = faults(copies.values())
     seen: dict[str, list[bool]] = defaultdict(list)
     missed = set()
-    for path in wrong:
+    for path, name in wrong.items():
         monkeypatch.chdir(path.parent)
         with contextlib.redirect_stdout(io.StringIO()) as out:
             main(["check", path.name, "--format", "json"])
@@ -147,7 +157,7 @@ def test_wrong_documents_are_refused_fault_by_fault(shared_store: str, monkeypat
             )
             seen[d["code"]].append(near)
             if not near and d["code"] not in BEYOND:
-                missed.add((path.relative_to(CASES).as_posix(), d["path"]))
+                missed.add((name, d["path"]))
     shares = {code: sum(found) / len(found) for code, found in sorted(seen.items())}
     assert {code: share for code, share in shares.items() if share < SHARES[code]} == {}
     assert set(shares) == set(SHARES)

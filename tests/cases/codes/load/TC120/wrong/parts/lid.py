@@ -1,1 +1,0 @@
-"""Parts of the workspace go here."""
