@@ -399,8 +399,10 @@ class Report:
         return Report(list(self.diagnostics), self.allowances, set(self.needed), self.allowed, set(self._known))
 
     def say_unneeded(self, document: str, stages: Collection[Stage]) -> None:
-        """Warn of each allowance in `document` (an absolute path) that suppressed nothing, if one of `stages`, the completed stages,
-        reports its code. Those of nested documents are skipped: other robots may need them.
+        """Warn of each unnecessary allowance in `document` (an absolute path).
+
+        An allowance is unnecessary if it suppressed nothing, and one of the completed `stages` reports its code. Those of nested documents
+        are skipped: other robots may need them.
         """
         for allowance in self.allowances:
             if allowance.where.file == document and allowance.code.warned_by in stages and allowance not in self.needed:

@@ -156,8 +156,9 @@ def moments_fault(low: float, middle: float, high: float) -> str | None:
 
 
 def within_triangle(a: Matrix) -> Matrix:
-    """Return the inertia with moments increased by a relative 1e-12 if the body is flat: MuJoCo computes the principal moments and requires
-    A + B >= C exactly, and a plate has A + B = C.
+    """Return the inertia with moments increased by a relative 1e-12 if the body is flat.
+
+    MuJoCo computes the principal moments and requires A + B >= C exactly; a plate has A + B = C.
     """
     low, middle, high = principal_moments(a)
     short = high - low - middle

@@ -125,8 +125,9 @@ NO_POSE = Pose()
 
 
 def turn_of(quaternion: Quaternion) -> Vector:
-    """Return the rotation vector, axis times angle [rad] from 0 to pi, of a nonzero quaternion (w, x, y, z); accurate near 0 and near
-    pi.
+    """Return the rotation vector, axis times angle [rad] from 0 to pi, of a nonzero quaternion (w, x, y, z).
+
+    It is accurate near 0 and near pi.
     """
     w, x, y, z = quaternion if quaternion[0] >= 0.0 else (-quaternion[0], -quaternion[1], -quaternion[2], -quaternion[3])
     size = sqrt(x * x + y * y + z * z)

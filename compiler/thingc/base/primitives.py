@@ -57,8 +57,9 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
 
     @property
     def matter(self) -> MassProperties:
-        """Mass properties at density 1: volume [m^3] as the mass, centre [m] and inertia [m^5] about it, in the part's frame (standard
-        formulas for homogeneous solids).
+        """Mass properties at density 1, in the part's frame (standard formulas for homogeneous solids).
+
+        The volume [m^3] is the mass; the inertia [m^5] is about the centre [m].
         """
         volume = self.volume
         a, b, c = (*self.size, 0.0, 0.0)[:3]
@@ -85,8 +86,9 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
         return MassProperties(mass=volume, inertia=inertia).seen_from(self.pose)
 
     def lowest(self, down: Vector) -> float:
-        """Return the minimum of `down` (a unit vector in the part's frame) times x [m] over all points x: the negated support function of
-        the opposite direction.
+        """Return the minimum [m] of the dot product of `down` (a unit vector in the part's frame) and x over all points x.
+
+        This is the negated support function of the opposite direction.
         """
         x, y, z = (dot(down, column) for column in transpose(self.pose.rotation))
         middle, size = dot(down, self.pose.translation), self.size

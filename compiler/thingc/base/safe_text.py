@@ -58,8 +58,9 @@ def quoted(names: Sequence[str], most: int) -> str:
 
 
 def unseen(name: str) -> str:
-    """Return the characters of a name that are not visible: controls, line ends, bidirectional marks, characters without width, and
-    undecodable bytes of file names. Names with such characters cannot be displayed or stored in lines.
+    """Return the characters of a name that are not visible; names with such characters cannot be displayed or stored in lines.
+
+    They are controls, line ends, bidirectional marks, characters without width, and undecodable bytes of file names.
     """
     if _is_printable(name):
         return ""

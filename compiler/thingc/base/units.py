@@ -468,8 +468,9 @@ def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Q
 
 
 def suggested_units(dimension: Dimension, numbers: str) -> tuple[str, ...]:
-    """Return likely units for `numbers` without a unit, most likely first: those of drawings, or, for small fractions (`1.57`,
-    `0 0 0.12`), the SI units of URDF and MJCF.
+    """Return likely units for `numbers` without a unit, most likely first.
+
+    They are those of drawings, or, for small fractions (`1.57`, `0 0 0.12`), the SI units of URDF and MJCF.
     """
     drawn, si, most = _SUGGESTED.get(dimension, (dimension.example.partition(" ")[2], "", 0.0))
     if not si:

@@ -45,8 +45,9 @@ CONSUMERS = ("mjx", "warp", "drake", "pymjcf")
 
 
 class Tessellation(FrozenStruct):
-    """Tolerances for meshing curved surfaces: the mesh is at most `linear` [m] off the surface, and the angle between neighbouring facets
-    is at most `angular` [rad].
+    """Tolerances for meshing curved surfaces.
+
+    The mesh is at most `linear` [m] off the surface, and the angle between neighbouring facets is at most `angular` [rad].
     """
 
     linear: float
@@ -182,8 +183,9 @@ def _default(folder: str, inputs: dict[str, str | None]) -> Workspace:
 
 
 def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) -> tuple[str, ...]:
-    """Return the existing folders inside the workspace; missing ones are added to the inputs, because creating them changes the
-    workspace.
+    """Return the existing folders inside the workspace.
+
+    Missing ones are added to the inputs, because creating them changes the workspace.
     """
     folders = [os.path.normpath(os.path.join(root, name)) for name in names]
     inputs.update({folder: None for folder in folders if not os.path.isdir(folder) or not _inside(folder, root)})
@@ -191,8 +193,9 @@ def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) 
 
 
 def _bytes(path: str) -> bytes | None:
-    """Return the content of a file (at most one byte more than the limit), or None if it does not exist; raises OSError if it cannot
-    be read.
+    """Return the content of a file (at most one byte more than the limit), or None if it does not exist.
+
+    Raises OSError if it cannot be read.
 
     Files that are not regular, and links to targets outside the folder, count as missing.
     """

@@ -128,8 +128,9 @@ class Environment:
         return lock
 
     def say_gaps(self, report: Report) -> None:
-        """Report what the lock lacks of the parts realized last, and errors of the lock: as warnings if code may run (the lock is optional
-        then).
+        """Report what the lock lacks of the parts realized last, and errors of the lock.
+
+        They are warnings if code may run (the lock is optional then).
         """
         from thingc.geometry.part_source import report_gaps
 

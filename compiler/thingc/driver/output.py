@@ -228,8 +228,9 @@ def unswept(folder: str) -> bool:
 
 
 def unexpected_files(folder: str, document: str, *, also: Collection[str] = (), known: Digests | None = None) -> UnexpectedFiles:
-    """Return the files that a build of `document` must not delete from `folder`: those that its manifest does not list, or with another
-    content.
+    """Return the files in `folder` that a build of `document` must not delete.
+
+    These are files that its manifest does not list, or lists with another content.
 
     If the manifest is missing, damaged or of another document, these are all files. Links count as files; empty folders are ignored. A
     manifest is only trusted for names that a target writes, or that are in `also`: it could list arbitrary files. `known` caches the

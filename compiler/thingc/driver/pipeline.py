@@ -104,8 +104,9 @@ class Compilation(FrozenStruct):
 
 
 def check(environment: Environment) -> Compilation:
-    """Run every pass up to `root`, for all modes of a document of any kind that can be checked (materials are only resolved, variants only
-    validated). Errors are reported.
+    """Run every pass up to `root`, for all modes, on a document of any kind that can be checked. Errors are reported.
+
+    Materials are only resolved, variants only validated.
     """
     compilation = compile(environment, kinds=("assembly", "materials", "variants"))
     say_unneeded(compilation, [Stage.CHECK])

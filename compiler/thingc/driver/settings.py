@@ -80,8 +80,9 @@ class SettingsReader:
         return stated_parameter(self._documents, path)
 
     def meant(self, name: str) -> tuple[str, ...]:
-        """Return the names that a pattern matches (`joints.*.dynamics.damping`, `leg_*` of parameters), including nested documents; a name
-        without `*` is returned as it is.
+        """Return the names that a pattern matches, including those of nested documents.
+
+        Patterns are such as `joints.*.dynamics.damping`, or `leg_*` for parameters; a name without `*` is returned unchanged.
         """
         known = self._meant.get(name)
         if known is None:

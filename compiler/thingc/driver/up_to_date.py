@@ -31,8 +31,10 @@ FOLDER = "folder:"
 
 
 def fingerprint() -> str:
-    """Return a digest of the interpreter, the installed packages (names of their metadata folders contain the version), the variables that
-    workers get, and thingc's own files.
+    """Return a digest of the installation.
+
+    It covers the interpreter, the installed packages (names of their metadata folders contain the version), the variables that workers get,
+    and thingc's own files.
     """
     from thingc.geometry.key.environment_variables import passed
 
@@ -53,8 +55,10 @@ def fingerprint() -> str:
 
 
 def state_of(path: str, store: Store | None = None) -> str | None:
-    """Return the SHA-256 of a file's content, `folder:` and that of a folder's names, or None if neither exists. `store` caches digests of
-    large files."""
+    """Return a digest of a file or folder, or None if neither exists.
+
+    It is the SHA-256 of a file's content, or `folder:` and that of a folder's names. `store` caches digests of large files.
+    """
     from thingc.geometry.store.file_digests import digest_of
 
     try:
@@ -127,10 +131,9 @@ def inputs(environment: Environment, compilation: Compilation) -> dict[str, str 
 
 
 def looked_at(environment: Environment, compilation: Compilation) -> set[str]:
-    """Return the absolute paths of everything in the workspace, and in packages tracked by content, that a compilation depends on, with or
-    without errors.
+    """Return the absolute paths of everything that a compilation depends on, with or without errors.
 
-    These are files and folders, existing or not.
+    These are files and folders, existing or not, in the workspace and in packages tracked by content.
     """
     from thingc.documents.workspace import settings_files
     from thingc.model.resolve.choices import chosen_files

@@ -15,8 +15,9 @@ STEPS = 50
 
 
 def coordinates(cut: Cut, X_AB: Array, usual: Sequence[float]) -> Array:
-    """Return q (n,) of a cut joint with the relative pose `X_AB` (4, 4) of its ends; angles are within half a turn of the `usual`
-    values.
+    """Return q (n,) of a cut joint with the relative pose `X_AB` (4, 4) of its ends.
+
+    Angles are within half a turn of the `usual` values.
     """
     if cut.kind == "ball":
         return rotation_vector(X_AB[:3, :3])

@@ -28,8 +28,9 @@ class Impact(OneLineRepr):
 
 
 def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> tuple[RobotState, Array, Mapping[str, Array]]:
-    """Return the state after a perfectly inelastic impact with everything that `mode` holds, the impulse (6,) on the root link, and those
-    on its holds by path.
+    """Return the state after a perfectly inelastic impact with everything that `mode` holds, and the impulses.
+
+    These are the impulse (6,) on the root link, and those on its holds by path.
 
     Let C u = 0 be the constraints of the mode on the velocity u = (base twist, v): root link (unless free) and held links stand still,
     mimic joints follow their leaders, loops stay closed. Their impulses p change u by `M (u' - u) = C^T p` with C u' = 0. With a basis N of
@@ -87,8 +88,9 @@ def _base(mode: Mode, state: RobotState) -> tuple[Array, Array]:
 
 
 def _held(hold: Hold, X: Array, J: Array) -> Array:
-    """Return the velocity constraints of a hold, for a link at X (4, 4) with the Jacobian J (6, n): of the link, or (3, n) of the origin of
-    a mount that may turn.
+    """Return the velocity constraints of a hold, for a link at X (4, 4) with the Jacobian J (6, n).
+
+    J is that of the link, or (3, n) of the origin of a mount that may turn.
     """
     return J[:3] - cross_matrix(X[:3, :3] @ hold.X_LM[:3, 3]) @ J[3:] if hold.turns else J
 

@@ -135,8 +135,9 @@ class Modes(Mapping[str, Mode]):
 
 
 def _placed(state: RobotState, mode: Mode, data: Any, tolerance: float) -> RobotState:
-    """Return the state with a base pose that `mode` allows; for a fixed base that of the model of `data`, if given, else that of the
-    build.
+    """Return the state with a base pose that `mode` allows.
+
+    For a fixed base it is that of the model of `data`, if given, else that of the build.
     """
     if mode.base == "fixed":
         return _bolted(state, mode, mode.X_world_root if data is None else mjdata.bolted(mode, data), tolerance)
@@ -194,8 +195,9 @@ def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[st
 
 
 def _removed(state: RobotState, mode: Mode) -> dict[str, tuple[str, Array]]:
-    """Return the motions that `mode` stops, by path of the mount, root first: the name of the link and its twist; for a hold that lets the
-    link turn, the velocity of the mount's origin, and 0.
+    """Return the motions that `mode` stops, by path of the mount, root first.
+
+    Each is the name of the link and its twist, or, for a hold that lets the link turn, the velocity of the mount's origin, and 0.
     """
     twists = mode.twists(state)
     poses = mode.poses(state)

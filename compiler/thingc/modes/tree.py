@@ -19,8 +19,10 @@ from thingc.modes.state import RobotState
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Ball(OneLineRepr):
-    """A ball joint in the tree: its `name` in the model, its three `coordinates` in the document's order, whether the tree traverses it
-    from child to parent (`reversed`), and `R` (3, 3), which converts its q to MuJoCo's axes.
+    """A ball joint in the tree.
+
+    It has its `name` in the model, its three `coordinates` in the document's order, whether the tree traverses it from child to parent
+    (`reversed`), and `R` (3, 3), which converts its q to MuJoCo's axes.
     """
 
     name: str
@@ -67,8 +69,10 @@ def rotation(vector: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Inertias(OneLineRepr):
-    """Inertias of n links: `mass` (n,) [kg], `centre` (n, 3) [m] in the link's frame, `inertia` (n, 3, 3) [kg m^2] about the centre in
-    the link's axes; and of m joints: `armature` (m,) [kg m^2; kg for slides], the reflected inertia of the rotor.
+    """Inertias of n links, and of m joints.
+
+    Links: `mass` (n,) [kg], `centre` (n, 3) [m] in the link's frame, `inertia` (n, 3, 3) [kg m^2] about the centre in the link's axes.
+    Joints: `armature` (m,) [kg m^2; kg for slides], the reflected inertia of the rotor.
     """
 
     mass: Array
@@ -242,8 +246,9 @@ class Mode(OneLineRepr):
         base_pose: ArrayLike | None = None,
         base_twist: ArrayLike | None = None,
     ) -> RobotState:
-        """Return a state of this mode: the pose `named` (None: every joint at 0), overridden by `q`, at rest except for `v` and
-        `base_twist`.
+        """Return a state of this mode: the pose `named` (None: every joint at 0), overridden by `q`.
+
+        It is at rest except for `v` and `base_twist`.
 
         The base is at its initial pose unless `base_pose` is given. Raises `ModesError` for an unknown pose or joint.
         """
@@ -265,8 +270,9 @@ class Mode(OneLineRepr):
         return dict(zip((link.name for link in self.links), self._placed(state), strict=True))
 
     def twists(self, state: RobotState) -> dict[str, Array]:
-        """Return the motion (6,) of every link by name: velocity [m/s] of its frame's origin in world axes, then angular velocity
-        [rad/s] in its own axes.
+        """Return the motion (6,) of every link by name.
+
+        It is the velocity [m/s] of its frame's origin in world axes, then the angular velocity [rad/s] in its own axes.
         """
         placed = self._placed(state)
         u = self.velocity(state)
@@ -282,8 +288,9 @@ class Mode(OneLineRepr):
         return np.concatenate([state.base_twist, [state.v[joint.name] for joint in self.joints]])
 
     def jacobians(self, state: RobotState) -> tuple[Array, ...]:
-        """Return the Jacobian (6, 6 + m) of every link: from `velocity` to the velocity of its frame's origin and the angular velocity,
-        both in world axes.
+        """Return the Jacobian (6, 6 + m) of every link.
+
+        It maps `velocity` to the velocity of its frame's origin and the angular velocity, both in world axes.
         """
         return tuple(self._jacobians(state, self._placed(state)))
 
@@ -321,8 +328,9 @@ class Mode(OneLineRepr):
         return np.concatenate([base, *(joint.in_qvel(state.q, state.v) for joint in self.joints)])
 
     def coupling(self, q: Mapping[str, float]) -> Array:
-        """Return (m, k): the matrix at `q` (by joint) from v of the k joints that follow no other joint of this tree to v of all m joints,
-        both in the order of the model.
+        """Return (m, k): the matrix at `q` (by joint) from v of the k independent joints to v of all m joints.
+
+        Independent joints follow no other joint of this tree. Both are in the order of the model.
         """
         by_name = {joint.name: joint for joint in self.joints}
         free = [joint.name for joint in self.joints if joint.mimic is None or joint.mimic.joint not in by_name]

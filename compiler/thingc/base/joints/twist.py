@@ -52,8 +52,10 @@ NONE: Vector = (0.0, 0.0, 0.0)
 
 
 class Twist(FrozenStruct, kw_only=False):
-    """A motion per unit of q, in some frame: rotation by `angular` (a unit vector, or 0 for a pure translation), while the point `anchor`
-    [m] on the axis moves by `linear` (parallel to the axis; a unit vector for a pure translation).
+    """A motion per unit of q, in some frame.
+
+    It rotates by `angular` (a unit vector, or 0 for a pure translation), while the point `anchor` [m] on the axis moves by `linear`
+    (parallel to the axis; a unit vector for a pure translation).
     """
 
     angular: Vector = NONE
@@ -150,8 +152,9 @@ def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = Fa
 
 
 def velocities(twists: tuple[Twist, ...], q: tuple[float, ...], pose: Pose, *, at_once: bool = False) -> Iterator[tuple[int, Twist]]:
-    """Yield the index of every coordinate, the last first, and the twist of its motion at `q`, in the frame of `pose` (the pose of the
-    frame that the twists move). With `at_once`, the angular part is not a unit vector.
+    """Yield the index and the twist of the motion of every coordinate at `q`, the last first.
+
+    Twists are in the frame of `pose` (the pose of the frame that the twists move). With `at_once`, the angular part is not a unit vector.
     """
     if at_once:
         turned = rotation_vector(twists, q)
@@ -180,9 +183,10 @@ def rotation_vector(twists: tuple[Twist, ...], q: tuple[float, ...]) -> Vector:
 
 
 def _right_jacobian(w: Vector, v: Vector) -> Vector:
-    """Return the angular velocity, in body axes, of a body rotated by the rotation vector w while w changes by v: `v - b w x v + c w x (w x
-    v)` with b = (1 - cos a) / a^2, c = (a - sin a) / a^3, a = |w| (Chirikjian, Stochastic Models, Information Theory, and Lie Groups 2,
-    2012, section 10.3.3); by their series near 0.
+    """Return the angular velocity, in body axes, of a body rotated by the rotation vector w while w changes by v.
+
+    This is `v - b w x v + c w x (w x v)` with b = (1 - cos a) / a^2, c = (a - sin a) / a^3, a = |w| (Chirikjian, Stochastic Models,
+    Information Theory, and Lie Groups 2, 2012, section 10.3.3); near 0, b and c are computed by their series.
     """
     a = hypot(*w)
     if a < 1e-2:

@@ -230,8 +230,9 @@ _MARKED = re.compile(r"(?:\$\{|\{\{|\$\(|#\{|<%=?)\s*(.*?)\s*(?:\}\}?|\)|%>)|\$(
 
 
 def expression_hint(text: str, names: Collection[str] | None = None) -> Suggestion | None:
-    """Return a hint for an expression without `=`, or with the marks of another language; None if it is not an expression, or uses names
-    that are not in `names`.
+    """Return a hint for an expression without `=`, or with the marks of another language.
+
+    None if it is not an expression, or uses names that are not in `names`.
     """
     text = text.strip()
     marked = _MARKED.fullmatch(text)

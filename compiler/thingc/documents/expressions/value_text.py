@@ -12,8 +12,9 @@ from thingc.documents.expressions.evaluation import ExpressionValue, plain
 
 
 def text_of(value: ExpressionValue, unit: str = "") -> str:
-    """Format a value as text that `-p NAME=VALUE` parses exactly: in `unit` if possible, else in SI (`95.5 mm`, `0.0955 m`); `true`; texts
-    as they are.
+    """Format a value as text that `-p NAME=VALUE` parses exactly.
+
+    Quantities are in `unit` if possible, else in SI (`95.5 mm`, `0.0955 m`); flags are `true` or `false`; texts are unchanged.
     """
     if isinstance(value, bool):
         return "true" if value else "false"

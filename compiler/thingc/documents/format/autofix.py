@@ -53,8 +53,9 @@ Look = Callable[[Mapping[str, bytes]], CheckResult]
 
 
 def located(edit: Edit, text: str) -> tuple[int, int] | None:
-    """Return the range that an edit replaces in the text of its file (without a byte order mark); None if the text to replace is not there
-    exactly once.
+    """Return the range that an edit replaces in the text of its file (without a byte order mark).
+
+    None if the text to replace is not there exactly once.
     """
     source = Source(edit.span.file, text)
     if not (0 < edit.span.line <= len(source.starts) and 0 < edit.span.end_line <= len(source.starts)):

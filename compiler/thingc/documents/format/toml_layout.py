@@ -30,8 +30,9 @@ class _Statement:
 
 @dataclass(slots=True)
 class _Names:
-    """The tables of a document: for each key the keys below it, in the order first written; after `settle`, the types of tables and
-    the canonical rank of each key.
+    """The tables of a document: for each key the keys below it, in the order first written.
+
+    After `settle`, it also has the types of tables and the canonical rank of each key.
     """
 
     below: dict[str, _Names] = field(default_factory=dict)

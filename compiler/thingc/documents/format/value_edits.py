@@ -206,8 +206,9 @@ def _in_toml(document: Document, keys: Keys, value: Written) -> str:
 
 
 def _behind_entries(document: Document, keys: Keys) -> tuple[int, bool] | None:
-    """Return where to insert a new entry of a section with a header: the end of the last entry's last line, and whether that is a table
-    with its own header. None if the entry exists, or the section is written in another way.
+    """Return where to insert a new entry of a section with a header, and whether the last entry is a table with its own header.
+
+    The place is the end of the last entry's last line. None if the entry exists, or the section is written in another way.
     """
     source, text, node = Source(document.path, document.text), document.text, node_at(document.tree, keys[:1])
     if not isinstance(node, MappingNode) or not node.entries or keys[1] in node.entries:

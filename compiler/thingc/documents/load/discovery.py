@@ -32,8 +32,9 @@ _OTHERS = frozenset({"node_modules", "__pycache__"})
 
 
 def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
-    """Return the absolute paths of assembly, materials and variants documents below a folder, sorted: all files with the key `thingc`, even
-    if its value is invalid.
+    """Return the absolute paths of assembly, materials and variants documents below a folder, sorted.
+
+    These are all files with the key `thingc`, even if its value is invalid.
 
     With a workspace, its build folder and nested workspaces are skipped. Without a workspace file the extent of the workspace is unknown,
     so the search is bounded as in `documents_near`. Hidden folders and virtual environments are always skipped; links to folders are not

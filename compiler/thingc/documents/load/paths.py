@@ -86,8 +86,9 @@ def named(text: str, beside: str) -> str | None:
 
 
 def libraries(path: str) -> tuple[str, ...]:
-    """Return the names of the material libraries of an OBJ file (in the same folder) according to its first lines; empty for other
-    files.
+    """Return the names of the material libraries (in the same folder) that the first lines of an OBJ file list.
+
+    Empty for other files.
     """
     if not path.lower().endswith(".obj"):
         return ()

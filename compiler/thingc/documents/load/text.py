@@ -21,9 +21,10 @@ MAX_FAULTS = 200
 _BREAK = re.compile(r"\r\n|\r|\n")
 _FORBIDDEN_ASCII = "[^\t\n\r\x20-\x7e]"
 _FORBIDDEN = "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
-"""Control characters (unsafe in terminals), NEL, line and paragraph separators (which editors and parsers
-count differently), surrogates, and a byte order mark that is not at the start. (Compiled on demand: this takes as long as
-reading a short document.)
+"""Characters that documents must not contain.
+
+These are control characters (unsafe in terminals), NEL, line and paragraph separators (which editors and parsers count differently),
+surrogates, and a byte order mark that is not at the start. (Compiled on demand: this takes as long as reading a short document.)
 """
 
 _SPOKEN = {

@@ -265,8 +265,9 @@ class _Joiner:
 
 
 def _too_large(source: Source, syntax: TomlSyntax, report: Report) -> bool:
-    """Return whether nesting of brackets or dotted keys, or the number of values, exceeds the limit (reported); checked before
-    any recursion.
+    """Return whether nesting of brackets or dotted keys, or the number of values, exceeds the limit (reported).
+
+    This is checked before any recursion.
     """
     waiting = [(syntax.root, 0)]
     values = 0

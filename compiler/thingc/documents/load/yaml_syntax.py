@@ -170,8 +170,9 @@ def _shallow_above(source: Source, at: int) -> int | None:
 
 
 def _lines_above(source: Source, at: int) -> Iterator[tuple[int, int, str]]:
-    """Yield the lines above the one that begins at `at`, without empty lines and comments: the start of its text, the width of the
-    indentation, and the line. Empty if there is other text before `at` in its line.
+    """Yield the lines above the one that begins at `at`, nearest first, without empty lines and comments.
+
+    Each is the start of its text, the width of the indentation, and the line. Empty if there is other text before `at` in its line.
     """
     number = source.line_at(at)
     if source.line(number)[: at - source.starts[number]].strip():

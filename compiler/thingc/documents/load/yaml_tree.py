@@ -326,8 +326,9 @@ class _Builder:
     # Report this once, and join the pieces again.
 
     def numbers(self, following: Any) -> tuple[list[tuple[Any, Any]], Any]:
-        """Return up to two keys without values that are elements of a vector, from the event `following` on, and the next
-        event; with None instead if the last of them has a value.
+        """Return up to two keys without values that are elements of a vector, from the event `following` on, and the next event.
+
+        The next event is None if the last key has a value.
         """
         pairs: list[tuple[Any, Any]] = []
         while len(pairs) < 2 and _is_value(following):
@@ -405,8 +406,9 @@ def is_flow(text: str) -> bool:
 
 
 def read_flow(text: str, place: Span) -> Node | Diagnostic:
-    """Parse a mapping or a list on one line that replaces a value of a document (`{on: floor}`), with one place for all nodes; or return
-    the first error.
+    """Parse a mapping or a list on one line that replaces a value of a document (`{on: floor}`); or return the first error.
+
+    All nodes have the same `place`.
     """
     report = Report()
     tree = read_yaml(Source("", text), report)

@@ -30,8 +30,9 @@ class NameOccurrence(FrozenStruct):
 
 
 class SettingWord(FrozenStruct):
-    """A word in the path of a setting (`components.leg.joints.knee.limit.upper`) that is a name, at an `offset`: it is resolved like a key
-    at `path` in the document that is nested through the components `through`.
+    """A name in the path of a setting (`components.leg.joints.knee.limit.upper`), at an `offset`.
+
+    It is resolved like a key at `path` in the document that is nested through the components `through`.
     """
 
     offset: int
@@ -85,8 +86,9 @@ def _of_text(text: str, shape: FieldType) -> DeclaresName | RefersTo | None:
 
 
 def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
-    """Yield the names of elements: `raw: {mjcf: {joint: {NAME: ...}}}`; for added elements those that they refer to, and those in
-    `order`.
+    """Yield the names of elements in `raw` (`raw: {mjcf: {joint: {NAME: ...}}}`).
+
+    Those in added elements are the names that they refer to; those in `order` are all.
     """
     for kind, named in node.entries.items():
         if kind in ("add", "order"):
@@ -99,8 +101,9 @@ def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
 
 
 def referred(path: Path) -> str | None:
-    """Return the kind of element that a value in an added element refers to: a joint, a site, a body or anything (`object`); otherwise
-    None.
+    """Return the kind of element that a value in an added element refers to: a joint, a site, a body or anything (`object`).
+
+    None if it refers to none.
     """
     key = str(path[-1]).rstrip("12")
     if key in ("objname", "refname"):

@@ -348,8 +348,9 @@ class _Reader:
     def all_joints(
         self, written: DocumentNames, way: tuple[tuple[DocumentNames, str, str], ...],
     ) -> Iterator[tuple[tuple[DocumentNames, str, str], ...]]:
-        """Yield every joint of an assembly and its nested ones: the components on the way, and the joint, each with document and
-        section.
+        """Yield every joint of an assembly and its nested ones.
+
+        Each is the components on the way, and the joint, each with document and section.
         """
         for key in written.section("joints"):
             yield (*way, (written, "joints", key))

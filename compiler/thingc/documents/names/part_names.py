@@ -18,8 +18,10 @@ from thingc.base.source import Span
 
 
 class PartName(FrozenStruct, kw_only=False):
-    """A mount (an attribute) or a parameter of a Thing: `what` is `part mount` or `part parameter`, `file` the absolute path of its module
-    and `owner` the class in it. If the declaration is unknown, `file` is empty and `owner` is the reference of the class.
+    """A mount (an attribute) or a parameter of a Thing.
+
+    `what` is `part mount` or `part parameter`, `file` the absolute path of its module and `owner` the class in it. If the declaration is
+    unknown, `file` is empty and `owner` is the reference of the class.
     """
 
     what: str
@@ -72,8 +74,9 @@ class _Module:
 
 
 class _Inside:
-    """The attributes of `self` in a class: `assigned` are those with a value, and whether it creates mounts; `by_name` contains all
-    places of each, assignments first.
+    """The attributes of `self` in a class.
+
+    `assigned` are those with a value, and whether it creates mounts; `by_name` contains all places of each, assignments first.
     """
 
     def __init__(self, node: ast.ClassDef) -> None:

@@ -39,8 +39,10 @@ class RenameRefused(Exception):
 
 
 class RenameEdits(FrozenStruct):
-    """Edits of a rename: whole `texts` by absolute path, all places (in each file the last one first), and the index `after`
-    the rename.
+    """Edits of a rename.
+
+    `texts` are the new texts of files by absolute path, with all places (in each file the last one first), and the index `after` the
+    rename.
     """
 
     places: tuple[Span, ...]

@@ -24,8 +24,9 @@ MAX_TEXT = 10_000_000
 
 
 class WorkspaceIndex(FrozenStruct):
-    """`documents` are the readable ones, by absolute path, `broken` the texts of the others; `read` returns the text of any file
-    (or None), `relative` the display path of a file.
+    """The documents of a workspace by absolute path: the readable `documents`, and the texts of those that are `broken`.
+
+    `read` returns the text of any file (or None), `relative` the display path of a file.
     """
 
     documents: Mapping[str, DocumentNames]

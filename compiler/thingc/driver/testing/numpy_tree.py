@@ -50,8 +50,9 @@ class NumpyTree:
         return coordinates(self._joints.values(), free | in_cones(self._balls, free))
 
     def cones(self, x: Array) -> tuple[Array, Array]:
-        """Return the distance of each ball with a cone from its limit, as the difference of the squares of the angles [rad^2], and the
-        derivative `(k, n)` by coordinates.
+        """Return the distance of each ball with a cone from its limit, and the derivative `(k, n)` by coordinates.
+
+        The distance is the difference of the squares of the angles [rad^2].
         """
         room, slope = [], []
         for ball in self._balls:

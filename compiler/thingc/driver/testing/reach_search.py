@@ -123,8 +123,9 @@ class ReachGoal(FrozenStruct):
 
 
 def nearest(robot: Robot, frame: Keyframe, target: ReachGoal) -> tuple[float, float, dict[str, float]] | None:
-    """Return the smallest distance of a mount to a point [m], the deviation from the direction there [rad], and the joints; None if the
-    loops close in no position that was tried.
+    """Return the smallest distance of a mount to a point [m], the deviation from the direction there [rad], and the joints.
+
+    None if the loops close in no position that was tried.
 
     Inverse kinematics within the joints' limits, by a trust-region least-squares method (scipy's `trf`) from the keyframe and from
     positions spread over the joint ranges, until one is near enough.
@@ -154,8 +155,9 @@ def _tries(chain: NumpyTree, frame: Keyframe) -> list[Array]:
 def _situation(
     chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, x: Array,
 ) -> tuple[dict[str, float], tuple[Pose, ...], tuple[Array, Array], tuple[Array, Array]]:
-    """Return the coordinates and the poses of all bodies at x; and, in the world, the origin and z of the mount, and the point and
-    direction of the target.
+    """Return the coordinates and the poses of all bodies at x.
+
+    Also return, in the world, the origin and z of the mount, and the point and direction of the target.
     """
     q = chain.q(x)
     at = chain.bodies(q)

@@ -22,8 +22,9 @@ BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoc
 
 
 class SettleResult(FrozenStruct):
-    """The motion of points of the robot: `path` (times, points, 3) [m] with a time `step` [s], and the largest depth of contacts [m] while
-    the robot should be at rest.
+    """The motion of points of the robot: `path` (times, points, 3) [m] with a time `step` [s].
+
+    `deepest` [m] is the largest depth of contacts while the robot should be at rest.
     """
 
     path: Array

@@ -253,8 +253,9 @@ def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> 
 
 
 def _mount_help(name: str, mounts: Collection[str], document: Instance) -> str:
-    """Suggest a fix for an unknown mount: the indices of a list, the nearest name, the existing mounts, or the one other component that
-    has a mount of this name.
+    """Suggest a fix for an unknown mount.
+
+    It is the indices of a list, the nearest name, the existing mounts, or the one other component that has a mount of this name.
     """
     numbers = sorted(int(one[len(name) + 1 :]) for one in mounts if re.fullmatch(rf"{re.escape(name)}_\d+", one))
     if numbers:
@@ -266,8 +267,10 @@ def _mount_help(name: str, mounts: Collection[str], document: Instance) -> str:
 
 
 def _may_be_there(name: str, mounts: Collection[str]) -> bool:
-    """Return whether a part that is only approximately known may have this mount: no mounts are known, or `name` is an element of a list
-    (`hip_7` if there is a `hip_0`), whose length may depend on any parameter.
+    """Return whether a part that is only approximately known may have this mount.
+
+    It may if no mounts are known, or if `name` is an element of a list (`hip_7` if there is a `hip_0`), whose length may depend on any
+    parameter.
     """
     stem, _, index = name.rpartition("_")
     return not mounts or index.isdigit() and f"{stem}_0" in mounts

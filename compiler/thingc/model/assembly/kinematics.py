@@ -41,9 +41,10 @@ def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dic
 
 
 def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -> dict[str, tuple[str, float, float]]:
-    """Return for each joint, by path in the order of `joints`, the joint that it finally follows (itself if it mimics none), a multiplier
-    and an offset [rad or m]: q = offset + multiplier q(leader). Polynomials are linearized at `q` (all joints by path [rad or m]; by
-    default with all leaders at 0).
+    """Return for each joint the joint that it finally follows (itself if it mimics none), a multiplier and an offset [rad or m].
+
+    q = offset + multiplier q(leader). The result is by path, in the order of `joints`. Polynomials are linearized at `q` (all joints by
+    path [rad or m]; by default with all leaders at 0).
     """
     by_path = {joint.path: joint for joint in joints}
     if q is None:

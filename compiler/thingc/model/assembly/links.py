@@ -124,8 +124,9 @@ def links_between(
     links: Sequence[Link], link_of: Sequence[int], occurrences: Sequence[Occurrence], mates: Sequence[Mate], modes: Sequence[LinkedMode],
     adhesions: Sequence[Adhesion],
 ) -> frozenset[int]:
-    """Return the indices of massless intermediate links: without mass, inertia and geometry, with exactly two joints, neither of them a
-    ball or on a loop, and without a hold, a foot or an adhesion.
+    """Return the indices of massless intermediate links.
+
+    They have no mass, inertia and geometry, no hold, foot or adhesion, and exactly two joints, neither of them a ball or on a loop.
     """
     ends: dict[int, list[Mate]] = {link.index: [] for link in links if link.properties.mass == 0.0 and link.properties.inertia == ZERO}
     busy = [mount.occurrence for mount in adhesions]

@@ -62,8 +62,9 @@ def missing_keys(process: Process | None) -> tuple[str, ...]:
 
 
 def unsaid_keys(process: Process | None) -> tuple[str, ...]:
-    """Return the `missing_keys` that have not been reported: without invalid keys (already reported), and none if `kind` or `estimate` is
-    invalid.
+    """Return the `missing_keys` that have not been reported.
+
+    Invalid keys are left out (they are reported); there are none if `kind` or `estimate` is invalid.
     """
     if process is None or not process.wrong.isdisjoint(("kind", "estimate")):
         return ()

@@ -154,8 +154,9 @@ def _path(reference: Reference) -> str:
 
 
 def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], within: Instance | None = None) -> Iterator[int]:
-    """Yield the links of a component in the document `within` (by default the top): all links of an assembly; if the reference names a
-    mount, only the link of the mount.
+    """Yield the links of a component in the document `within` (by default the top).
+
+    These are all links of an assembly, or, if the reference names a mount, only the link of the mount.
     """
     document = within or tree.top
     if reference.mount is not None:

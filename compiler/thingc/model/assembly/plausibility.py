@@ -59,8 +59,9 @@ def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
 
 
 def _turn_between(assembly: Assembly, one: Mate, other: Mate) -> int:
-    """Return the turn [deg] about the mount's z axis that makes two children at q = 0 mirror images of each other; 0 if there is none, if
-    they already are, or if their mounts are not opposite each other at a plane of the parent's frame.
+    """Return the turn [deg] about the mount's z axis that makes two children at q = 0 mirror images of each other.
+
+    0 if there is none, if they already are, or if their mounts are not opposite each other at a plane of the parent's frame.
     """
     axes = [axis for mate in (one, other) if (axis := assembly.occurrences[mate.child].definition.mirror) is not None]
     if len(axes) != 1 or dist(one.X_PJ.translation, other.X_PJ.translation) < CLOSE:

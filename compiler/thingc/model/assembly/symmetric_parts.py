@@ -11,8 +11,9 @@ from thingc.model.resolve.types import AssemblyDefinition, Component
 
 
 def with_own_images(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> AssemblyDefinition:
-    """Return the model in which parts of mirrored assemblies that equal their mirror image are replaced by the original part, with its
-    order number.
+    """Return the model without the mirror images of symmetric parts.
+
+    Each part of a mirrored assembly that equals its mirror image is replaced by the original part, with its order number.
 
     `records` contains all definitions of the model, and the originals of mirror images.
     """

@@ -110,8 +110,9 @@ def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector
 
 
 def _circle(p: Point, q: Point, side: Point | None, radius: float) -> tuple[float, Point, Point] | None:
-    """Return the length of the arc of a circle about the origin on which a string from p to q lies, and its ends; None if it does not
-    touch.
+    """Return the length of the arc of a circle about the origin on which a string from p to q lies, and its ends.
+
+    None if it does not touch.
 
     With `side`, a point on the circle, the arc passes on this side; otherwise it is the shorter one, and only if the line intersects the
     circle.

@@ -60,8 +60,10 @@ class Surface(OneLineRepr, FrozenStruct):
 
 
 class Listed(OneLineRepr, FrozenStruct):
-    """The geometry of a link that lists its shapes, in the link's frame: shapes for display, for collision, and for the mass (`solids`),
-    and the bounding `box` (two corners [m]; None if there are no shapes, or a mesh file has not been read).
+    """The geometry of a link that lists its shapes, in the link's frame.
+
+    It has the shapes for display, for collision, and for the mass (`solids`), and the bounding `box` (two corners [m]; None if there are no
+    shapes, or a mesh file has not been read).
     """
 
     drawn: tuple[Surface, ...]
@@ -137,8 +139,9 @@ class Occurrence(PartInstance):
 
     @property
     def solids(self) -> tuple[Surface, ...]:
-        """The shapes that determine its volume, in its own frame: the mesh of a part; of a link the collision shapes, else those for
-        display.
+        """The shapes that determine its volume, in its own frame.
+
+        They are the mesh of a part, and the collision shapes of a link, or else its shapes for display.
         """
         if self.listed is not None:
             return self.listed.solids
@@ -254,8 +257,9 @@ class Adhesion(LinkedMount):
 
 
 class LinkedHold(OneLineRepr, FrozenStruct):
-    """A hold of a mode: `mount` is mated to the world frame moved to `pose` (None: at its place in the mode's own pose); with `turns`, only
-    its origin is placed there.
+    """A hold of a mode: `mount` is mated to the world frame moved to `pose` (None: at its place in the mode's own pose).
+
+    If it `turns`, only its origin is placed there.
     """
 
     mount: LinkedMount

@@ -30,8 +30,9 @@ class Limit(OneLineRepr, FrozenStruct):
 
 
 class Dynamics(OneLineRepr, FrozenStruct):
-    """Dynamics of a joint in SI, if specified: viscous `damping`, dry `friction`, reflected inertia `armature`, `stiffness` of a spring,
-    and its rest position `rest`.
+    """Dynamics of a joint in SI, if specified.
+
+    Viscous `damping`, dry `friction`, reflected inertia `armature`, `stiffness` of a spring, and its rest position `rest`.
     """
 
     damping: float | None = None
@@ -83,8 +84,9 @@ _NUMBERED = re.compile(r"(.*)\[(\d+)\]")
 
 
 class Mimic(OneLineRepr, FrozenStruct):
-    """q = offset + multiplier * x + higher[0] * x^2 + higher[1] * x^3 ... with x = q(joint), SI. `joint` is the name of a coordinate in the
-    same document. `name` is that of the equality in files, if specified.
+    """The polynomial q = offset + multiplier * x + higher[0] * x^2 + higher[1] * x^3 ... with x = q(joint), in SI.
+
+    `joint` is the name of a coordinate in the same document. `name` is that of the equality in files, if specified.
     """
 
     joint: CoordinateName

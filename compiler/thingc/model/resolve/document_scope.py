@@ -227,8 +227,9 @@ class ResolveRun:
         return known
 
     def same(self, what: str, document: str, made: Iterable[Named]) -> tuple[Named, ...]:
-        """Return elements made from a document's text, each replaced by the equal object of the last run, if any, for caching in later
-        passes.
+        """Return elements made from a document's text, each replaced by the equal object of the last run, if any.
+
+        This lets later passes use their caches.
         """
         return tuple(self.memo.same((what, document, *self.route, one.name), one) for one in made)
 

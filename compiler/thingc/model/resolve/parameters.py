@@ -147,8 +147,9 @@ def fitting(
 
 
 class AssemblyParameters:
-    """The parameters of an assembly, for external callers: the `name` of the assembly, and their own `values` (without invalid ones, which
-    are reported when the assembly is resolved).
+    """The parameters of an assembly, for external callers.
+
+    The `name` of the assembly, and its own `values` (without invalid ones, which are reported when the assembly is resolved).
     """
 
     def __init__(self, documents: Documents, specs: Specs, workspace: Workspace) -> None:

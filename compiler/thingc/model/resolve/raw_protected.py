@@ -101,8 +101,9 @@ def _instead_in_usd(name: str) -> str | None:
 
 
 def fixed(path: tuple[str, ...]) -> tuple[str, str] | None:
-    """Return why `raw` cannot set the attribute of MJCF at a path below the target (`("body", "arm", "name")`), and what to use instead;
-    None if it can.
+    """Return why `raw` cannot set an attribute of MJCF, and what to use instead; None if it can.
+
+    The path is below the target (`("body", "arm", "name")`).
     """
     kind, attribute = path[0] if path else "", path[-1] if path else ""
     if len(path) == 2 and kind in SECTIONS:

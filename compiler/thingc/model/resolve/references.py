@@ -59,8 +59,9 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
 
 
 def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
-    """Return where the items of the enclosing `repeat` are counted, if the text uses its index; empty for
-    the first item, which always exists.
+    """Return where the items of the enclosing `repeat` are counted, if the text uses its index.
+
+    Empty for the first item, which always exists.
     """
     text = str(path[-1]) if key else scope.written(path) or ""
     if scope.index is None or scope.index[1] == "0" or "$" not in text:
@@ -149,8 +150,9 @@ def component(table: DocumentScope, scope: Scope, text: str, path: Path, *, key:
 
 
 def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """Return the reference to a component, a mount, or an exported mount of this document; None if it is invalid (reported now or
-    before).
+    """Return the reference to a component, a mount, or an exported mount of this document.
+
+    None if it is invalid (reported now or before).
     """
     parts = words(scope, text, path, key=key)
     if parts is None:
@@ -216,8 +218,9 @@ _UNKNOWN = {"joint": Code.UNKNOWN_JOINT, "mode": Code.UNKNOWN_MODE, "pose": Code
 def report_unmatched(
     scope: Scope, text: str, known: Iterable[str], path: Path, what: str, *, fits: str = "", pattern: bool = False,
 ) -> None:
-    """Report a name without a matching `what` (`joint`, `mode`, `pose`), or a pattern without a match; `fits` if patterns match only
-    some.
+    """Report a name without a matching `what` (`joint`, `mode`, `pose`), or a pattern without a match.
+
+    `fits` if patterns match only some.
     """
     help = suggested(text, known, what=f"{fits or what}s")
     if pattern or GLOB.search(text):

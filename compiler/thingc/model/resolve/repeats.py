@@ -31,8 +31,9 @@ class Unrolled(FrozenStruct, Generic[Spec], kw_only=False):
 
 
 def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Unrolled[Spec]], list[str]]:
-    """Return the items of `components` or `joints` in document order, and the prefixes (`leg_`) of those that are invalid or too many
-    (an empty prefix for all).
+    """Return the items of `components` or `joints` in document order, and the prefixes of those that are invalid or too many.
+
+    A prefix is such as `leg_`; an empty one is for all.
 
     Duplicate names are reported, and the first one is used.
     """

@@ -235,8 +235,9 @@ def dimension_message(
 
 
 def _converted(text: str, found: Dimension, wanted: Dimension) -> str | None:
-    """Return the help for an expression that differs from the expected dimension by a unit: `=pinion / 1 rad`, `=count * 1 mm`, `=width / 1
-    mm`.
+    """Return the help for an expression that differs from the expected dimension by a unit.
+
+    For example `=pinion / 1 rad`, `=count * 1 mm`, `=width / 1 mm`.
     """
     body = text.removeprefix("=")
     term = f"({body})" if re.search(r"[-+<>=]", body) else body

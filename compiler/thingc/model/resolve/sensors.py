@@ -159,8 +159,9 @@ class _Reader:
         )
 
     def _joint(self) -> Joint | None:
-        """Return the coordinate that a sensor measures, or whose drive it measures: that in `joint`, else the one with the sensor's
-        name.
+        """Return the coordinate that a sensor measures, or whose drive it measures.
+
+        It is that in `joint`, else the one with the sensor's name.
         """
         spec, unnamed = self.spec, self.spec.joint is None
         wanted = CoordinateName(spec.joint if spec.joint is not None else self.name)

@@ -43,8 +43,9 @@ class PathNotFound(FrozenStruct, kw_only=False):
 
 
 def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, values: Mapping[str, str]) -> tuple[Document, AssemblySpec]:
-    """Return the document and its model with the texts `values` at their paths; unchanged if one of them is invalid (reported), or if the
-    document itself has errors (reported).
+    """Return the document and its model with the texts `values` at their paths.
+
+    Both are unchanged if one of the values is invalid (reported), or if the document itself has errors (reported).
     """
     if not values or context.doubts(document):
         return document, spec

@@ -218,8 +218,10 @@ class Joint(Coordinate):
 
 
 class Wrap(OneLineRepr, FrozenStruct):
-    """A step of the path of a tendon: a `mount` to go through; or, with a `shape` of a `radius` [m], to go around, on the side of
-    the mount `side`, if any; or (without a mount) a pulley, after which lengths are divided by `divisor`.
+    """A step of the path of a tendon: through a `mount`, around a `shape`, or over a pulley.
+
+    With a `shape` of a `radius` [m], it goes around that, on the side of the mount `side`, if any. Without a mount it is a pulley, after
+    which lengths are divided by `divisor`.
     """
 
     shape: Literal["sphere", "cylinder"] | None = None
@@ -236,8 +238,10 @@ class PathStep(Wrap):
 
 
 class Tendon(OneLineRepr, FrozenStruct):
-    """A tendon whose length is a sum of coordinates: `moves` has the factor of each [by the units of q]; `turns`: the length is an angle
-    [rad], otherwise it is in [m]. Or a tendon along a `path`, drawn with a `width` [m]. Limit, dynamics and drive act along it.
+    """A tendon whose length is a sum of coordinates, or that of a path. Limit, dynamics and drive act along it.
+
+    `moves` has the factor of each coordinate [by the units of q]; if it `turns`, the length is an angle [rad], otherwise it is in [m]. A
+    tendon along a `path` is drawn with a `width` [m].
     """
 
     name: str
@@ -302,8 +306,9 @@ class Sensor(Measurement):
 
 
 class Hold(OneLineRepr, FrozenStruct):
-    """A mount that a mode holds to the world, in addition to its root: mated to the world frame moved to `pose`, as a root is mated to
-    `at`.
+    """A mount that a mode holds to the world, in addition to its root.
+
+    It is mated to the world frame moved to `pose`, as a root is mated to `at`.
 
     `pose` None means `here`, its place in the mode's own pose. `mount.mount` None means a component, whose origin is at `pose`. With
     `turns`, the hold carries only force: the origin is held, and the link may rotate about it.

@@ -28,8 +28,9 @@ def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
 
 
 def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[TreeJoint, Twist]]:
-    """Yield the coordinates of a body in its tree parent, the last first, each with its twist in the world (or the frame of `pose`);
-    `q` [rad or m] of every joint by path.
+    """Yield the coordinates of a body in its tree parent, the last first, each with its twist in the world (or the frame of `pose`).
+
+    `q` has the coordinates [rad or m] of every joint by path.
     """
     values = tuple(q[joint.path] for joint in body.joints)
     for number, twist in velocities(body.twists, values, pose, at_once=body.at_once):

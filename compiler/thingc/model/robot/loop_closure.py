@@ -217,8 +217,9 @@ def _joint_names(pose: NamedPose | None) -> frozenset[str]:
 
 
 def _moved(loops: Loops, start: SolverState, solution: Solution, following: Collection[str]) -> dict[str, float]:
-    """Return how far [rad or m] each independent joint has moved from its value in the pose, without joints on loops that the pose does not
-    name (`following`).
+    """Return the movement [rad or m] of each independent joint from its value in the pose.
+
+    Joints on loops that the pose does not name (`following`) are left out.
     """
     moved = {c.path: solution.state.q[c.path] - start.q[c.path] for c in loops.coordinates if c.path not in following}
     return {path: by for path, by in moved.items() if abs(by) > STILL}
@@ -252,8 +253,9 @@ def _closed(loops: Loops, start: SolverState, named: Collection[str], base_moves
 
 
 def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
-    """Yield other start states: all joints at 0, at the middle, and spread between their limits (multiples of the golden
-    ratio, modulo 1: the same in every run).
+    """Yield other start states: all joints at 0, at the middle, and spread between their limits.
+
+    They are spread by multiples of the golden ratio, modulo 1: the same in every run.
     """
     for number in range(STARTS):
         q = coordinates(loops.joints.values(), {})

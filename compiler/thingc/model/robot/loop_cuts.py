@@ -40,8 +40,9 @@ _WORDS: Mapping[str, str] = {
 
 
 def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
-    """Return the indices of the mates in a mode's tree: all joints if there are no loops, else Kruskal's maximum spanning tree by
-    `CutPriority`: of each loop the joint with the lowest priority is left out.
+    """Return the indices of the mates in a mode's tree: all joints, if there are no loops.
+
+    Otherwise it is Kruskal's maximum spanning tree by `CutPriority`: of each loop, the joint with the lowest priority is left out.
     """
     worth = dict(worths(assembly, mode))
     groups = DisjointSets(len(assembly.links))
@@ -82,8 +83,9 @@ def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPrior
 
 
 def _unclosable(mate: Mate) -> int:
-    """Return how well targets can close a loop that is cut here: revolute and ball joints (0) by all that support loops, a universal joint
-    (1) by a tendon in MuJoCo, others (2) not by all.
+    """Return how well targets can close a loop that is cut here.
+
+    Revolute and ball joints (0): all targets that support loops; a universal joint (1): by a tendon in MuJoCo; others (2): not all.
     """
     first = mate.joints[0]
     if first.kind.at_once or len(mate.joints) == 1 and first.twist.turns and not first.twist.pitch:

@@ -50,8 +50,9 @@ REACH = 0.5
 """Longest step of a rotation [rad]; proportional for slides and bases. Beyond it the linear model is inaccurate."""
 
 TRUST = 0.25
-"""Steps with a smaller share of the gain that the linear model predicts are too long: otherwise the method may
-oscillate across a valley.
+"""Steps with a smaller share of the gain that the linear model predicts are too long.
+
+Otherwise the method may oscillate across a valley.
 """
 
 ROUNDING = 1e-13
@@ -87,8 +88,10 @@ class Solution(FrozenStruct):
 
 
 class LoopCoordinate(FrozenStruct):
-    """An independent coordinate: one joint and those that follow it (their paths, with dq / dcoordinate; of polynomials at leaders = 0),
-    within limits [rad or m] that respect those of all of them. `unit` is the length equivalent to a radian [m], 1 for rotations.
+    """An independent coordinate: one joint and those that follow it, within limits [rad or m] that respect those of all of them.
+
+    The joints are by path, with dq / dcoordinate (of polynomials at leaders = 0). `unit` is the length equivalent to a radian [m], 1 for
+    rotations.
     """
 
     path: str
@@ -115,8 +118,9 @@ class Loops:
         self._bent = bent(joints)
 
     def follows(self, q: Mapping[str, float]) -> Mapping[str, tuple[str, float]]:
-        """Return at `q` (every joint by path, rad or m) for every joint the coordinate that it is or follows, and the ratio of their
-        speeds.
+        """Return for every joint the coordinate that it is or follows, and the ratio of their speeds at `q`.
+
+        `q` has the coordinates of every joint by path [rad or m].
         """
         if not self._bent:
             return self._moves
@@ -176,11 +180,13 @@ class Loops:
         return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, errors, strict=True)]
 
     def linearized(self, state: SolverState, *, base_moves: bool = False) -> tuple[list[float], list[list[float]]]:
-        """Return the residuals of all closures in one list, p [m] then w [rad] of each, and their derivatives by each of `coordinates`
-        [rad or m]; with `base_moves` also by three translations (in lengths of the robot) and three rotations of the base.
+        """Return the residuals of all closures in one list, p [m] then w [rad] of each, and their derivatives by `coordinates`.
 
-        The derivatives are exact if the loops are closed. Otherwise they omit the common rotation of p and w, which
-        changes neither |p| nor |w|.
+        Coordinates are in rad or m. With `base_moves`, there are also derivatives by three translations (in lengths of the robot) and three
+        rotations of the base.
+
+        The derivatives are exact if the loops are closed. Otherwise they omit the common rotation of p and w, which changes neither |p| nor
+        |w|.
         """
         sizes = [1.0, 1.0, 1.0, self.length, self.length, self.length] * len(self.closures)
         error = [value / size for value, size in zip(self._stacked(state), sizes, strict=True)]
@@ -258,8 +264,9 @@ class Loops:
         return stacked
 
     def _columns(self, state: SolverState, chosen: Sequence[LoopCoordinate], base_moves: bool) -> list[list[float]]:
-        """Return the derivatives of the stacked residuals by each coordinate (in its unit), then by the base's three translations (in
-        lengths of the robot) and three rotations about the root link's origin.
+        """Return the derivatives of the stacked residuals by each coordinate (in its unit), then by the motion of the base.
+
+        This is three translations (in lengths of the robot) and three rotations about the root link's origin.
         """
         at = self._placed(state)
         by_path: dict[str, list[float]] = {}
@@ -308,7 +315,8 @@ class Loops:
         self, state: SolverState, chosen: Sequence[LoopCoordinate], columns: Sequence[Sequence[float]], error: Sequence[float],
         damping: float, back: Sequence[float] | None = None,
     ) -> list[float] | None:
-        """Return the damped step in the units of the coordinates, the least-squares step nearest to `back` (None: the shortest);
+        """Return the damped step in the units of the coordinates, the least-squares step nearest to `back` (None: the shortest).
+
         None if the equations are numerically singular.
         """
         back = [0.0] * len(columns) if back is None else back
@@ -366,8 +374,9 @@ class Loops:
 
 
 def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCoordinate, ...]:
-    """Return an independent coordinate for every joint that mimics none, in joint order, with limits that respect those of its
-    followers.
+    """Return an independent coordinate for every joint that mimics none, in joint order.
+
+    Their limits respect those of followers.
     """
     followers: dict[str, list[tuple[str, float, float]]] = {}
     for path, (leader, multiplier, offset) in leaders(joints.values()).items():
@@ -403,8 +412,9 @@ def _chain(joints: Mapping[str, JointEdge], path: str) -> Iterator[JointEdge]:
 
 
 def _reach(joints: Mapping[str, JointEdge], leader: str, follower: str, low: float, high: float) -> tuple[float, float]:
-    """Return the range of a leader [rad or m] around 0 in which a follower is between `low` and `high`, within the leader's own limits;
-    infinite if the leader has none, or if the follower is outside at the start.
+    """Return the range of a leader [rad or m] around 0 in which a follower is between `low` and `high`.
+
+    It is within the leader's own limits. Infinite if the leader has none, or if the follower is outside at the start.
     """
     limit = joints[leader].limit
     if limit.lower is None or limit.upper is None:

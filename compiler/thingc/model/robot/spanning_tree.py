@@ -51,8 +51,10 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
 
 
 def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[Site]:
-    """Yield the sites: exported mounts at every level, frames, links that are part of another, roots, holds and feet of every mode, mounts
-    of sensors and tendons; each name once.
+    """Yield the sites, each name once.
+
+    These are exported mounts at every level, frames, links that are part of another, roots, holds and feet of every mode, and mounts of
+    sensors and tendons.
     """
     placed = in_link(assembly)
     named: set[str] = set()
@@ -76,8 +78,10 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
 
 
 def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> tuple[tuple[int, int], ...]:
-    """Return the pairs of bodies without collisions: neighbours through a joint (including loop closures), in joint order, then the
-    mode's own. The order within pairs and among pairs is that of the links, the same in every mode.
+    """Return the pairs of bodies without collisions.
+
+    First come neighbours through a joint (including loop closures), in joint order, then the mode's own. The order within pairs and among
+    pairs is that of the links, the same in every mode.
     """
     pairs: dict[tuple[int, int], None] = {}
     for one, other in (*neighbouring_links(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):

@@ -111,8 +111,9 @@ def _check_feet(robots: Sequence[Robot], report: Report) -> None:
 
 
 def _under_feet(robot: Robot) -> tuple[int, float] | None:
-    """Return the lowest part of the links without feet, and how much lower [m] it certainly is than all parts of those with feet; None
-    if this is less than `DEEP`, or unknown.
+    """Return the lowest part of the links without feet, and how much lower [m] it certainly is than all parts of those with feet.
+
+    None if this is less than `DEEP`, or unknown.
     """
     assembly = robot.assembly
     standing = {assembly.link_of[foot.mount.occurrence] for foot in robot.mode.feet}
@@ -220,8 +221,9 @@ def _top(box: Box, pose: Pose) -> float:
 
 
 def _certain(box: Box, down: Vector) -> float:
-    """Return a bound of the minimum along `down` for a part that touches every side of its box: on each side, the point of contact is
-    not higher than the highest point of that side.
+    """Return a bound of the minimum along `down` for a part that touches every side of its box.
+
+    On each side, the point of contact is not higher than the highest point of that side.
     """
     highest = [maximum(component * low, component * high) for component, low, high in zip(down, *box, strict=True)]
     return minimum(sum_of(highest) - highest[axis] + down[axis] * side[axis] for axis in range(3) for side in box)

@@ -30,8 +30,9 @@ def placing(assembly: Assembly) -> frozenset[int]:
 
 
 def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose, memo: Memo | None = None) -> tuple[Body, ...]:
-    """Return the tree over the mates `taken`, depth first from link `start`, whose pose is `at`; children are in the order of their
-    links.
+    """Return the tree over the mates `taken`, depth first from link `start`, whose pose is `at`.
+
+    Children are in the order of their links.
     """
     placed, memo = in_link(assembly), memo or Memo()
     edges: list[list[tuple[int, int]]] = [[] for _ in assembly.links]

@@ -61,8 +61,10 @@ class Site(OneLineRepr, FrozenStruct):
 
 
 ClosureKind = Literal["weld", "ball", "hinge", "slide", "screw", "universal", "several"]
-"""Motion that a cut loop allows: none, rotation about a point, one rotation, one translation, a screw, rotation about two
-perpendicular axes that meet, or several coordinates.
+"""Motion that a cut loop allows.
+
+None, rotation about a point, one rotation, one translation, a screw, rotation about two perpendicular axes that meet, or several
+coordinates.
 """
 
 
@@ -131,9 +133,10 @@ class Keyframe(OneLineRepr, FrozenStruct):
 
 
 class Unclosed(OneLineRepr, FrozenStruct):
-    """A pose without a keyframe, because its loops do not close within the limits of the joints: `path` names the closure with the largest
-    error, `residual` is the smallest error found [m, rad]. Or they do close, but so far from the
-    pose that it would be another one: then `moved` is that of this keyframe.
+    """A pose without a keyframe, because its loops do not close within the limits of the joints, or close too far away.
+
+    If they do not close, `path` names the closure with the largest error, and `residual` is the smallest error found [m, rad]. If they
+    close so far from the pose that it would be another one, `moved` is that of this keyframe.
     """
 
     name: PoseName

@@ -35,8 +35,11 @@ class PartPair(FrozenStruct, kw_only=False):
 
 
 class Overlaps:
-    """Intersections of parts, cached in memory and in the store. An intersection counts if its mean thickness is more than `deep` [m]:
-    each surface may be off by the `tolerance` [m] of the meshes."""
+    """Intersections of parts, cached in memory and in the store.
+
+    An intersection counts if its mean thickness is more than `deep` [m], because each surface may be off by the `tolerance` [m] of the
+    meshes.
+    """
 
     def __init__(self, store: Store, tolerance: float, memo: Memo) -> None:
         self.deep = 2.0 * tolerance

@@ -55,8 +55,10 @@ class Solid(FrozenStruct, kw_only=False):
         )
 
     def overlap(self, other: Solid) -> tuple[float, float]:
-        """Return the volume [m^3] of the intersection with another solid, and its mean thickness [m], twice the volume by the surface (for
-        a thin layer this is its thickness). 0 if they only touch.
+        """Return the volume [m^3] of the intersection with another solid, and its mean thickness [m].
+
+        The thickness is twice the volume divided by the surface (for a thin layer this is its thickness). Both are 0 if the solids only
+        touch.
         """
         shared = self.whole ^ other.whole
         volume = float(shared.volume())

@@ -25,8 +25,10 @@ from thingc.model.statics.types import DriveTransmission, Efforts, answer
 
 
 def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Efforts:
-    """Return the efforts that hold a mode at `q` (every joint by path, rad or m; loops closed); `bodies` are the poses of its bodies in
-    the world. A free base is supported by the mode's feet and holds; without these, and for other bases, it is held.
+    """Return the efforts that hold a mode at `q` (every joint by path, rad or m; loops closed).
+
+    `bodies` are the poses of its bodies in the world. A free base is supported by the mode's feet and holds; without these, and for other
+    bases, it is held.
     """
     load, drives = problem(robot, q, bodies)
     if not robot.closures and not robot.carried and all(len(drive.moves) == 1 for drive in drives):

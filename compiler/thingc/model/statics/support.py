@@ -1,6 +1,4 @@
-"""Support of a robot with a free base: its feet, their motion by its joints, and the distance of its centre of mass from the support
-polygon.
-"""
+"""Support of a robot with a free base: its feet, their motion by joints, and the support polygon."""
 
 from __future__ import annotations
 
@@ -32,8 +30,9 @@ class FootContact(NamedTuple):
 
 
 class Support(NamedTuple):
-    """Support of a robot with a free base: its feet, the `origin` of its root link and the `centre` of its mass in the world [m], and its
-    `weight` [N].
+    """Support of a robot with a free base.
+
+    It has feet, the `origin` of its root link and the `centre` of its mass in the world [m], and its `weight` [N].
     """
 
     feet: tuple[FootContact, ...]
@@ -87,8 +86,9 @@ def lifted(feet: Sequence[FootContact]) -> dict[str, float]:
 
 
 def outside(stance: Support) -> float:
-    """Return the distance [m] along the floor of the projected centre of mass (along gravity) from the support polygon: 0 inside, infinite
-    if gravity does not pull towards the floor.
+    """Return the distance [m] along the floor of the projected centre of mass (along gravity) from the support polygon.
+
+    0 inside, infinite if gravity does not pull towards the floor.
     """
     if stance.weight[2] >= -1e-9 * hypot(*stance.weight):
         return inf

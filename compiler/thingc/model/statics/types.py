@@ -12,9 +12,10 @@ NO_LOAD = 1e-12
 
 
 class DriveTransmission(NamedTuple):
-    """Transmission of the drive of joint `path`: its speed per speed of each coordinate, of the one that the joint is or follows, or for
-    a ball of all three. `limit` is its effort limit [N m or N]; `weight` scales its effort in least squares, 1 without a
-    limit above 0.
+    """Transmission of the drive of joint `path`: its speed per speed of each coordinate.
+
+    There is one coordinate, which the joint is or follows, or for a ball three. `limit` is its effort limit [N m or N]; `weight` scales its
+    effort in least squares, 1 without a limit above 0.
     """
 
     path: str
@@ -24,8 +25,9 @@ class DriveTransmission(NamedTuple):
 
 
 class Topple(NamedTuple):
-    """Why the floor cannot support a robot on its feet, whatever its drives do: it `tips`, with its centre of mass `outside` [m]
-    the support polygon, it `slides`, or gravity `pulls` it off.
+    """The reason why the floor cannot support a robot on its feet, whatever its drives do.
+
+    It `tips`, with its centre of mass `outside` [m] the support polygon, it `slides`, or gravity `pulls` it off.
     """
 
     how: str
