@@ -50,8 +50,9 @@ NO_DOUBTS = InvalidEntries()
 
 
 class Specs(dict[str, "AssemblySpec | MaterialsSpec"]):
-    """The models of documents by path in the workspace; `doubts` contains the invalid entries of documents, `allowances` the warnings that
-    they suppress.
+    """The models of documents by path in the workspace.
+
+    `doubts` contains the invalid entries of documents, `allowances` the warnings that they suppress.
     """
 
     def __init__(self, *arguments: Any) -> None:

@@ -22,9 +22,12 @@ ReferenceKind = Literal[
     "material", "materials document", "mode", "modes", "mount", "mount of its own", "mount or export", "parameter of a nested assembly",
     "parameter of a part", "part", "pose", "pose of a nested assembly", "poses", "raw", "root", "rule", "sensor", "setting", "tendon",
 ]
-"""What a text may mean. `coordinate` is one of a joint of the same document; `modes` and `poses` are names, patterns or `all`; `setting` is
-a parameter or the path of anything else in an assembly, `choice` what is set at such a path, `rule` a comparison over such and over
-results; `raw` is an element of a file that a target writes."""
+"""Kinds of references.
+
+`coordinate` is one of a joint of the same document; `modes` and `poses` are names, patterns or `all`; `setting` is a parameter or the path
+of any other value in an assembly, `choice` a value that is set at such a path, `rule` a comparison of these and of results; `raw` is an
+element of a file that a target writes.
+"""
 
 
 RESERVED = frozenset({"world", "root", "origin"})

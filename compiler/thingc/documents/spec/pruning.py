@@ -22,8 +22,9 @@ _STAND_INS: dict[str, Any] = {"parameters": 0, "poses": {}}
 
 
 MISPLACED = "misplaced"
-"""Kind of an error of keys (`value`) that are indented like the entry that they belong to, the `owner` in its context (None if they are
-before the first entry).
+"""Kind of an error of keys (`value`) that are indented like the entry that they belong to.
+
+That entry is the `owner` in the error's context (None if the keys are before the first entry).
 """
 
 

@@ -68,8 +68,9 @@ def is_value(path: str) -> bool:
 
 
 def dimension_at(document: Document, path: Path) -> Dimension | None:
-    """Return the dimension of the value at `path`, by the `type` of its joint (in `defaults`, poses and patterns: of all matching joints);
-    None if it is not a value of a joint, or not unique.
+    """Return the dimension of the value at `path`; None if it is not a value of a joint, or not unique.
+
+    It depends on the `type` of the joint (in `defaults`, poses and patterns: of all matching joints).
     """
     names, key = _joints(document, path)
     coordinates = {_coordinate(document, name) for name in names}
@@ -102,17 +103,19 @@ def _coordinate(document: Document, name: str) -> Dimension | None:
 
 
 def current_value(documents: Documents, path: str) -> ExpressionValue | Expression | None:
-    """Return the value at a path in the root document or a nested one; texts that are not values themselves (vectors) are returned as text.
+    """Return the value at a path in the root document or a nested one.
 
-    None if it is not specified, or is an expression of a nested document.
+    Texts that are not values themselves (vectors) are returned as text. None if the value is not specified, or is an expression of a nested
+    document.
     """
     document, keys = _leading(documents, path)
     return None if document is None else _value(documents, document, keys)
 
 
 def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
-    """Return the value of a nested document's own parameter at a path (`components.leg.parameters.length`); None for other paths, and for
-    an expression.
+    """Return the value of a nested document's own parameter at a path (`components.leg.parameters.length`).
+
+    None for other paths, and for an expression.
     """
     document, keys = _leading(documents, path)
     if document is None or len(keys) != 4 or (keys[0], keys[2]) != ("components", "parameters"):

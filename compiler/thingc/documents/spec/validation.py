@@ -95,8 +95,9 @@ def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEnt
 
 
 def _build(model: type[Model]) -> None:
-    """Build a model's validator at its first use, without pydantic's search for plugins in all installed packages, which
-    takes longer than validating a document.
+    """Build a model's validator at its first use, without pydantic's search for plugins in all installed packages.
+
+    The search takes longer than validating a document.
     """
     if model.__pydantic_complete__:
         return

@@ -98,8 +98,9 @@ _COMMA = "a number is written with a point, not with a comma"
 
 
 def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Suggestion] | None:
-    """Detect `{gap: 1,5 mm}`, which is parsed as `gap: 1` and a key `5 mm`: return the path of the value, the span of the whole,
-    and a hint with the intended value.
+    """Detect `{gap: 1,5 mm}`, which is parsed as `gap: 1` and a key `5 mm`.
+
+    Return the path of the value, the span of the whole, and a hint with the intended value.
     """
     mapping = node_at(document.tree, path[:-1])
     if not isinstance(mapping, MappingNode) or not isinstance(path[-1], str) or not path[-1][:1].isdigit():

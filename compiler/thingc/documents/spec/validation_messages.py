@@ -235,8 +235,9 @@ def dotted(path: Path) -> str:
 
 
 def within(document: Document, path: Path, offset: int, end: int) -> Span | None:
-    """Return the span of the characters from `offset` to `end` (exclusive) in the scalar at `path`; None if it cannot be determined (text
-    on several lines, escapes).
+    """Return the span of the characters from `offset` to `end` (exclusive) in the scalar at `path`.
+
+    None if it cannot be determined (text on several lines, escapes).
     """
     node = node_at(document.tree, path)
     if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line or node.span.file != document.path:
