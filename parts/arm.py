@@ -305,17 +305,17 @@ class PenDummy(Thing):
 
 
 def _swing(servo: XM430) -> float:
-    """Return the distance [mm] of the corners next to the output from the axis: a part across that end must stay outside of it."""
+    """Return the distance [mm] of the corners next to the output from the axis; a part across that end must stay outside."""
     return hypot(servo.p.width / 2, servo.top.location.position.Y)
 
 
 def _block(length: float, width: float, height: float) -> Solid:
-    """A box on the plane z = 0, centred in x and y [mm]."""
+    """Return a box on the plane z = 0, centred in x and y [mm]."""
     return Solid.make_box(length, width, height, Plane((-length / 2, -width / 2, 0)))
 
 
 def _tongue(width: float, end: float, bottom: float, thickness: float) -> Solid:
-    """A flat leg from the z axis to y = `end`, rounded around the axis, lying on z = `bottom` [mm]."""
+    """Return a flat leg from the z axis to y = `end`, rounded around the axis, lying on z = `bottom` [mm]."""
     x, y, z = width / 2, end, bottom
     sides = Wire.make_polygon([(x, 0, z), (x, y, z), (-x, y, z), (-x, 0, z)], close=False)
     around = Edge.make_three_point_arc((-x, 0, z), (0, -x, z), (x, 0, z))

@@ -85,12 +85,12 @@ class ThighBrace(Thing):
         xm540, screw = XM540(), Screw("M2.5", 12)
         self.knee_seat = MountPoint(xm540.rotor.location * MATE, interface="x540-horn")
         self.knee_servo: XM540 = self.knee_seat.align(xm540.rotor)
-        # At 0 the thigh is level and the ankle servo stands on its bottom: its top is at the knee servo's left.
+        # At angle 0 the thigh is level and the ankle servo stands on its bottom; its top is at the knee servo's left.
         standing = Location(Plane((0, length, 0), x_dir=(0, -1, 0), z_dir=(0, 0, 1)))
         self.ankle_seat = MountPoint(standing * xm540.rotor.location * MATE, interface="x540-horn")
         self.ankle_servo: XM540 = self.ankle_seat.align(xm540.rotor)
 
-        # The web is as near to the knee as its servo permits, so that there is most room for the long end of the ankle's servo.
+        # The web is as near to the knee as the knee servo permits, which leaves the most room for the long end of the ankle servo.
         deep, high = screw.head_diameter + 4, 4 * screw.head_diameter
         middle = swing(xm540) + GAP + deep / 2
         room = length - middle - deep / 2 - swing(xm540) - GAP

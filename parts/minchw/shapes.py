@@ -12,12 +12,12 @@ from thingc_stock.fasteners import Hole, Screw
 
 
 def block(length: float, width: float, height: float) -> Solid:
-    """A box on the plane z = 0, centred in x and y [mm]."""
+    """Return a box on the plane z = 0, centred in x and y [mm]."""
     return Solid.make_box(length, width, height, Plane((-length / 2, -width / 2, 0)))
 
 
 def slab(length: float, width: float, height: float, radius: float) -> Solid:
-    """A box on the plane z = 0, centred in x and y, its upright edges rounded [mm]."""
+    """Return a box on the plane z = 0, centred in x and y, with rounded upright edges [mm]."""
     x, y, r = length / 2, width / 2, radius
     c = r * (1 - 0.5**0.5)
     corners = [
@@ -31,7 +31,7 @@ def slab(length: float, width: float, height: float, radius: float) -> Solid:
 
 
 def stadium(length: float, width: float, height: float) -> Solid:
-    """A plate on the plane z = 0 around the segment from the origin to (0, length), round at both ends [mm]."""
+    """Return a plate on the plane z = 0 around the segment from the origin to (0, length), round at both ends [mm]."""
     r = width / 2
     right, left = Edge.make_line((r, 0), (r, length)), Edge.make_line((-r, length), (-r, 0))
     far = Edge.make_three_point_arc((r, length), (0, length + r), (-r, length))
@@ -40,7 +40,7 @@ def stadium(length: float, width: float, height: float) -> Solid:
 
 
 def tongue(length: float, width: float, height: float) -> Solid:
-    """A plate on the plane z = 0 from the z axis to x = length, round about the z axis [mm]."""
+    """Return a plate on the plane z = 0 from the z axis to x = length, rounded around the z axis [mm]."""
     r = width / 2
     outline = Wire.make_polygon([(0, r), (length, r), (length, -r), (0, -r)], close=False)
     return Solid.extrude(Face(Wire([*outline.edges(), Edge.make_three_point_arc((0, -r), (-r, 0), (0, r))])), (0, 0, height))

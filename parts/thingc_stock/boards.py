@@ -17,8 +17,10 @@ THICKNESS = 1.6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """A board [mm]: its size, the centre of its holes relative to its own, their distances and diameter, and its tall components: the
-    centre (x, y) and the size (x, y, z) of blocks, with negative z for those below.
+    """The dimensions of a board [mm].
+
+    `hole_middle` is the centre of the holes relative to the board's, `holes` their distances in x and y, `hole` their diameter. `blocks`
+    are the tall components: centre (x, y) and size (x, y, z) of each, with a negative z size for those below the board.
     """
 
     size: tuple[float, float]
@@ -92,7 +94,7 @@ class RaspberryPiZero2(Board):
     """Raspberry Pi Zero 2 W with a header of pins.
 
     As the Raspberry Pi Zero in github.com/RalfLangeDresden/RaspberryPiCases, raspberry/PiPcbConstants.scad: 65 x 30 mm, holes of 2.75 mm
-    58 x 23 mm apart. The mass, 11 g, and what stands on the board are estimated.
+    58 x 23 mm apart. The mass, 11 g, and the components on the board are estimated.
     """
 
     layout = Layout(
@@ -113,7 +115,7 @@ class ArduinoNano(Board):
     """Arduino Nano with pins below.
 
     docs.arduino.cc/hardware/nano (read as github.com/arduino/docs-content, content/hardware/03.nano/boards/nano/tech-specs.yml): 45 x
-    18 mm, 7 g. Holes and what stands on the board are estimated.
+    18 mm, 7 g. The holes and the components on the board are estimated.
     """
 
     layout = Layout(
@@ -137,7 +139,7 @@ class Esp32DevKitC(Board):
     """Espressif ESP32-DevKitC V4 with pins below.
 
     27.9 mm wide, its rows of pins 25.4 mm apart, as in github.com/wokwi/wokwi-boards, boards/esp32-devkit-c-v4/board.json. The length,
-    54.4 mm, and the mass, 10 g, are estimated. It has no holes; those here are its corner pins.
+    54.4 mm, and the mass, 10 g, are estimated. The board has no holes; `hole_0` and on are its corner pins.
     """
 
     layout = Layout(

@@ -74,7 +74,7 @@ class BusServo(Thing):
         """The model's mass [kg] and its source."""
 
     def case_hull(self, play: float = 0.0) -> Solid:
-        """The case without horn and idler, `play` [mm] larger all around, to be left free in a bracket."""
+        """Return the case without horn and idler, `play` [mm] larger all around, to be left free in a bracket."""
         d = self.drawing
         return block((d.width + 2 * play, d.height + 2 * play, d.depth + 2 * play), (0, self.middle, 0), corner=d.corner)
 
@@ -102,8 +102,9 @@ class XL330(BusServo):
     """ROBOTIS Dynamixel XL330-M288-T.
 
     e-Manual (emanual.robotis.com/docs/en/dxl/x/xl330-m288): 20 x 34 x 26 mm, 18 g, gear 288.4 : 1, at 5 V stall torque 0.52 N m and
-    no-load speed 103 rpm. ROBOTIS's drawing was not read: that the case is 23 mm deep, the axis 9.5 mm from the top, the horn 16 mm with
-    four holes of 2 mm on a circle of 12 mm is as in a model of it, github.com/wyolum/orbigator, fabricate/dynamixel_motor.scad.
+    no-load speed 103 rpm. Not from ROBOTIS's drawing but from a model in
+    github.com/wyolum/orbigator, fabricate/dynamixel_motor.scad: the case is 23 mm deep, the axis 9.5 mm from the top, the horn 16 mm
+    with four holes of 2 mm on a circle of 12 mm.
 
     The rotor's inertia is that of XM430 scaled as between similar motors, with the fifth power of the width of the case.
     """
@@ -126,9 +127,9 @@ class XL330(BusServo):
 
 
 class STS3215(BusServo):
-    """Feetech STS3215-C018, the bus servo of 30 kg for 12 V (that of the arms SO-100 and SO-101, there also for 7.4 V).
+    """Feetech STS3215-C018, the bus servo of 30 kgf cm for 12 V (used in the arms SO-100 and SO-101, there also for 7.4 V).
 
-    Feetech's data, as quoted in github.com/TheRobotStudio/SO-ARM100 (issue 134) and by those who tested it (robonine.com, "Testing of
+    Feetech's data, as quoted in github.com/TheRobotStudio/SO-ARM100 (issue 134) and in a test (robonine.com, "Testing of
     Feetech STS3215 servomotor"): gear 345 : 1, at 12 V 30 kgf cm and 45 rpm. The sizes are those of the model with which the arms were
     designed, there in STEP/SO100/STS3215_03a.step: 45.4 x 24.8 mm, 31.8 mm deep without the rim about the horn, the axis 10.2 mm from
     the end, horns 20 mm with four holes of 2.5 mm, for M3, on a circle of 14 mm, their faces 18.7 mm before and 17.7 mm behind.

@@ -57,7 +57,7 @@ class Drawing:
 
 
 def position_gain(stall_torque: float) -> float:
-    """Stiffness [N m/rad] at the output of the position controller as delivered, from the stall torque [N m].
+    """Return the stiffness [N m/rad] of the position controller as delivered, at the output, from the stall torque [N m].
 
     e-Manual, control tables: position P gain 800, of which gain/128 duty counts per encoder step; 4096 steps a turn;
     885 counts are full duty, which at standstill gives the stall torque. I and D gain are 0 as delivered.
@@ -66,8 +66,10 @@ def position_gain(stall_torque: float) -> float:
 
 
 def velocity_gain(stall_torque: float, no_load_speed: float) -> float:
-    """Damping [N m s/rad] by back-EMF: at full duty the torque falls from stall [N m] to nothing at the no-load speed
-    [rad/s]."""
+    """Return the damping [N m s/rad] by back-EMF from the stall torque [N m] and the no-load speed [rad/s].
+
+    At full duty the torque falls from the stall torque to 0 at the no-load speed.
+    """
     return stall_torque / no_load_speed
 
 
@@ -96,8 +98,8 @@ class XSeries(Thing):
     Mounts: the six faces of the case at their centres; `horn` and `idler` on their outer faces; `rotor`, the joint's name
     for `horn`.
 
-    Every screw hole is a reference: `screw_left_top_front(thickness)` is the `Screw` in that hole, its head on something
-    that thick. The holes of a face in a list are `screws_left`, `screws_right`, `screws_front`, `screws_top`,
+    Every screw hole is a reference: `screw_left_top_front(thickness)` is the `Screw` in that hole, its head on
+    a plate of that thickness. The holes of a face in a list are `screws_left`, `screws_right`, `screws_front`, `screws_top`,
     `screws_bottom`, `screws_horn` and `screws_idler` (of the last two number 0 is at +x, counted towards +y).
 
     The solid is full; the mass is the vendor's, and the inertia is the solid's scaled to it.
@@ -194,7 +196,7 @@ class XSeries(Thing):
         """The vendor's mass [kg] and its source; a model states it."""
 
     def case_hull(self) -> Solid:
-        """The case without holes, horn and idler."""
+        """Return the case without holes, horn and idler."""
         x, c = self.p.width / 2, self.drawing.corner
         top, bottom, z = self.top.location.position.Y, self.bottom.location.position.Y, -self.p.depth / 2
         outline = [
@@ -204,11 +206,11 @@ class XSeries(Thing):
         return Solid.extrude(Face(Wire.make_polygon([(u, v, z) for u, v in outline])), (0, 0, self.p.depth))
 
     def boss_hull(self, height: float) -> Solid:
-        """The boss in the middle of the horn as a cylinder that ends `height` [mm] above the horn's face, to be left free in a part."""
+        """Return the boss on the horn as a cylinder that ends `height` [mm] above the horn's face, to leave free in a part."""
         return Solid.make_cylinder(self.p.boss_diameter / 2, height, Plane((0, 0, self.horn_z)))
 
     def idler_hull(self, height: float) -> Solid:
-        """Return the idler as a cylinder that ends `height` [mm] behind the back of the case, to be left free in a part on the back."""
+        """Return the idler as a cylinder that ends `height` [mm] behind the back of the case, to leave free in a part on the back."""
         return Solid.make_cylinder(self.p.horn_diameter / 2, height, Plane((0, 0, -self.p.depth / 2 - height)))
 
     def result(self) -> Solid:
@@ -271,9 +273,9 @@ class XL430(XSeries):
     """ROBOTIS Dynamixel XL430-W250-T with a horn and an idler, in plastic.
 
     e-Manual (emanual.robotis.com/docs/en/dxl/x/xl430-w250; read as github.com/ROBOTIS-GIT/emanual, _data/dxl_x_info.yml): 28.5 x 46.5 x
-    34 mm, 57.2 g, gear 258.5 : 1, at 12 V stall torque 1.5 N m and no-load speed 61 rpm. It lists the model among those of one form
-    with the XM430-W350: holes and horns here are that one's, for the drawing of this one was not read. The rotor's inertia is
-    that of the XM430-W350, too, which is as wide: an estimate.
+    34 mm, 57.2 g, gear 258.5 : 1, at 12 V stall torque 1.5 N m and no-load speed 61 rpm. The e-Manual lists the model with the same
+    form as the XM430-W350; holes and horns are those of the XM430-W350, because no drawing of the XL430-W250 was read. The
+    rotor's inertia, an estimate, is that of the XM430-W350, which is as wide.
 
     Args:
         idler: whether the idler is mounted on the back
@@ -300,7 +302,7 @@ class XM540(XSeries):
     10.6 N m and no-load speed 30 rpm. Drawing X-540: horn and idler 26 mm with 8 x M2.5 on a circle of 22 mm.
 
     The rotor's inertia is that of the XM430-W350 scaled as between similar motors, with the fifth power of the width of
-    the case: an estimate until somebody measures one.
+    the case: an estimate, not a measurement.
 
     Args:
         idler: whether the idler is mounted on the back

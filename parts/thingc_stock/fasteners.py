@@ -78,7 +78,7 @@ class Screw(Thing):
         It is the clearance hole, and above the bearing plane the head with `HEAD_PLAY` around it, high enough to insert the whole screw
         along its axis.
         """
-        return deepcopy(self._clearance)  # the kernel adds curves to a shape that is used as a tool, and takes longer each time
+        return deepcopy(self._clearance)  # the kernel adds curves to a shape that is used as a tool, and each call takes longer
 
     @property
     def tapped_hull(self) -> Solid:
@@ -109,7 +109,7 @@ class Screw(Thing):
         return self._hull(self.clearance_diameter, self.head_diameter + 2 * HEAD_PLAY, self.head_height + self.p.length)
 
     def _hull(self, shank: float, head: float, above: float) -> Solid:
-        """Two coaxial cylinders that meet in the bearing plane (diameters, and the height of the upper one) as one solid."""
+        """Return two coaxial cylinders that meet in the bearing plane, from both diameters and the height of the upper one."""
         below = -self.p.length
         outline = [(0, below), (shank / 2, below), (shank / 2, 0), (head / 2, 0), (head / 2, above), (0, above)]
         return Solid.revolve(Face(Wire.make_polygon([(x, 0, z) for x, z in outline])), 360, Axis.Z)

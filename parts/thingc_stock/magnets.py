@@ -22,8 +22,8 @@ class HoldingMagnet(Thing):
 
     A steel pot around a core, with the coil cast into the ring between them; the face with both poles is down. The origin
     is in the middle of that face, z points up to the back. No vendor's drawing: the proportions are those that permanent
-    electro-holding magnets of this pull are sold in. Magnet and winding weigh about what steel does, so that the mass is
-    that of a steel body with this outline.
+    electro-holding magnets of this pull are sold in. The densities of magnet and winding are close to that of
+    steel, so the mass is that of a steel body with this outline.
 
     Mounts: `sole`, the face; `back`, opposite; `screws_back` are the threaded holes there, on x.
 

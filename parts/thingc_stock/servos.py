@@ -46,10 +46,10 @@ class Drawing:
 
 
 def hobby_drive(torque: float, seconds: float, width: float, source: str = "vendor") -> Actuator:
-    """A position drive from the stall torque [kgf cm] and the time for 60 deg without a load [s], both from `source`.
+    """Return a position drive from the stall torque [kgf cm] and the time for 60 deg without a load [s], both from `source`.
 
-    Estimated: the gain, as full torque at an error of 6 deg; the damping, as of a DC motor whose torque falls from stall to nothing at the
-    no-load speed; the rotor, as between similar motors with the fifth power of the case's `width` [mm]; the gear, 250 : 1.
+    Estimated: the gain, as full torque at an error of 6 deg; the damping, as of a DC motor whose torque falls from stall to 0 at the
+    no-load speed; the rotor's inertia, scaled with the fifth power of the case's `width` [mm]; the gear ratio, 250 : 1.
     """
     stall, speed = torque * KGF_CM, radians(60.0) / seconds
     return Actuator(
@@ -102,7 +102,7 @@ class HobbyServo(Thing):
         """The model's mass [kg] and its source."""
 
     def case_hull(self, play: float = 0.0) -> Solid:
-        """The case without ears, lid and shaft, `play` [mm] larger all around."""
+        """Return the case without ears, lid and shaft, `play` [mm] larger all around."""
         d = self.drawing
         size = (d.width + 2 * play, d.length + 2 * play, d.below + d.above + 2 * play)
         return block(size, (0, self.middle, (d.above - d.below) / 2), corner=0.04 * d.width)
@@ -204,7 +204,7 @@ class S3003(HobbyServo):
 class HS422(HobbyServo):
     """Hitec HS-422, the standard deluxe servo.
 
-    Estimated, for no data sheet of it was found: 40.6 x 19.8 x 36.6 mm, 45.5 g, at 6 V 4.1 kgf cm and 0.16 s for 60 deg. Ears and holes
+    Estimated, because no data sheet was found: 40.6 x 19.8 x 36.6 mm, 45.5 g, at 6 V 4.1 kgf cm and 0.16 s for 60 deg. Ears and holes
     are those of its sister HS-311 in Hitec's "Announced specification of HS-311 standard servo".
     """
 
@@ -221,9 +221,9 @@ class HS422(HobbyServo):
 
 
 class DS3218(HobbyServo):
-    """DSServo DS3218, the digital servo of 20 kg with metal gears.
+    """DSServo DS3218, the digital servo of 20 kgf cm with metal gears.
 
-    Estimated, for no data sheet of it was found: 40 x 20 x 40.5 mm, 60 g, at 6.8 V 21.5 kgf cm and 0.14 s for 60 deg.
+    Estimated, because no data sheet was found: 40 x 20 x 40.5 mm, 60 g, at 6.8 V 21.5 kgf cm and 0.14 s for 60 deg.
     """
 
     drawing = Drawing(
