@@ -21,13 +21,14 @@ from emit.small_robot import LIFT, X_BRACE_J, X_J_BRACKET, X_J_PALM, X_PLATE_J, 
 from graph.builder import assembly as document
 from graph.builder import box, component, coordinates_of, kept, linked, mimic, mode, pose, ref, rx, ry, rz, t
 from thingc.base.diagnostics import Code, Report
-from thingc.base.pose import Pose
+from thingc.base.pose import NO_POSE, Pose
+from thingc.base.primitives import Primitive
 from thingc.geometry.store.local import Store
 from thingc.model.resolve.types import Overrides
 from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.types import Closure
 from thingc.targets.artifact import Artifacts, Loss
-from thingc.targets.gltf import emit
+from thingc.targets.gltf import _tessellated, emit
 from thingc.targets.mjcf import emit as mjcf
 from thingc.targets.registry import chosen
 from thingc.targets.request import EmitRequest
@@ -297,3 +298,17 @@ def test_what_does_not_follow_a_turned_joint_is_a_loss(store: Store) -> None:
 
 def test_a_build_writes_it_only_where_it_is_named() -> None:
     assert "glb" not in chosen([]) and chosen(["glb"]) == ("glb",)
+
+
+def test_primitives_have_their_volume_and_size_and_face_outwards() -> None:
+    """The volume of a mesh whose triangles face inwards is negative."""
+    for shape, size, volume, half in (
+        ("box", (0.01, 0.02, 0.03), 8 * 0.01 * 0.02 * 0.03, (0.01, 0.02, 0.03)),
+        ("sphere", (0.04,), 4 / 3 * np.pi * 0.04**3, (0.04, 0.04, 0.04)),
+        ("ellipsoid", (0.01, 0.02, 0.03), 4 / 3 * np.pi * 0.01 * 0.02 * 0.03, (0.01, 0.02, 0.03)),
+        ("cylinder", (0.05, 0.06), np.pi * 0.05**2 * 0.12, (0.05, 0.05, 0.06)),
+        ("capsule", (0.05, 0.06), np.pi * 0.05**2 * 0.12 + 4 / 3 * np.pi * 0.05**3, (0.05, 0.05, 0.11)),
+    ):
+        made = _tessellated(Primitive(shape=shape, size=size, pose=NO_POSE))  # type: ignore[arg-type]
+        assert made.volume == pytest.approx(volume, rel=0.05), shape
+        np.testing.assert_allclose(made.bounds, [np.negative(half), half], rtol=0.02, err_msg=shape)

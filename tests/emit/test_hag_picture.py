@@ -84,6 +84,9 @@ def test_texts_fit_their_boxes(drawn: Hag) -> None:
             assert place.x <= float(text.attrib["x"])
             assert float(text.attrib["x"]) + 0.602 * size * columns <= place.x + place.width + 0.5
             assert place.y + size * 0.6 <= float(text.attrib["y"]) <= place.y + place.height - 1.0
+        for inner in list(map(rectangle, group.iter(f"{SVG}rect")))[1:]:
+            assert place.x < inner.x and inner.x + inner.width < place.x + place.width
+            assert place.y < inner.y and inner.y + inner.height < place.y + place.height
 
 
 @GRAPHS

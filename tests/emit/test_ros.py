@@ -456,6 +456,25 @@ def test_groups_lead_to_the_mounts_that_move_against_the_root(made: Artifacts) -
     assert set(groups_of(xml(made, "config/Robot__7_adrift.srdf"))) == {"base", "y", "Robot__7"}
 
 
+def test_mounts_that_are_the_same_frame_have_one_group(tmp_path: Path) -> None:
+    turn = coordinates_of("j0", "c0.out", "c1.in", "revolute", lower=-1.0, upper=1.0)
+    mounts = {"first": "c1.out", "second": "c1.out", "third": "c1.in"}
+    made = emit(asked(document("r", balls(2, {}), turn, modes=[mode("m", ref("c0.in"))], mounts=mounts), {}, str(tmp_path)))
+    assert set(groups_of(xml(made, "config/r_m.srdf"))) == {"r", "first", "third"}
+
+
+def test_a_joint_that_is_called_like_the_slide_of_a_screw_is_told(tmp_path: Path) -> None:
+    turns = [
+        *coordinates_of("spindle", "c0.out", "c1.in", "screw"),
+        *coordinates_of("spindle_slide", "c1.out", "c2.in", "revolute", lower=-1.0, upper=1.0),
+    ]
+    request = asked(document("r", balls(3, {}), turns, modes=[mode("m", ref("c0.in"))]), {}, str(tmp_path))
+    emit(request)
+    assert [one.message for one in request.report.diagnostics] == [
+        "`spindle_slide` and the slide of `spindle` would both be the joint `spindle_slide` in URDF",
+    ]
+
+
 @pytest.mark.parametrize("mode_", ["bench", "adrift"])
 def test_chains_and_states_name_what_is_in_the_urdf(made: Artifacts, mode_: str) -> None:
     urdf, srdf = xml(made, f"urdf/Robot__7_{mode_}.urdf"), xml(made, f"config/Robot__7_{mode_}.srdf")

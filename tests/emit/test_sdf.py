@@ -323,7 +323,16 @@ def test_the_world_has_gravity_a_floor_a_light_and_the_model(every: Compiled) ->
         assert world is not None
         assert world.findtext("gravity") == gravity and world.findtext("physics/max_step_size") == "0.001"
         assert world.findtext("include/uri") == f"model://every_{mode}" and world.find("include/pose") is None
-        assert world.find("light") is not None and world.find("model/link/collision/geometry/plane") is not None
+        assert world.find("light") is not None
+        floor = world.find("model/link")
+        assert floor is not None and world.findtext("model/static") == "true"
+        assert {one.tag: {child.tag for child in one} for one in floor} == {
+            "collision": {"geometry", "surface"}, "visual": {"geometry", "material"},
+        }
+        for word in ("collision", "visual"):
+            assert floor.findtext(f"{word}/geometry/plane/normal") == "0 0 1"
+        ode = floor.find("collision/surface/friction/ode")
+        assert ode is not None and ode.findtext("mu") == ode.findtext("mu2") == "100"
         systems = [plugin.attrib["name"].rpartition("::")[2] for plugin in world.findall("plugin")]
         assert systems == ["Physics", "UserCommands", "SceneBroadcaster", "Imu", "ForceTorque", "Sensors"]
         config = ElementTree.fromstring(text_of(every.made, f"sdf/every_{mode}/model.config"))

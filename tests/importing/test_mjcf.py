@@ -14,6 +14,7 @@ import pytest
 
 import thingc
 from importing.as_original import Pair, in_files
+from importing.test_mjcf_names import built_from, imported_from
 from thingc.base.diagnostics import Report
 from thingc.tools.importing.importing import Imported, import_robot
 
@@ -399,3 +400,49 @@ def test_faults_of_attached_models(tmp_path: Path, where: str, old: str, new: st
     assert import_robot(str(path), report) is None
     first = report.ordered()[0]
     assert first.span is not None and first.span.line == line and first.message.startswith(message), report.ordered()
+
+
+TWO_LINKS = """\
+<mujoco model="r">
+  <option><flag filterparent="disable"/></option>
+  <worldbody><body name="a">
+    <geom size="0.1"/><site name="s"/>
+    <body name="b" pos="0.15 0 0">
+      <joint name="j" axis="0 1 0"/><geom size="0.1"/><site name="t"/>
+      <body name="c" pos="0 0 0.15"><geom size="0.1" contype="0" conaffinity="0"/></body>
+      <body name="d" pos="0.3 0 0"><joint name="k" axis="0 1 0"/><geom size="0.1" mass="1"/></body>
+    </body>
+  </body></worldbody>
+  <tendon>
+    <spatial name="cord" range="-2 -1" limited="true"><site site="s"/><site site="t"/></spatial>
+    <fixed name="y"><joint joint="j" coef="1"/></fixed>
+    <fixed name="z"><joint joint="k" coef="1"/></fixed>
+  </tendon>
+  <equality><tendon name="equal" tendon1="y" tendon2="z"/></equality>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(("masks", "touching"), [("", True), (' contype="0" conaffinity="0"', False)])
+def test_contacts_across_a_joint_are_lost_if_shapes_of_the_two_links_can_touch(masks: str, touching: bool, tmp_path: Path) -> None:
+    """`c` belongs to the link of `b`, and its shape touches nothing."""
+    text = TWO_LINKS.replace('axis="0 1 0"/><geom size="0.1"', f'axis="0 1 0"/><geom size="0.1"{masks}')
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert [{model.body(int(model.geom_bodyid[geom])).name for geom in pair} for pair in data.contact.geom] == [{"a", "b"}] * touching
+    lost = [loss.what for loss in imported_from(text, tmp_path).losses]
+    assert ("contacts of `b` with `a`" in lost) == touching
+
+
+def test_a_tendon_that_is_always_too_long_stays_so(tmp_path: Path) -> None:
+    """The length of a path is never negative, so no limit of a document has this range."""
+    model = built_from(TWO_LINKS, tmp_path)
+    number = model.tendon("cord").id
+    assert tuple(model.tendon_range[number]) == (-2.0, -1.0) and model.tendon_limited[number]
+
+
+def test_an_equality_of_tendons_is_lost_if_a_joint_has_a_reference(tmp_path: Path) -> None:
+    assert "equality `equal`" not in [loss.what for loss in imported_from(TWO_LINKS, tmp_path).losses]
+    referred = TWO_LINKS.replace('name="j"', 'name="j" ref="10"')
+    assert "equality `equal`" in [loss.what for loss in imported_from(referred, tmp_path).losses]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import mujoco
+import pytest
 
 import thingc
 from thingc.base.diagnostics import Report
@@ -112,3 +113,14 @@ def test_shapes_of_nested_documents_have_its_path_in_their_names(tmp_path: Path)
     names = {model.geom(k).name for k in range(model.ngeom)}
     assert names == {f"{leg}/sole{mark}" for leg in ("left", "right") for mark in ("", ":visual")}
 
+
+
+@pytest.mark.parametrize("order", [("table.xml", "arm.xml"), ("arm.xml", "table.xml")])
+def test_a_robot_is_named_after_the_file_that_contains_it(order: tuple[str, str], tmp_path: Path) -> None:
+    """Other files that the scene includes have names, too."""
+    (tmp_path / "arm.xml").write_text(
+        '<mujoco model="arm"><worldbody><body name="one"><geom size="0.1"/></body></worldbody></mujoco>',
+    )
+    (tmp_path / "table.xml").write_text('<mujoco model="table"><asset><material name="wood"/></asset></mujoco>')
+    included = "".join(f'<include file="{file}"/>' for file in order)
+    assert imported_from(f'<mujoco model="scene">{included}</mujoco>', tmp_path).document == "arm.yaml"

@@ -117,6 +117,30 @@ def test_a_loop_is_closed_where_the_tree_is_whole(tmp_path: Path) -> None:
     assert abs(data.efc_pos).max() < 1e-12
 
 
+@pytest.mark.parametrize(("kind", "axis", "loop", "lost"), [
+    ("fixed", "", "fixed", False), ("ball", "", "ball", False), ("revolute", "<xyz>0 0 1</xyz>", "continuous", False),
+    ("revolute", "<xyz>0 0 1</xyz><limit><lower>-1</lower><upper>1</upper></limit>", "continuous", True),
+    ("continuous", "<xyz>0 0 1</xyz><dynamics><damping>1</damping></dynamics>", "continuous", True),
+])
+def test_a_joint_that_closes_a_loop_has_its_kind_and_loses_its_limits(kind: str, axis: str, loop: str, lost: bool, tmp_path: Path) -> None:
+    found, report = read(tmp_path, sdf(CHAIN + joint("m", "a", "d", kind, axis)))
+    assert found is not None and not report.failed
+    assert [(one.name, one.kind) for one in found.robot.loops] == [("m", loop)]
+    assert [loss.what for loss in found.losses] == ["limits, drive and dynamics of joint `m`"] * lost
+
+
+@pytest.mark.parametrize(("count", "allowed"), [(2, True), (3, False)])
+def test_a_file_includes_only_so_many_models(count: int, allowed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("thingc.tools.importing.sdf.MOST_INCLUDES", 2)
+    (tmp_path / "one.sdf").write_text(f"<sdf version='1.9'><model name='one'><link name='l'>{LINK}</link></model></sdf>")
+    names = [f"n{number}" for number in range(count)]
+    includes = "".join(f"<include><uri>one.sdf</uri><name>{name}</name></include>" for name in names)
+    joints = "".join(joint(f"j_{name}", "a", f"{name}::l", "fixed") for name in names)
+    found, report = read(tmp_path, sdf(CHAIN + includes + joints))
+    assert (found is not None) == allowed
+    assert [one.message.split(",")[0] for one in report.ordered()] == ["the file includes more than 2 models"] * (not allowed)
+
+
 def test_a_slide_without_ends_gets_some_that_are_listed(tmp_path: Path) -> None:
     found, report = read(tmp_path, sdf(joint("j", "a", "b", "prismatic") + REST))
     assert found is not None and not report.failed

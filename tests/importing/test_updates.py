@@ -204,6 +204,8 @@ def test_without_a_record_nothing_is_updated(lamp: Path, capsys: Said, record: s
     ("a: {b: {c: 1}, d: 1}", "a: {b: {c: 2}}", "a: {b: {c: 1, e: [1, 2]}, d: 1}", "a: {b: {c: 2, e: [1, 2]}}"),
     ("a: {x: 1}", "a:\n  x: 1\n  y:\n    - 1", "a: {x: 1}\nb: 1", "a: {x: 1, y: [1]}\nb: 1"),
     ("a:\n  x: 1", "a:\n  x: 1\n  y:\n    - {z: 1}", "a:\n  x: 2", "a:\n  x: 2\n  y:\n    - {z: 1}\n"),
+    ("a: {x: [1]}", "a:\n  x:\n    - 1\n    - 2", "a: {x: [1]}\nb: 1", "a: {x: [1, 2]}\nb: 1"),
+    ("a: {x: [1]}", "a: {x: [1,2]}", "a: {x: [1]}\nb: 1", "a: {x: [1,2]}\nb: 1"),
 ])
 def test_texts_are_merged(base: str, new: str, ours: str, whole: str) -> None:
     texts = [read_text("/d.yaml", text, Report()) for text in (base, new, ours)]

@@ -182,3 +182,15 @@ def test_the_base_of_an_exported_urdf_comes_back(base: str, tmp_path: Path) -> N
     again, _ = imported((tmp_path / "out" / "urdf" / "r_source.urdf").read_bytes(), tmp_path)
     assert again.robot.base == base and f"base: {base}" in again.files["r.yaml"].decode()
     assert [one.what for one in again.losses] == ["`<option>` of `<mujoco>`"]
+
+
+@pytest.mark.parametrize(("inside", "link"), [(WEIGHT, "b"), ("<visual><geometry><box size='1 1 1'/></geometry></visual>", "b"), ("", "a")])
+@pytest.mark.parametrize("kind", ["imu", "camera"])
+def test_only_the_sensor_of_a_bare_frame_moves_to_the_link_that_has_it(kind: str, inside: str, link: str, tmp_path: Path) -> None:
+    text = f"""<robot name="r"><link name="a">{WEIGHT}</link><link name="b">{inside}</link>
+      <joint name="j" type="fixed"><parent link="a"/><child link="b"/><origin xyz="0.1 0 0"/></joint>
+      <gazebo reference="b"><sensor name="s" type="{kind}"><pose>0 0.2 0 0 0 0</pose></sensor></gazebo></robot>"""
+    (sensor,) = (robot := imported(text, tmp_path)[0].robot).sensors
+    sites = {site.name: (one.name, site.pose) for one in robot.links for site in one.sites}
+    held, pose = (sensor.link, sensor.pose) if sensor.site is None else sites[sensor.site]
+    assert held == link and pose.translation == pytest.approx((0.1 if link == "a" else 0.0, 0.2, 0.0))

@@ -150,6 +150,7 @@ def test_mujoco_finds_the_loop_closed_at_every_keyframe(fourbar: Built, mode: st
         data = at_key(model, frame.name)
         assert equality_residual(data) < 1e-9
         assert (data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY).sum() == 6
+        assert all(model.eq_solref[:, 0] == 2.0 * model.opt.timestep)
         assert frame.residual is not None and max(frame.residual) < 1e-9
 
 

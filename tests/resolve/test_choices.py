@@ -124,6 +124,14 @@ def test_everything_wrong_with_choices_is_said_at_once(tmp_path: Path, shared_st
     }
 
 
+def test_a_part_that_is_missing_gets_a_hint_and_one_that_is_refused_gets_none(tmp_path: Path, shared_store: str) -> None:
+    choices = {"components.plate.part": "plates:Squar", "components.left.components.upper.part": "os:path"}
+    found = compiled(tmp_path, shared_store, choices).report.ordered()
+    assert {one.path: one.help for one in found} == {
+        "--set components.plate.part": "did you mean `plates:Square`?", "--set components.left.components.upper.part": None,
+    }
+
+
 def test_an_assembly_that_is_not_there(tmp_path: Path, shared_store: str) -> None:
     (said,) = compiled(tmp_path, shared_store, {"components.left.assembly": "mask.yaml"}).report.diagnostics
     assert (said.code, said.help) == (Code.CHOICE_OPTION, "did you mean `mast.yaml`?")

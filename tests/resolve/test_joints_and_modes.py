@@ -260,3 +260,21 @@ def test_a_wrong_value_in_a_pose_leaves_no_joint_beyond_its_limits(tmp_path: Pat
     assert outcome.pose("typo").values == pytest.approx({"up": 0.005, "down": math.radians(-15)})
     assert outcome.pose("other").values == pytest.approx({"up": 0.005, "down": math.radians(-10)})
     assert outcome.pose("fine").values == {"up": 0.006}
+
+
+def test_a_root_is_a_component_or_a_mount_at_any_depth(tmp_path: Path) -> None:
+    arm, hand = (
+        f"thingc: assembly/1\nname: {name}\ncomponents:\n  plate: {{part: 'arm:Plate'}}\n"
+        f"  {inner}: {{assembly: {inner}.yaml, attach: {{grip: plate.top}}}}\nmounts: {{grip: plate.x}}\n"
+        for name, inner in (("arm", "hand"), ("hand", "finger"))
+    )
+    finger = "thingc: assembly/1\nname: finger\ncomponents: {bone: {part: 'arm:Plate'}}\nmounts: {grip: bone.x}\n"
+    roots = {
+        "plate": (("plate",), None), "grip": (("plate",), "x"), "plate.y": (("plate",), "y"), "plate.hand": (("plate",), "hand"),
+        "hand.plate": (("hand", "plate"), None), "hand.grip": (("hand",), "grip"), "hand.plate.y": (("hand", "plate"), "y"),
+        "hand.finger.bone": (("hand", "finger", "bone"), None), "hand.finger.bone.y": (("hand", "finger", "bone"), "y"),
+        "hand.finger.bone.origin": (("hand", "finger", "bone"), None),
+    }
+    modes = "".join(f"  m{number}: {{root: {text}}}\n" for number, text in enumerate(roots))
+    model = run(tmp_path, {"arm.yaml": f"{arm}modes:\n{modes}", "hand.yaml": hand, "finger.yaml": finger}).good
+    assert [(mode.root.path, mode.root.mount) for mode in model.modes] == list(roots.values())

@@ -14,12 +14,15 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from msgspec.structs import replace
 
+from thingc.base.diagnostics import Code, Report
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options, attempted
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
 from thingc.model.resolve.resolver import Settings
+from thingc.model.robot.floor_height import stand
 from thingc.modes import Modes
 from thingc.tools.cli import info
 from thingc.tools.cli.main import main
@@ -282,6 +285,19 @@ def test_a_height_is_said_once(compiled: Compiled) -> None:
         "TC606", "mode `held` is `on: floor` and holds `lower.tip` at a place: both say how high it is",
         "write `lower.tip: here`, or a height in `at`",
     )]
+
+
+def test_nothing_is_said_of_the_floor_while_a_part_is_unknown(compiled: Compiled) -> None:
+    whole = compiled(ARM.replace("part: lamps:Bar", "collision: none, part: lamps:Bar")).assembly
+    assert whole is not None and len(whole.occurrences) == 2
+    for unknown in ((), (0,), (1,), (0, 1)):
+        occurrences = tuple(
+            replace(one, record=replace(one.record, exact=number not in unknown)) if one.record is not None else one
+            for number, one in enumerate(whole.occurrences)
+        )
+        report = Report()
+        stand(replace(whole, occurrences=occurrences), None, report)
+        assert {found.code for found in report.diagnostics} == (set() if unknown else {Code.NOTHING_TOUCHES})
 
 
 def test_something_has_to_touch(compiled: Compiled) -> None:

@@ -25,14 +25,14 @@ def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dic
     known: dict[str, float] = {}
     for path in by_path:
         chain: dict[str, None] = {}
-        step: str | None = path
-        while step is not None and step not in known:
-            joint = by_path.get(step)
-            if joint is None or step in values or joint.mimic is None or joint.mimic.joint.path not in by_path or step in chain:
+        step = path
+        while step not in known:
+            mimic = by_path[step].mimic
+            if step in values or mimic is None or mimic.joint.path not in by_path or step in chain:
                 known[step] = values.get(step, 0.0)
                 break
             chain[step] = None
-            step = joint.mimic.joint.path
+            step = mimic.joint.path
         for follower in reversed(list(chain)):
             mimic = by_path[follower].mimic
             if mimic is not None and follower not in known:

@@ -30,7 +30,7 @@ FREE, PLANE = 0, 0
 _ALIKE = 1e-9
 
 
-def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes: bool = True) -> SourceRobot | None:
+def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes: bool) -> SourceRobot | None:
     """Read the robot of a file whose root is `<mujoco>`; None if MuJoCo cannot read it, which is reported.
 
     Without `meshes`, unreadable meshes are massless.
