@@ -118,3 +118,12 @@ def test_a_chain_of_which_muJoCo_reads_no_model_is_a_warning(count: int, tmp_pat
     (tmp_path / imported.document).write_bytes(imported.files[imported.document])
     refused = [fault.code for fault in thingc.family(tmp_path / imported.document).write({}, tmp_path / "out", emit=["mjcf"])]
     assert refused == ([] if count == 496 else [Code.MJCF_REFUSED])
+
+
+@pytest.mark.parametrize("text", ['<robot name="r"><link name="a"/>', '<robot name="r"><link name="a"/>\n<!-- '])
+def test_a_file_that_ends_too_early_is_not_read(tmp_path: Path, text: str) -> None:
+    (tmp_path / "cut.urdf").write_text(text)
+    report = Report()
+    assert import_robot(str(tmp_path / "cut.urdf"), report) is None
+    (found,) = report.diagnostics
+    assert found.message.startswith("this is not well-formed XML") and [note.message for note in found.notes] == ["`<robot>` is open here"]

@@ -11,6 +11,8 @@ import pytest
 import trimesh
 
 from thingc.targets.mjcf import verify
+from thingc.targets.mjcf.accepted_models import about_meshes
+from thingc.targets.xml_writer import Element
 from thingc.tools.cli.main import main
 
 DOCUMENT = """thingc: assembly/1
@@ -114,3 +116,11 @@ def test_a_model_may_be_looked_at_again(heap: Path, capsys: pytest.CaptureFixtur
     Said(heap, capsys, monkeypatch)
     first, *others = seen
     assert first > 0 and others == [first]
+
+
+@pytest.mark.parametrize(("tag", "key", "about"), [
+    ("mesh", "inertia", True), ("geom", "type", True), ("geom", "friction", False), ("body", "gravcomp", False),
+])
+def test_raw_attributes_that_change_what_mujoco_makes_of_meshes(tag: str, key: str, about: bool) -> None:
+    changed = Element(tag=tag, raw={key: None})  # type: ignore[dict-item]
+    assert about_meshes(Element(tag="mujoco", children=[Element(tag="worldbody", children=[changed])])) == about

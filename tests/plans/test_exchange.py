@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from graph.builder import record
 from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
-from thingc.batch.plans.numeric_plan import PAYS, PlanCache
+from thingc.batch.plans.numeric_plan import PAYS, NumericPlan, PlanCache
 from thingc.batch.plans.part_exchange import Exchange, Exchanged, PartDependsOnNumber, TracedParts
 from thingc.batch.plans.tape import Tape
 from thingc.driver.settings import ParsedSettings
@@ -146,3 +146,14 @@ def test_after_plans_have_paid_the_next_is_made_at_once() -> None:
     assert [form.worth_it(read) for _ in range(8)] == [False, True, False, True, False, False, False, True]
     form.met = PAYS
     assert [form.worth_it(read) for _ in range(3)] == [True, False, True] and form.met == 0
+
+
+def test_a_plan_gets_the_settings_before_the_numbers_of_records() -> None:
+    class Records:
+        def of(self, values: Sequence[float]) -> Exchanged:
+            assert values == [1.0, 2.0]
+            return Exchanged(numbers=(7.0, 8.0), names=(), assets={})
+
+    plan = NumericPlan(free=(0, 2), fixed=((1, 5.0),), run=lambda *given: given, made=None, exchange=Records())  # type: ignore[arg-type]
+    assert plan.outputs((1.0, 5.0, 2.0)) == (1.0, 2.0, 7.0, 8.0)
+    assert plan.outputs((1.0, 4.0, 2.0)) is None

@@ -11,6 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from resolve.resolving import run
+from thingc.base.diagnostics import Code
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.types import At, Attach, BomEntry, Overrides, Process
@@ -248,3 +249,14 @@ def test_part_definitions_come_once_in_document_order(tmp_path: Path) -> None:
     })
     assert [d.text for d in part_definitions(outcome.good)] == ["arm:Brace", "arm:Plate", "arm:Brace(length=0.02)", "arm:Servo"]
     assert outcome.component("first").definition is outcome.component("same").definition
+
+
+@pytest.mark.parametrize("limit", [3, 2])
+def test_only_so_many_parts_that_fail_are_reported(limit: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("thingc.model.resolve.parts.MAX_FAULTS", limit)
+    components = "".join(
+        f"  c{number}: {{part: '{part}'{', attach: {x: c0.y}' if number else ''}}}\n"
+        for number, part in enumerate(("arm:Gone", "amr:Plate", "os:system"))
+    )
+    codes = [one.code for one in run(tmp_path, f"thingc: assembly/1\nname: arm\ncomponents:\n{components}").report.diagnostics]
+    assert (Code.TOO_LARGE in codes) == (limit < 3) and len([code for code in codes if code is not Code.TOO_LARGE]) == limit
