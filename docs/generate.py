@@ -62,8 +62,8 @@ for kind in KINDS.values():
 HEAD = """\
 # Diagnostics
 
-Everything that thingc can say is wrong. A message names the place, what was expected and what was found; its `help` says what to
-type next.
+This page lists the codes of all errors, warnings and notes. A message shows the place, what was expected and what was found. Its `help`
+shows how to fix it.
 
 ```yaml
 # wrong.yaml
@@ -94,14 +94,14 @@ error[TC302]: this document has no component `plat`
 2 errors
 ```
 
-Several faults are said in one run. A document that is not well-formed, or whose keys and values are wrong (TC1xx, TC2xx), is
-mended first: names, parts and masses are looked at when it is right. Errors end a build. Warnings do not, unless `--strict` is
-given. How all this looks in JSON, as annotations of GitHub and in SARIF is in [outputs](outputs/json.md).
+One run reports all errors that it can find. If a document is not well-formed, or has invalid keys or values (TC1xx, TC2xx), names,
+parts and masses are checked only after these are fixed. Errors stop a build. Warnings stop it only with `--strict`.
+[Formats of diagnostics](outputs/json.md) describes the output as JSON, as GitHub annotations and as SARIF.
 
-Each code has a page with a wrong and a right example; `thingc explain TC302` prints it (`thingc explain 302` does, too), and
-`thingc explain` lists all codes.
+Each code has a page with a wrong and a right example. `thingc explain TC302` or `thingc explain 302` prints it, and `thingc explain`
+lists all codes.
 
-Codes are never used twice and never renumbered.
+Codes are never reused or renumbered.
 """
 
 
@@ -235,7 +235,7 @@ def page() -> str:
     lines = [HEAD]
     titles = sections()
     for hundred in sorted({code.code[:3] for code in Code}):
-        lines += [f"## {hundred}xx: {titles[hundred]}", "", "| code | | cure |", "|---|---|---|"]
+        lines += [f"## {hundred}xx: {titles[hundred]}", "", "| Code | Meaning | Fix |", "|---|---|---|"]
         for code in sorted((code for code in Code if code.code.startswith(hundred)), key=lambda code: code.code):
             link = f"[{code.code}](codes/{code.code}.md)"
             lines.append(f"| {link} | {_cell(code.title)} | {_cell(code.cure)} |")

@@ -141,7 +141,7 @@ def test_links_of_a_page_lead_somewhere(code: Code) -> None:
 def test_explain_says_what_the_page_says(code: Code, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", code.code]) == 0
     printed = capsys.readouterr().out
-    assert printed.startswith(f"{code.code}: {code.title}\n") and f"Cure: {code.cure}\n" in printed
+    assert printed.startswith(f"{code.code}: {code.title}\n") and f"Fix: {code.cure}\n" in printed
     page = read_page(code)
     assert page.meaning in printed
     assert main(["explain", code.code, "--format", "json"]) == 0

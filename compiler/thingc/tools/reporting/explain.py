@@ -1,6 +1,6 @@
-"""Explanations of codes for `thingc explain`: meaning, cure, and a wrong and a right example.
+"""Explanations of codes for `thingc explain`: meaning, fix, and a wrong and a right example.
 
-The texts are in `examples.json` beside this module, which `docs/generate.py` creates from the test cases.
+The texts are in `examples.json` beside this module, which `docs/generate.py` writes from `docs/codes`.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def as_page(code: Code) -> str:
     lines = [f"{code.code}: {code.title}", ""]
     if explanation["meaning"]:
         lines += [explanation["meaning"], ""]
-    lines += [f"Cure: {code.cure}", ""]
+    lines += [f"Fix: {code.cure}", ""]
     for side in ("wrong", "right"):
         example = explanation[side]
         if example is None:
