@@ -1,5 +1,5 @@
 // Bundles src/ and three.js into one script without imports, for a page that is opened as a file.
-// Its first line names the digest of what it was made from, by which a test sees whether it is that of these sources.
+// Its first line contains the hash of the sources, with which a test checks that the bundle is up to date.
 import { createHash } from "node:crypto";
 import { readdirSync, readFileSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
@@ -20,7 +20,7 @@ const made = await build({
   entryPoints: [join(here, "src/main.ts")], bundle: true, minify: true, format: "iife", target: "es2022", write: false,
   legalComments: "inline", charset: "utf8", metafile: true, absWorkingDir: here,
 });
-// `</script` and `<!--` would end the element that the page has it in
+// `</script` and `<!--` would end the script element of the page
 const text = (licenceComment(made.metafile, here) + made.outputFiles[0].text).replaceAll("</script", "<\\/script").replaceAll("<!--", "<\\!--");
 writeFileSync(target, `// thingc viewer, with three.js (MIT, https://threejs.org). Made from viewer/ by \`make viewer\`; sources ${digest.digest("hex")}\n${text}`);
 console.log(`${target}: ${(text.length / 1024).toFixed(0)} KiB`);

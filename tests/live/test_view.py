@@ -298,7 +298,7 @@ def test_in_a_browser(tmp_path: Path, shared_store: str) -> None:
         page.goto(shown.address)
         page.wait_for_selector("#findings a")
         assert page.locator("#findings a").first.get_attribute("href") == f"vscode://file{tmp_path}/robot.yaml:23"
-        assert page.locator("#title").inner_text() == "robot.yaml" and "Nothing is built yet" in page.locator("#waiting").inner_text()
+        assert page.locator("#title").inner_text() == "robot.yaml" and "Waiting for" in page.locator("#waiting").inner_text()
         assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(21, 27, 33)"
         shown.document.write_text(ROBOT)
         page.wait_for_function("() => globalThis.thingc?.ready")
@@ -320,7 +320,7 @@ def test_in_a_browser(tmp_path: Path, shared_store: str) -> None:
         page.evaluate("() => thingc.viewer.setMode('held')")
         shown.end()
         page.wait_for_selector("#gone")
-        assert page.locator("#gone").inner_text() == f"thingc view has ended: start it again with --port {port}, and this page goes on"
+        assert page.locator("#gone").inner_text() == f"thingc view has stopped. To reconnect, run it again with --port {port}"
         (tmp_path / "other.yaml").write_text(ROBOT)
         shown.document.write_text(ROBOT.replace("count: 2", "count: 4"))
         again = Viewing(shown.document, shared_store, "--port", str(port), "--against", "other.yaml")

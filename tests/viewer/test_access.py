@@ -15,11 +15,11 @@ pytestmark = [needed, pytest.mark.slow]
 LOOKS = {"light": ((1200, 800), "light"), "dark": ((1200, 800), "dark"), "narrow": ((400, 800), "light")}
 """The size of the window, and the theme."""
 
-TABS = ("Move", "Parts", "Bill", "Show", "Measure")
+TABS = ("Joints", "Parts", "BOM", "Display", "Measure")
 
 EVERYTHING = """() => { const { viewer } = thingc;
-  viewer.setOptions({ colouring: "torque margin" }); viewer.toggle("names"); viewer.choose([2]); viewer.say("something is said"); }"""
-"""All that may lie over the picture."""
+  viewer.setOptions({ colouring: "torque margin" }); viewer.toggle("names"); viewer.choose([2]); viewer.showMessage("a message"); }"""
+"""Everything that can be drawn over the 3D view."""
 
 CONTRASTS = """() => {
   const parsed = (text) => { const own = /rgba?\\(([^)]*)\\)/.exec(text)[1].split(/[ ,/]+/).map(Number);
@@ -81,7 +81,7 @@ def test_everybody_can_use_it(browser: Any, pages: Pages, look: str) -> None:
             pale, seen = page.evaluate(CONTRASTS)
             poor += [*serious, *pale, *keyed(page, tab)]
             pairs += seen
-        page.get_by_role("button", name="keys and gestures").click()
+        page.get_by_role("button", name="Mouse and keyboard shortcuts").click()
         poor += page.evaluate(CONTRASTS)[0]
     assert poor == [] and pairs > 30
 

@@ -110,7 +110,7 @@ def test_margins_of_any_configuration(browser: Any, pages: Pages, robot: str) ->
                 q = {path: float(rng.uniform(*np.clip(model.joint(path).range, -3, 3))) for path in paths}
                 held = page.evaluate(there, [mode["name"], q])
                 if mode["loops"] or mode["base"] == "free":
-                    assert held["margins"] == {} and ("named poses alone" in held["note"] or "floats" in held["note"])
+                    assert held["margins"] == {} and ("known only for named poses" in held["note"] or "free base" in held["note"])
                     continue
                 trees += 1
                 for path, value in q.items():
@@ -135,8 +135,8 @@ def test_margins_follow_a_slider(browser: Any, pages: Pages) -> None:
             drawn(page)
             seen.append((page.locator("#legend").inner_text(), picture(page)))
             margin = page.evaluate("thingc.viewer.held().margins.shoulder")
-            assert f"shoulder: {margin:.2f} times" in seen[-1][0]
-        assert seen[0][0] != seen[1][0]
+            assert f"\nshoulder: {margin:.2f}\n" in seen[-1][0]
+        assert seen[0][0] != seen[1][0] and "effort limit of the drive / effort required" in seen[0][0]
 
 
 def test_a_slider_moves_its_joint_and_stops_at_its_limits(browser: Any, pages: Pages) -> None:
@@ -181,7 +181,7 @@ def test_loops_stay_closed_while_a_joint_is_moved(browser: Any, pages: Pages) ->
         # far out there is no way to keep both: the page says so, and stays closed
         page.get_by_role("spinbutton", name="front/knee").fill("-115")
         page.get_by_role("spinbutton", name="front/knee").press("Enter")
-        assert "would not close" in page.locator("#said").inner_text()
+        assert "cannot be closed there" in page.locator("#message").inner_text()
         assert np.abs(np.array(links(page)["front/foot"]) - np.array(after["front/foot"])).max() < 1e-6
 
 
@@ -210,15 +210,15 @@ def test_what_a_mode_stands_on_is_not_let_go(browser: Any, pages: Pages) -> None
     with opened(browser, address(pages.minchw / "html/minchw.html", "#mode=bridge&pose=arched")) as page:
         names = page.evaluate("thingc.viewer.robot.links.map((link) => link.name)")
         for foot in ("front/foot", "rear/foot"):
-            assert f"{foot} " in page.evaluate(f"thingc.viewer.kept({names.index(foot)})")
-        assert page.evaluate(f"thingc.viewer.kept({names.index('body')})") is None
+            assert f"{foot} " in page.evaluate(f"thingc.viewer.whyFixed({names.index(foot)})")
+        assert page.evaluate(f"thingc.viewer.whyFixed({names.index('body')})") is None
 
 
 def test_a_click_tells_what_is_there(browser: Any, pages: Pages) -> None:
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
         drawn(page)
         page.mouse.click(*spot(page, "hand/pen"))
-        card = page.get_by_role("region", name="what is chosen")
+        card = page.get_by_role("region", name="Selection")
         text = card.inner_text()
         for words in ("hand/pen", "arm:PenDummy", "21.19 g, derived", "hand_link", "end_effector.yaml:", "parts/arm.py:"):
             assert words in text, (words, text)
@@ -228,13 +228,43 @@ def test_a_click_tells_what_is_there(browser: Any, pages: Pages) -> None:
         assert card.is_hidden()
 
 
+def test_the_tree_of_links_is_that_of_the_mode(browser: Any, pages: Pages) -> None:
+    """Links are in the order of MuJoCo's bodies, and select their parts; a joint has its kind and coordinate, and selects what it moves."""
+    with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
+        page.get_by_role("tab", name="Parts").click()
+        page.get_by_role("radio", name="Links and joints").click()
+        rows = page.locator("#panel-tree li button:visible")
+        for mode in ("drawing", "bench"):
+            page.evaluate(f"thingc.viewer.setMode('{mode}')")
+            model, _ = model_of(pages.arm, "arm", mode)
+            bodies = [model.body(number).name for number in range(1, model.nbody)]
+            labels = rows.evaluate_all("(rows) => rows.map((row) => row.firstChild.data)")
+            assert [name for name in labels if name in bodies] == [name for name in bodies if name in labels] == [*links(page)]
+        chosen = """(({ robot, choice }) =>
+          [...new Set([...choice].map((one) => robot.links[robot.occurrences[one].link].name))])(thingc.viewer)"""
+        rows.filter(has_text="hand_link").focus()
+        page.keyboard.press("Enter")
+        assert page.evaluate(chosen) == ["hand_link"]
+        page.evaluate("thingc.viewer.setCoordinate('wrist', -0.5)")
+        wrist = rows.filter(has_text="wrist")
+        assert "revolute, -28.6 deg" in wrist.inner_text()
+        wrist.focus()
+        assert page.evaluate("thingc.viewer.hovered") == "wrist"
+        wrist.click()
+        assert page.evaluate(chosen) == ["hand_link"]
+        page.get_by_role("searchbox").fill("elbow")
+        assert "elbow" in " ".join(rows.all_inner_texts()) and rows.filter(has_text="shoulder").count() < 2
+        page.get_by_role("searchbox").fill("nothing of this name")
+        assert page.get_by_text("No results").is_visible() and rows.count() == 0
+
+
 def test_the_bill_highlights_all_pieces_of_a_row(browser: Any, pages: Pages) -> None:
     with opened(browser, address(pages.arm / "html/arm.html")) as page:
-        page.get_by_role("tab", name="Bill").click()
+        page.get_by_role("tab", name="BOM").click()
         page.locator("#panel-bom tr", has_text="XM430").click()
         chosen = page.evaluate("[...thingc.viewer.choice].map((one) => thingc.viewer.robot.occurrences[one].path)")
         assert chosen == ["yaw_servo", "shoulder_servo", "elbow_servo", "wrist_servo"]
-        assert "4 components" in page.locator("#card").inner_text() and "328.00 g together" in page.locator("#card").inner_text()
+        assert "4 components" in page.locator("#card").inner_text() and "328.00 g" in page.locator("#card").inner_text()
 
 
 def test_a_link_restores_everything(browser: Any, pages: Pages) -> None:
@@ -334,8 +364,8 @@ def test_a_section_shows_solids(browser: Any, pages: Pages) -> None:
         assert 0.6 < plain[within].mean() < 0.95 and not plain[beside].any()
         lines = (seen[within & ~plain] < face + 4).all(axis=1)  # they are darker; what is left is the ring around the root
         assert lines.mean() > 0.8 and seen[within & ~plain][lines][:, 0].min() < face[0] - 20
-        page.get_by_role("tab", name="Show").click()
-        page.get_by_role("button", name="Other side").click()
+        page.get_by_role("tab", name="Display").click()
+        page.get_by_role("button", name="Flip").click()
         drawn(page)
         assert page.evaluate("thingc.viewer.stage.calls") == before
         assert not (np.abs(picture(page)[rows, columns] - face).max(axis=1) < 4).any() and np.abs(whole - cut).max() > 30
@@ -349,7 +379,7 @@ def linear(color: str) -> np.ndarray[Any, Any]:
 
 def test_what_is_exploded_stays_in_the_picture(browser: Any, pages: Pages) -> None:
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
-        page.get_by_role("tab", name="Show").click()
+        page.get_by_role("tab", name="Display").click()
         camera = "[...thingc.viewer.stage.camera.position.toArray(), ...thingc.viewer.stage.controls.target.toArray()]"
         before = page.evaluate(camera)
         slider = page.get_by_role("slider", name="explode")
@@ -391,7 +421,7 @@ def test_a_robot_stays_in_a_window_that_gets_narrower(browser: Any, pages: Pages
         shown = "(({ stage }) => [stage.shows(stage.bounds()), stage.camera.aspect < 0.9])(thingc.viewer)"
         assert page.evaluate(shown) == [True, False]
         page.set_viewport_size({"width": 400, "height": 800})
-        page.get_by_role("button", name="panels beside the picture, or none").click()
+        page.get_by_role("button", name="Show or hide the panels").click()
         page.wait_for_function("() => thingc.viewer.stage.camera.aspect < 0.9")
         assert page.evaluate(shown) == [True, True]
 
@@ -435,7 +465,7 @@ def test_keys_do_what_the_help_says(browser: Any, pages: Pages) -> None:
 def test_the_picture_can_be_kept(browser: Any, pages: Pages) -> None:
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
         with page.expect_download() as waiting:
-            page.get_by_role("button", name="save this picture as PNG").click()
+            page.get_by_role("button", name="Save the view as a PNG image").click()
         assert waiting.value.suggested_filename == "arm_bench.png"
         kept = Image.open(waiting.value.path())
         assert kept.size[0] > 300 and len(kept.getcolors(1 << 24) or []) > 100
@@ -452,7 +482,7 @@ def test_everything_is_in_reach_on_a_small_screen(browser: Any, pages: Pages, si
         assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
         box = page.locator("#canvas").bounding_box()
         assert box["height"] > 200 and box["width"] > 300
-        for tab in ("Parts", "Show", "Measure", "Move", "Bill"):
+        for tab in ("Parts", "Display", "Measure", "Joints", "BOM"):
             page.get_by_role("tab", name=tab).click()
             assert page.locator("#panels section:visible").count() == 1
             assert [page.evaluate(BEYOND, one) for one in ("#tabs", "#panels section:not([hidden])")] == [0, 0]
@@ -484,6 +514,24 @@ def test_gravity_is_down_in_every_mode(browser: Any, pages: Pages) -> None:
             assert page.evaluate("(({ world, camera }) => world.worldToLocal(camera.position.clone()).z)(thingc.viewer.stage)") > 0.05
 
 
+def test_gravity_and_root_have_labels_beside_the_robot(browser: Any, pages: Pages) -> None:
+    """In a narrow window, in modes on the floor and on the ceiling: the labels are in the view, and no part is below them."""
+    covered = """(id) => { const { left, top, right, bottom } = document.getElementById(id).getBoundingClientRect(), found = [];
+      for (let x = left; x <= right; x += 5) for (let y = top; y <= bottom; y += 5)
+        if (thingc.viewer.hit(x, y) !== null) found.push([x, y]);
+      return found; }"""
+    with opened(browser, address(pages.minchw / "html/minchw.html"), (400, 800)) as page:
+        view = page.locator("#canvas").bounding_box()
+        for mode, root in (("front_foot", "front.sole"), ("rear_foot_ceiling", "rear.sole"), ("crawl", "body")):
+            page.evaluate(f"thingc.viewer.setMode('{mode}'); thingc.viewer.reset()")
+            drawn(page)
+            for name, text in (("gravity", "gravity"), ("root", f"root: {root}")):
+                assert page.locator(f"#{name}").inner_text() == text and page.evaluate(covered, name) == []
+                box = page.locator(f"#{name}").bounding_box()
+                assert view["x"] <= box["x"] and box["x"] + box["width"] <= view["x"] + view["width"]
+                assert view["y"] <= box["y"] and box["y"] + box["height"] <= view["y"] + view["height"]
+
+
 def test_a_robot_is_followed_out_of_the_picture(browser: Any, pages: Pages) -> None:
     """By as much as it goes into a pose; not where it stays in the picture, and not where the picture was of a detail."""
     with opened(browser, address(pages.minchw / "html/minchw.html", "#mode=front_foot&pose=stretched")) as page:
@@ -494,7 +542,8 @@ def test_a_robot_is_followed_out_of_the_picture(browser: Any, pages: Pages) -> N
             """How far its middle and what is looked at go, from looking that far [m] aside, that much nearer."""
             page.evaluate("""([aside, zoom]) => { const { viewer } = thingc, { stage } = viewer;
               viewer.setPose("stretched"); viewer.reset(); stage.camera.position.lerp(stage.controls.target, zoom);
-              stage.shift(stage.left.clone().multiplyScalar(aside)); }""", [aside, zoom])
+              stage.shift(stage.camera.up.clone().cross(stage.controls.target.clone().sub(stage.camera.position))
+                .normalize().multiplyScalar(aside)); }""", [aside, zoom])
             before = np.array(page.evaluate(f"({there})(thingc.viewer)"))
             page.evaluate("(name) => thingc.viewer.setPose(name)", name)
             moved = np.array(page.evaluate(f"({there})(thingc.viewer)")) - before

@@ -142,7 +142,7 @@ def test_a_crank_turns_all_round_with_its_loop_closed(browser: Any, folder: Path
             page.evaluate(f"thingc.viewer.setCoordinate('drive', {math.radians(drive)})")
             q = q_of(page)
             assert math.degrees(q["drive"]) == pytest.approx(drive, abs=1e-9) and gap(page) < 1e-3
-            assert page.evaluate("thingc.viewer.said") == ""
+            assert page.evaluate("thingc.viewer.message") == ""
             assert math.radians(5.0) <= q["pivot"] <= math.radians(175.0) and abs(q["elbow"]) <= math.pi
             inner = math.acos((COUPLER**2 + ROCKER**2 - opposite(math.radians(drive)) ** 2) / (2 * COUPLER * ROCKER))
             links = {name: np.array(numbers).reshape(4, 4)[:3, 0] for name, numbers in page.evaluate("thingc.viewer.links()").items()}
@@ -234,7 +234,7 @@ def test_a_base_that_floats_can_be_moved_and_is_in_the_link(browser: Any, folder
         after = page.evaluate("thingc.viewer.links()")
         assert max(np.abs(np.array(after[name]) - np.array(before[name])).max() for name in before) < 1e-9
     with page_of(browser, folder, FINGER, "#mode=still") as page:
-        assert "stands on" in page.evaluate("thingc.viewer.kept(0)")
+        assert "cannot move" in page.evaluate("thingc.viewer.whyFixed(0)")
 
 
 def test_a_base_moves_as_its_mode_lets_it(browser: Any, folder: Path, tmp_path: Path) -> None:
@@ -245,7 +245,7 @@ def test_a_base_moves_as_its_mode_lets_it(browser: Any, folder: Path, tmp_path: 
     at[:3, :3], at[:3, 3] = Rotation.from_euler("xyz", [20, -30, 40], degrees=True).as_matrix(), [0.03, 0.02, 0.01]
     with page_of(browser, folder, FINGER, "#mode=rolling") as page:
         slide(page, {"base x": 25, "base y": -40, "base about z": 70})
-        assert "\njoint root_2 of models" in str(page.locator(".joint", has_text="base about z").get_attribute("title"))
+        assert "\njoint root_2 in exported models" in str(page.locator(".joint", has_text="base about z").get_attribute("title"))
         model = compiled_there.model("rolling")
         data = mujoco.MjData(model)
         for name, value in (("root_0", 0.025), ("root_1", -0.04), ("root_2", math.radians(70))):
@@ -255,7 +255,7 @@ def test_a_base_moves_as_its_mode_lets_it(browser: Any, folder: Path, tmp_path: 
         placed = page.evaluate("thingc.viewer.links()")
         for name, numbers in placed.items():
             assert np.abs(np.array(numbers).reshape(4, 4) - pose_of(data.body(name))).max() < 1e-9, name
-        page.get_by_role("button", name="copy a link to exactly this view").click()
+        page.get_by_role("button", name="Copy a link to this view").click()
         fragment = page.evaluate("location.hash")
         # what is drawn by a pointer goes along the plane alone
         page.evaluate("""() => { const zero = thingc.viewer.stage.camera.position.clone().set(0, 0, 0);
@@ -298,9 +298,9 @@ def test_a_base_goes_no_further_than_what_is_held_lets_it(browser: Any, folder: 
     with page_of(browser, folder, REACHER, "#mode=pinned") as page:
         held, q = np.array(page.evaluate("thingc.viewer.links()")["three"]), q_of(page)
         slide(page, {"base x": 5})
-        assert page.evaluate("thingc.viewer.said") == "" and abs(q_of(page)["second"] - q["second"]) > 1e-2
+        assert page.evaluate("thingc.viewer.message") == "" and abs(q_of(page)["second"] - q["second"]) > 1e-2
         slide(page, {"base x": -500})
-        assert "the base goes no further" in page.locator("#said").inner_text()
+        assert "The base cannot move further" in page.locator("#message").inner_text()
         assert -0.15 < page.evaluate("thingc.viewer.configuration.moves.read(thingc.viewer.configuration.base)[0]") < -0.01
         assert np.abs(np.array(page.evaluate("thingc.viewer.links()")["three"]) - held).max() < 1e-6
 

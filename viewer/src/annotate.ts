@@ -1,4 +1,4 @@
-// What is marked over the robot: what the mode stands on, holds and pulls with, gravity, and whatever the person asked for.
+// The marks over the robot: root, feet, holds and magnets of the mode, and the overlays that the user has turned on.
 
 import { Color, Matrix4, Vector3 } from "three";
 import { matrixOf } from "./kinematics";
@@ -6,26 +6,29 @@ import type { Marks } from "./marks";
 import { CHOSEN } from "./scene";
 import { mountOf, type Viewer } from "./viewer";
 
-/** Words at a point of the world. */
+/** A label at a point of the world. */
 export interface Name { words: string; at: Vector3; chosen: boolean }
 
-/** What rings and arrows mean, for the help. */
+/** Rings and arrows and their meaning, for the help dialog. */
 export const RINGS: [string, string, string][] = [
-  ["#ff8a1f", "ring", "the root of a mode that is fixed or held, and what else it holds"], ["#0e9bb5", "ring", "the root of a mode whose base is free"],
-  ["#30a46c", "ring", "a mount that the mode stands on"], ["#d6409f", "arrow", "a magnet that pulls"], ["#6b7785", "arrow", "gravity"],
-  ["#b14bd8", "arrow", "the axis of a turn"], ["#0e9bb5", "arrow", "the axis of a slide; where a mount looks"],
+  ["#ff8a1f", "ring", "Root of the mode (base not free), and held mounts"], ["#0e9bb5", "ring", "Root of the mode (base free)"],
+  ["#30a46c", "ring", "Foot"], ["#d6409f", "arrow", "Active magnet"], ["#6b7785", "arrow", "Gravity"],
+  ["#b14bd8", "arrow", "Axis of rotation"], ["#0e9bb5", "arrow", "Axis of translation; z axis of a mount"],
 ];
 const [HELD, FREE, STOOD, MAGNET] = RINGS.map(([color]) => new Color(color));
 const TURN = new Color("#b14bd8"), SLIDE = new Color("#0e9bb5"), CENTRE = new Color("#e5484d");
+/** The largest number of labels. */
 const MOST = 300;
+/** The radius of the ring around the root, as a fraction of the size of the robot. */
+export const ROOT_RING = 0.13;
 
 const origin = (pose: Matrix4): Vector3 => new Vector3().setFromMatrixPosition(pose);
 const z = (pose: Matrix4): Vector3 => new Vector3().setFromMatrixColumn(pose, 2);
 
-/** Adds all marks of the picture; returns the names that belong to them. */
+/** Adds all marks of the frame; returns their labels. */
 export function annotate(viewer: Viewer, marks: Marks): Name[] {
   const names: Name[] = [];
-  const exploded = viewer.options.explode > 0; // then links are nowhere
+  const exploded = viewer.options.explode > 0; // links have no pose in an exploded view
   if (!exploded) {
     links(viewer, marks, names);
     axes(viewer, marks, names);
@@ -55,7 +58,7 @@ function links(viewer: Viewer, marks: Marks, names: Name[]): void {
     if (on.has("centres of mass")) marks.ball(centre, (0.045 * Math.cbrt(link.mass / robot.mass) + 0.006) * size, new Color("#111111"));
     if (on.has("inertia")) {
       const [x, y, z] = link.moments;
-      const radius = (sum: number): number => Math.sqrt(Math.max(2.5 * sum, 0) / link.mass); // of a solid ellipsoid with these moments
+      const radius = (sum: number): number => Math.sqrt(Math.max(2.5 * sum, 0) / link.mass); // of the solid ellipsoid with these moments
       const own = matrixOf([0, 1, 2].flatMap((row) => [...link.axes.slice(3 * row, 3 * row + 3), link.centre[row]]));
       marks.ellipsoid(pose.clone().multiply(own), new Vector3(radius(y + z - x), radius(x + z - y), radius(x + y - z)), new Color("#3e7cb1"));
     }
@@ -99,9 +102,8 @@ function mounts(viewer: Viewer, marks: Marks, names: Name[]): void {
 }
 
 function stand(viewer: Viewer, marks: Marks, exploded: boolean): void {
-  const { mode, robot, stage } = viewer;
-  const { size } = stage;
-  marks.ring(viewer.mountDrawn(mode.root), 0.13 * size, mode.base === "free" ? FREE : HELD);
+  const { mode, robot, stage: { size } } = viewer;
+  marks.ring(viewer.mountDrawn(mode.root), ROOT_RING * size, mode.base === "free" ? FREE : HELD);
   for (const foot of mode.feet) marks.ring(viewer.mountDrawn(foot), 0.1 * size, STOOD);
   for (const loop of mode.loops) {
     if (loop.hold && !exploded) marks.ring(viewer.bodies[loop.child].clone().multiply(matrixOf(loop.X_CB)), 0.1 * size, HELD);
@@ -111,12 +113,6 @@ function stand(viewer: Viewer, marks: Marks, exploded: boolean): void {
     const pose = viewer.mountDrawn(magnet);
     marks.arrow(origin(pose), z(pose), 0.16 * size, MAGNET);
   }
-  const pull = new Vector3(...mode.gravity);
-  if (pull.length() === 0) return;
-  const side = stage.left.clone().applyQuaternion(stage.world.quaternion.clone().invert());
-  const radius = stage.framed.getSize(new Vector3()).length() / 2;
-  const at = stage.framed.getCenter(new Vector3()).addScaledVector(side, 1.05 * radius);
-  marks.arrow(at, pull.normalize(), 0.24 * radius, new Color(viewer.options.theme === "dark" ? "#f2f4f7" : "#1f2933"));
 }
 
 function measured(viewer: Viewer, marks: Marks): void {

@@ -1,4 +1,4 @@
-// A robot in one mode at one configuration: coordinates and base, and the ways to change them that keep loops closed.
+// A configuration of a robot in one mode (coordinates and base pose), and changes of it that keep loops closed.
 
 import { Matrix4, Quaternion, Vector3 } from "three";
 import { BaseMotion } from "./base";
@@ -6,9 +6,9 @@ import type { Mode, NamedPose, Robot } from "./data";
 import { type Coordinates, Couplings, matrixOf, rotationVector, Tree } from "./kinematics";
 import { Solver } from "./solver";
 
-/** How far a coordinate goes at most [rad, and part of the robot's size] before loops are closed again. */
+/** The largest step of a coordinate [rad, or fraction of the robot's size] before loops are closed again. */
 const STEP = 0.08;
-/** Configurations are those of a pose to here [rad or m]. */
+/** The tolerance within which a configuration equals a pose [rad or m]. */
 const SAME = 1e-9;
 
 export class Configuration {
@@ -17,11 +17,11 @@ export class Configuration {
   readonly moves: BaseMotion;
   q: Coordinates;
   base: Matrix4;
-  /** The pose that it is, as long as nothing has been moved. */
+  /** The named pose, until a coordinate changes. */
   pose: NamedPose | null = null;
   private readonly solver: Solver;
 
-  /** Where the mode starts, else its first pose, else at 0; `size` [m] is that of the robot. */
+  /** Begins in the initial pose of the mode, else its first pose, else at 0; `size` [m] is the size of the robot. */
   constructor(private readonly robot: Robot, readonly mode: Mode, private readonly size: number) {
     this.tree = new Tree(mode);
     this.couplings = new Couplings(robot);
@@ -34,12 +34,12 @@ export class Configuration {
     else if (this.closes) this.close(new Set());
   }
 
-  /** Whether there are loops, or holds, to keep closed. */
+  /** Whether the mode has loops or holds. */
   get closes(): boolean {
     return this.solver.closes;
   }
 
-  /** Whether they are. */
+  /** Whether all loops and holds are closed. */
   get closed(): boolean {
     return !this.closes || this.solver.closed({ q: this.q, base: this.base, open: this.solver.openness(this.q, this.base) });
   }
@@ -50,7 +50,7 @@ export class Configuration {
     this.pose = pose;
   }
 
-  /** Moves a coordinate, and what has to go with it, towards a value. Whether it got there: it stops where loops would not close. */
+  /** Moves a coordinate, and those coupled to it, towards a value. Returns false if it stops because loops cannot be closed. */
   set(path: string, value: number): boolean {
     const { path: leader } = this.couplings.leader(path);
     const [low, high] = this.couplings.range(leader);
@@ -59,14 +59,14 @@ export class Configuration {
     return reached;
   }
 
-  /** Moves the base by one of its coordinates. Whether it got there: it stops where what the mode holds would not stay. */
+  /** Moves the base along one of its coordinates. Returns false if it stops because holds cannot be closed. */
   setBase(at: number, value: number): boolean {
     const to = this.moves.read(this.base);
     to[at] = value;
     return this.stand(this.moves.placed(to));
   }
 
-  /** Puts the base elsewhere, in steps so small that loops stay in the branch that they are in; what does not hang on the world goes along. */
+  /** Moves the base, in steps so small that loops stay in their branch of solutions. */
   private stand(base: Matrix4): boolean {
     this.pose = null;
     const from = this.base, held = this.mode.loops.some((loop) => loop.hold);
@@ -83,7 +83,7 @@ export class Configuration {
     return true;
   }
 
-  /** Leads some coordinates to values, in steps so small that loops stay in the branch that they are in. */
+  /** Moves coordinates to values, in steps so small that loops stay in their branch of solutions. */
   private approach(targets: Coordinates): boolean {
     this.pose = null;
     const fixed = new Set(Object.keys(targets));
@@ -112,7 +112,7 @@ export class Configuration {
     return true;
   }
 
-  /** On the way from one configuration to another, a part (0 to 1) of it behind: drives lead, and loops follow. */
+  /** Interpolates between two configurations at `part` (0 to 1). With loops, driven coordinates are interpolated and the others follow. */
   between(from: { q: Coordinates; base: Matrix4 }, to: { q: Coordinates; base: Matrix4 }, part: number): void {
     const at = (path: string): number => from.q[path] + part * (to.q[path] - from.q[path]);
     const base = this.moves.nearest(mixed(from.base, to.base, part));
@@ -127,12 +127,12 @@ export class Configuration {
     const before = { q: this.q, base: this.base };
     if (!this.mode.loops.some((loop) => loop.hold)) this.base = base;
     if (drives.length > 0 && this.approach(Object.fromEntries(drives.map((path) => [path, at(path)])))) return;
-    // drives that loops leave no freedom: as near to all coordinates as they close
+    // if the loops leave the drives no freedom: the closed configuration nearest to the interpolated one
     ({ q: this.q, base: this.base } = { q: Object.fromEntries(Object.keys(to.q).map((path) => [path, at(path)])), base });
     if (!this.close(new Set(), 8)) ({ q: this.q, base: this.base } = before);
   }
 
-  /** Draws a point of a link (in its frame) towards a target in the world, as near as joints and loops let it. */
+  /** Moves a point of a link (in its frame) as near to a target in the world as joints and loops permit. */
   pull(body: number, grip: Vector3, target: Vector3): void {
     this.pose = null;
     if (body === 0) {
@@ -145,7 +145,7 @@ export class Configuration {
     if (this.closes && !this.close(new Set())) ({ q: this.q, base: this.base } = before);
   }
 
-  /** Coordinates by path, and a base, as somebody has noted them; what is not there, or no number, is left out. */
+  /** Sets coordinates by path, and the base. Unknown paths and values that are not finite are ignored. */
   restore(values: Coordinates, base: Matrix4 | null): void {
     for (const [path, value] of Object.entries(values)) if (Object.hasOwn(this.q, path) && Number.isFinite(value)) this.q[path] = value;
     this.couplings.settle(this.q);
@@ -159,22 +159,22 @@ export class Configuration {
     if (same !== undefined) this.take(same);
   }
 
-  /** Whether the base is where the mode puts it. */
+  /** Whether the base is at its initial pose. */
   get atHome(): boolean {
     return this.base.equals(this.tree.home);
   }
 
-  /** Why a link cannot be drawn elsewhere, in words; null where it can. */
-  kept(link: number): string | null {
+  /** The reason why a link cannot be dragged; null if it can. */
+  whyFixed(link: number): string | null {
     const name = this.robot.links[link].name;
     const body = this.tree.bodyOf.get(link)!;
     const { base, loops, name: mode } = this.mode;
-    if (loops.some((loop) => loop.hold && loop.child === body)) return `${name} is held in mode ${mode}: it stays where it is`;
+    if (loops.some((loop) => loop.hold && loop.child === body)) return `${name} is held in mode ${mode} and cannot move`;
     if (body === 0 && this.moves.coordinates.length > 0) return null;
-    if (body === 0 && base === "free") return `${name} moves with what mode ${mode} holds: draw another link`;
-    if (body === 0) return `the robot stands on ${name} in mode ${mode} (base ${base}): choose another mode to move it`;
+    if (body === 0 && base === "free") return `${name} follows the held links of mode ${mode}: drag another link`;
+    if (body === 0) return `${name} is the root of mode ${mode} (base ${base}) and cannot move: select another mode`;
     const moves = this.tree.above(body).some((index) => this.tree.bodies[index].joints.length > 0);
-    return moves || this.closes ? null : `no joint moves ${name} in mode ${mode}`;
+    return moves || this.closes ? null : `No joint moves ${name} in mode ${mode}`;
   }
 }
 

@@ -1,11 +1,11 @@
-// What the page is told of a robot (compiler/thingc/targets/html/viewer_data.py): SI; poses are the first three rows of a matrix.
+// The data of a robot, written by compiler/thingc/targets/html/viewer_data.py: SI units; poses are the first three rows of a matrix.
 
 export const VERSION = 1;
 
 export type Vector = [number, number, number];
-/** 12 numbers, the first three rows of a pose's matrix. */
+/** 12 numbers: the first three rows of the matrix of a pose. */
 export type Rows = number[];
-/** Angular part (a unit vector, or 0 of a slide), linear part, and a point on the axis. */
+/** The angular part (a unit vector; 0 for a slide), the linear part, and a point on the axis. */
 export type Twist = [Vector, Vector, Vector];
 
 export interface Place { file: string | null; line: number | null }
@@ -32,6 +32,9 @@ export interface Occurrence extends Place {
 }
 
 export interface MountAt { path: string; occurrence: number; mount: string | null }
+
+/** A mount as documents refer to it: `foot.sole`, or `foot` for the frame of the component. */
+export const referenceOf = ({ path, mount }: MountAt): string => (mount === null ? path.replace(/\/origin$/, "") : path).replaceAll("/", ".");
 
 export interface Joint extends Place {
   path: string; joint: string; kind: string; turns: boolean; axis: string; parent: number; child: number; lower: number | null; upper: number | null;
@@ -64,14 +67,14 @@ export interface Robot {
   mounts: (MountAt & { mount: string })[]; joints: Joint[]; tendons: number; magnets: MountAt[]; bom: BomRow[]; modes: Mode[];
 }
 
-/** An angle in degrees or a length in millimetres, as people read a coordinate. */
+/** A coordinate with its unit, in degrees or millimetres. */
 export function shownCoordinate(joint: { turns: boolean }, q: number): string {
   return `${trimmed(q * scaleOf(joint), 1)} ${unitOf(joint)}`;
 }
 
 export const unitOf = (joint: { turns: boolean }): string => (joint.turns ? "deg" : "mm");
 
-/** How many of its unit one of SI is. */
+/** The factor from SI to the displayed unit. */
 export const scaleOf = (joint: { turns: boolean }): number => (joint.turns ? 180 / Math.PI : 1000);
 
 export function trimmed(value: number, digits: number): string {
@@ -79,11 +82,11 @@ export function trimmed(value: number, digits: number): string {
   return Number(text) === 0 ? (0).toFixed(digits) : text;
 }
 
-/** A mass as people read it. */
+/** A mass with its unit, in kilograms or grams. */
 export function shownMass(kilograms: number): string {
   if (kilograms >= 1) return `${trimmed(kilograms, 3)} kg`;
   return kilograms === 0 ? "no mass" : `${trimmed(kilograms * 1000, kilograms < 0.01 ? 3 : 2)} g`;
 }
 
-/** A number of things, in words. */
+/** A count with a noun: `1 link`, `2 links`. */
 export const counted = (count: number, what: string): string => `${count} ${what}${count === 1 ? "" : "s"}`;

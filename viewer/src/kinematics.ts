@@ -1,4 +1,4 @@
-// Where the links of a mode are at given coordinates. Doubles throughout: three.js rounds only what it draws.
+// Forward kinematics: the poses of the links of a mode. All numbers are doubles; three.js rounds only for drawing.
 
 import { Matrix3, Matrix4, Quaternion, Vector3 } from "three";
 import type { Body, Joint, Mode, Moving, Robot, Rows, Twist } from "./data";
@@ -17,7 +17,7 @@ export function rowsOf(pose: Matrix4): Rows {
 const turn = new Matrix4();
 const axis = new Vector3();
 
-/** The pose at q of what was at the frame at q = 0: a turn about the axis through the anchor, and a slide along it (Rodrigues' formula). */
+/** The exponential of a twist: a rotation about the axis through the anchor, and a translation along it (Rodrigues' formula). */
 export function exponential([angular, linear, anchor]: Twist, q: number, target: Matrix4): Matrix4 {
   if (angular[0] === 0 && angular[1] === 0 && angular[2] === 0) {
     return target.makeTranslation(linear[0] * q, linear[1] * q, linear[2] * q);
@@ -32,7 +32,7 @@ export function exponential([angular, linear, anchor]: Twist, q: number, target:
 
 const step = new Matrix4();
 
-/** Moves `pose` by coordinates, one after the other, or those of a ball at once: their rotation vector. */
+/** Moves `pose` by coordinates, one after the other, or (`atOnce`) by the rotation vector of a ball. */
 export function move(pose: Matrix4, joints: Moving[], atOnce: boolean, q: Coordinates): Matrix4 {
   if (!atOnce) {
     for (const joint of joints) pose.multiply(exponential(joint.twist, q[joint.path], step));
@@ -43,7 +43,7 @@ export function move(pose: Matrix4, joints: Moving[], atOnce: boolean, q: Coordi
   return pose.multiply(exponential([vector.divideScalar(angle).toArray(), [0, 0, 0], joints[0].twist[2]], angle, step));
 }
 
-/** The rotation vector of a ball, in the frame that its turns are given in. */
+/** The rotation vector of a ball, in the frame of its twists. */
 function turned(joints: Moving[], q: Coordinates): Vector3 {
   const vector = new Vector3();
   for (const { path, twist } of joints) vector.addScaledVector(axis.fromArray(twist[0]), q[path]);
@@ -51,7 +51,7 @@ function turned(joints: Moving[], q: Coordinates): Vector3 {
 }
 
 /**
- * How fast what is turned by the rotation vector w turns, in its own axes, while w changes by v: `v - b w x v + c w x (w x v)` with
+ * The angular velocity, in the moving frame, of a rotation vector w that changes at the rate v: `v - b w x v + c w x (w x v)` with
  * b = (1 - cos a) / a^2, c = (a - sin a) / a^3, a = |w| (Chirikjian, Stochastic Models, Information Theory, and Lie Groups 2, 2012,
  * section 10.3.3); near 0 by their series.
  */
@@ -62,7 +62,7 @@ function rightJacobian(w: Vector3, v: Vector3): Vector3 {
   return v.clone().addScaledVector(once, -b).addScaledVector(w.clone().cross(once), c);
 }
 
-/** The axis of a pose's turn times its angle [rad], which is at most half a turn. */
+/** The rotation vector of a pose; its angle [rad] is at most half a turn. */
 export function rotationVector(pose: Matrix4): number[] {
   const turn = new Quaternion().setFromRotationMatrix(pose);
   const sign = turn.w < 0 ? -1 : 1;
@@ -72,13 +72,13 @@ export function rotationVector(pose: Matrix4): number[] {
   return [factor * x, factor * y, factor * z];
 }
 
-/** A mode's tree: where its bodies are in the world. */
+/** The kinematic tree of a mode. */
 export class Tree {
   private readonly offsets: Matrix4[];
   readonly bodies: Body[];
-  /** Where each link's body is among the bodies. */
+  /** The index of the body of each link. */
   readonly bodyOf: Map<number, number>;
-  /** What each coordinate moves: of a body in its parent, or across a loop where it is cut. */
+  /** The joint of each coordinate: between a body and its parent, or at the cut of a loop. */
   private readonly movers = new Map<string, { parent: number | null; offset: Matrix4; joints: Moving[]; at: number; atOnce: boolean }>();
 
   constructor(readonly mode: Mode) {
@@ -92,12 +92,12 @@ export class Tree {
     for (const one of moves) one.joints.forEach(({ path }, at) => this.movers.set(path, { ...one, at }));
   }
 
-  /** Where the mode puts its root link. */
+  /** The initial pose of the root link. */
   get home(): Matrix4 {
     return this.offsets[0];
   }
 
-  /** Fills `placed`, a matrix per body. */
+  /** Computes the pose of every body into `placed`. */
   place(q: Coordinates, base: Matrix4, placed: Matrix4[]): Matrix4[] {
     this.bodies.forEach((body, index) => {
       if (body.parent === null) placed[index].copy(base);
@@ -110,7 +110,7 @@ export class Tree {
     return this.bodies.map(() => new Matrix4());
   }
 
-  /** The frame in the world in which the twist of a coordinate is given, at q; the bodies at `placed`. */
+  /** The frame of the twist of a coordinate in the world, at q, for bodies at `placed`. */
   frameOf(path: string, q: Coordinates, placed: Matrix4[]): { frame: Matrix4; twist: Twist } | null {
     const known = this.movers.get(path);
     if (known === undefined) return null;
@@ -120,7 +120,7 @@ export class Tree {
     return { frame, twist: joints[at].twist };
   }
 
-  /** How what a coordinate moves goes per unit of it, in the world: its turn (no unit vector, of a ball), its slide, and a point on its axis. */
+  /** The velocity per unit of a coordinate, in the world: angular (not a unit vector for a ball), linear, and a point on the axis. */
   rate(path: string, q: Coordinates, placed: Matrix4[]): { angular: Vector3; linear: Vector3; anchor: Vector3 } | null {
     const found = this.frameOf(path, q, placed);
     if (found === null) return null;
@@ -134,7 +134,7 @@ export class Tree {
     };
   }
 
-  /** The bodies between a body and the root, itself first. */
+  /** The bodies from a body to the root, the body itself first. */
   above(index: number): number[] {
     const chain = [index];
     for (let parent = this.bodies[index].parent; parent !== null; parent = this.bodies[parent].parent) chain.push(parent);
@@ -142,15 +142,15 @@ export class Tree {
   }
 }
 
-/** The coordinates of a robot: which follow others, and how far each may go. */
+/** The mimics of a robot, and the ranges of its coordinates. */
 export class Couplings {
   private readonly joints: Map<string, Joint>;
   private readonly leaders = new Map<string, { path: string; factor: number; shift: number }>();
-  /** What follows by a polynomial, or what does: its factor is another wherever the leader is. */
+  /** Coordinates that follow by a polynomial, directly or through another one: their factor depends on q. */
   private readonly bent = new Set<string>();
   private readonly ranges = new Map<string, [number, number]>();
   private readonly cones: { paths: string[]; cone: number }[];
-  /** Turns that have no end, and nothing coupled to them. */
+  /** Rotations without limits and without mimics. */
   private readonly endless: string[];
 
   constructor(robot: Robot) {
@@ -192,12 +192,12 @@ export class Couplings {
     return { path: here, factor, shift };
   }
 
-  /** The coordinate that `path` follows in the end (itself where it follows none), q = factor * q(leader) + shift, of polynomials near `q`. */
+  /** The last leader of `path` (itself if it follows none): q = factor * q(leader) + shift; polynomials are linearized at `q`. */
   leader(path: string, q: Coordinates | null = null): { path: string; factor: number; shift: number } {
     return q !== null && this.bent.has(path) ? this.found(path, q) : this.leaders.get(path)!;
   }
 
-  /** Where `path` is when the one that it follows in the end is at a value. */
+  /** The value of `path` for a value of its last leader. */
   private at(path: string, value: number): number {
     const chain: string[] = [];
     const { path: leader } = this.leader(path);
@@ -210,7 +210,7 @@ export class Couplings {
     return q[path];
   }
 
-  /** Values of the leader of `path` over its range (of one without limits a turn or a metre either way), and where `path` is then. */
+  /** Samples of the last leader of `path` over its range (clipped to half a turn or 3.14 m either way), with the value of `path`. */
   private sampled(path: string): [number, number][] {
     const [low, high] = this.range(this.leader(path).path).map((end) => Math.max(-Math.PI, Math.min(Math.PI, end)));
     return Array.from({ length: 201 }, (_, k) => low + ((high - low) * k) / 200).map((x) => [x, this.at(path, x)]);
@@ -220,7 +220,7 @@ export class Couplings {
     return this.leader(path).path !== path;
   }
 
-  /** How far a coordinate may go, such that all that is coupled to it stays within its limits. */
+  /** The range in which a coordinate and all coupled ones stay within their limits. */
   range(path: string): [number, number] {
     if (this.bent.has(path)) {
       const reached = this.sampled(path).map(([, value]) => value);
@@ -231,14 +231,14 @@ export class Couplings {
     return factor === 0 ? [shift, shift] : [Math.min(...ends), Math.max(...ends)];
   }
 
-  /** The coordinate of the leader at which `path` is at a value. */
+  /** The value of the last leader for a value of `path`. */
   led(path: string, value: number): number {
     if (this.bent.has(path)) return this.sampled(path).reduce((best, one) => (Math.abs(one[1] - value) < Math.abs(best[1] - value) ? one : best))[0];
     const { factor, shift } = this.leader(path);
     return factor === 0 ? 0 : (value - shift) / factor;
   }
 
-  /** Puts every leader within its range, every ball within its cone, and every follower where its leader has it. */
+  /** Clamps leaders to their ranges and balls to their cones, then computes the followers. */
   settle(q: Coordinates): Coordinates {
     for (const [path, [low, high]] of this.ranges) if (path in q) q[path] = Math.min(high, Math.max(low, q[path]));
     for (const { paths, cone } of this.cones) {
@@ -251,7 +251,7 @@ export class Couplings {
     return q;
   }
 
-  /** Turns that have no end, and nothing coupled to them, within half a turn of 0. */
+  /** Reduces rotations without limits and without mimics to half a turn either way. */
   unwound(q: Coordinates): Coordinates {
     for (const path of this.endless) q[path] -= 2 * Math.PI * Math.round(q[path] / (2 * Math.PI));
     return q;

@@ -1,13 +1,13 @@
-// The page: reads what it was given, and wires panels, gestures and keys to the viewer.
+// The entry point of the page: reads the embedded robot and connects panels, gestures and keys to the viewer.
 
 import { RINGS } from "./annotate";
-import { counted, type Robot, shownMass, VERSION } from "./data";
+import { counted, referenceOf, type Robot, shownMass, VERSION } from "./data";
 import { listen, live, wait } from "./live";
 import { restored, written } from "./permalink";
 import { bytesOf, geometriesOf } from "./scene";
 import { bomPanel } from "./ui/bom";
 import { card } from "./ui/card";
-import { copied } from "./ui/copying";
+import { copy } from "./ui/copying";
 import { $, choices, fading, make } from "./ui/dom";
 import { gestures, KEYS, keys } from "./ui/gestures";
 import { measurePanel } from "./ui/measure";
@@ -18,7 +18,7 @@ import { treePanel } from "./ui/tree";
 import { Viewer } from "./viewer";
 
 const PANELS: [string, string, (panel: HTMLElement, viewer: Viewer) => void][] = [
-  ["pose", "Move", posePanel], ["tree", "Parts", treePanel], ["bom", "Bill", bomPanel], ["show", "Show", showPanel], ["measure", "Measure", measurePanel],
+  ["pose", "Joints", posePanel], ["tree", "Parts", treePanel], ["bom", "BOM", bomPanel], ["show", "Display", showPanel], ["measure", "Measure", measurePanel],
 ];
 
 async function start(): Promise<void> {
@@ -26,7 +26,7 @@ async function start(): Promise<void> {
   const own = given("thingc-robot", "thingc-geometry");
   if (own === null) return wait();
   const canvas = $("canvas") as HTMLCanvasElement;
-  const viewer = new Viewer(canvas, $("labels"));
+  const viewer = new Viewer(canvas);
 
   let shown = "pose";
   const tabs = $("tabs");
@@ -53,7 +53,7 @@ async function start(): Promise<void> {
   card($("card"), viewer);
   header(viewer);
   gestures(canvas, viewer, () => shown === "measure");
-  const help = helped();
+  const help = helpDialog();
   keys(viewer, { find: () => { open("tree"); $("search").focus(); }, help });
   actions(viewer, help);
   views(viewer);
@@ -67,24 +67,24 @@ async function start(): Promise<void> {
   restored(viewer, location.hash);
   requestAnimationFrame(() => requestAnimationFrame(() => performance.mark("drawn")));
   window.addEventListener("hashchange", () => restored(viewer, location.hash));
-  remember(viewer);
+  trackAddress(viewer);
   if (live()) listen(viewer, (sent) => { if (sent !== null) viewer.load(sent.robot, sent.geometries); }, (sent) => viewer.against(sent));
-  // for whoever steers the page from outside: tests, notebooks, other pages
+  // the public API for tests, notebooks and other pages
   Object.assign(globalThis, { thingc: { viewer, ready: true } });
 }
 
-/** A robot and its meshes, as two elements of the page have them; null where it has none. */
+/** A robot and its meshes from two elements of the page; null if the page has no robot. */
 function given(data: string, meshes: string): { robot: Robot; glb: ArrayBuffer } | null {
   const text = document.getElementById(data)?.textContent;
   const robot = JSON.parse(text ?? "null") as Robot | null;
   if (robot === null) return null;
-  if (robot.version !== VERSION) throw new Error(`this page reads version ${VERSION} of a robot, and was given ${robot.version}`);
+  if (robot.version !== VERSION) throw new Error(`Unsupported robot data: this page reads version ${VERSION}, found version ${robot.version}`);
   return { robot, glb: bytesOf($(meshes).textContent!.trim()) };
 }
 
 function header(viewer: Viewer): void {
   let update = (): void => {};
-  const brought = fading($("modes"));
+  const scrollToMode = fading($("modes"));
   viewer.listen((change) => {
     if (change === "robot") {
       const { robot } = viewer;
@@ -95,46 +95,52 @@ function header(viewer: Viewer): void {
     }
     if (change === "mode") {
       update();
-      brought();
+      scrollToMode();
       const { name, root, base, file, line } = viewer.mode;
       $("modes").title = `mode ${name}: root ${root.path}, base ${base}${file === null ? "" : `\n${file}:${line}`}`;
+      $("root").textContent = `root: ${referenceOf(root)}`;
+      $("gravity").hidden = !viewer.stage.gravity.visible;
     }
     if (change === "options") {
       document.documentElement.dataset.theme = viewer.options.theme;
       $("panels").hidden = !viewer.options.panels;
     }
-    if (change === "said") {
-      $("said").hidden = viewer.said === "";
-      $("said").textContent = viewer.said;
-    }
+    if (change === "message") showMessage(viewer.message);
   });
   document.documentElement.dataset.theme = viewer.options.theme;
 }
 
-/** Whence the robot is looked at. */
-const VIEWS: [string, [number, number, number]?][] = [["Iso"], ["Front", [1, 0, 0]], ["Side", [0, -1, 0]], ["Top", [0, -1e-4, 1]]];
+function showMessage(text: string): void {
+  $("message").hidden = text === "";
+  $("message").textContent = text;
+}
+
+/** Standard views: label, title, and direction from the robot to the camera. */
+const VIEWS: [string, string, [number, number, number]?][] = [
+  ["Iso", "Isometric view"], ["Front", "Front view", [1, 0, 0]], ["Side", "Side view", [0, -1, 0]], ["Top", "Top view", [0, -1e-4, 1]],
+];
 
 function actions(viewer: Viewer, help: () => void): void {
   const button = (words: string, title: string, act: () => void): HTMLButtonElement => make("button", { type: "button", title, "aria-label": title, onclick: act }, words);
   $("actions").append(
-    button("Fit", "the whole robot in the picture (r)", () => viewer.reset()),
-    ...(location.protocol === "about:" ? [] : [button("Link", "copy a link to exactly this view", () => { // a frame in a notebook has no address
-      noted(viewer);
-      void copied(viewer, location.href.replace(/#.*/, "") + written(viewer), "the link is copied");
+    button("Fit", "Fit the view to the robot (r)", () => viewer.reset()),
+    ...(location.protocol === "about:" ? [] : [button("Link", "Copy a link to this view", () => { // a frame in a notebook has no address
+      updateAddress(viewer);
+      void copy(viewer, location.href.replace(/#.*/, "") + written(viewer), "Link copied");
     })]),
-    button("Picture", "save this picture as PNG", () => saved(viewer)),
-    button("◐", "dark or light", () => viewer.setOptions({ theme: viewer.options.theme === "dark" ? "light" : "dark" })),
-    button("☰", "panels beside the picture, or none", () => viewer.setOptions({ panels: !viewer.options.panels })),
-    button("?", "keys and gestures (?)", help),
+    button("Image", "Save the view as a PNG image", () => saveImage(viewer)),
+    button("◐", "Switch between light and dark theme", () => viewer.setOptions({ theme: viewer.options.theme === "dark" ? "light" : "dark" })),
+    button("☰", "Show or hide the panels", () => viewer.setOptions({ panels: !viewer.options.panels })),
+    button("?", "Mouse and keyboard shortcuts (?)", help),
   );
 }
 
 function views(viewer: Viewer): void {
-  $("views").append(...VIEWS.map(([words, from]) => make("button", { type: "button", title: `look from here: ${words}`, onclick: () => viewer.reset(from) }, words)));
+  $("views").append(...VIEWS.map(([label, title, from]) => make("button", { type: "button", title, onclick: () => viewer.reset(from) }, label)));
 }
 
-/** Hands the picture to the person, without its background. */
-function saved(viewer: Viewer): void {
+/** Saves the 3D view as a PNG image with a transparent background. */
+function saveImage(viewer: Viewer): void {
   viewer.stage.draw();
   viewer.stage.canvas.toBlob((blob) => {
     if (blob === null) return;
@@ -144,45 +150,45 @@ function saved(viewer: Viewer): void {
   });
 }
 
-function helped(): () => void {
+/** Fills the help dialog; the returned function opens it. */
+function helpDialog(): () => void {
   const dialog = $("help") as HTMLDialogElement;
   const table = make("table", {}, make("tbody", {}, ...KEYS.map(([key, words]) => make("tr", {}, make("td", {}, make("kbd", {}, key)), make("td", {}, words)))));
   dialog.append(
-    make("button", { class: "close", type: "button", "aria-label": "close this help", onclick: () => dialog.close() }, "×"),
-    make("h2", {}, "Gestures"),
-    make("p", {}, "Drag to turn, drag with the right button to shift, scroll to zoom. Click a part to see what it is. Drag a link with Shift, or after a long press, to pose the robot."),
-    make("h2", {}, "Marks"), make("ul", { class: "rings" }, ...RINGS.map(([color, shape, words]) => {
+    make("button", { class: "close", type: "button", "aria-label": "Close", onclick: () => dialog.close() }, "×"),
+    make("h2", {}, "Mouse and touch"),
+    make("p", {}, "Drag to rotate, drag with the right button to pan, scroll to zoom. Click a part to select it; use Ctrl+click to select several. To pose the robot, drag a link with Shift, or touch and hold it, then drag."),
+    make("h2", {}, "Symbols"), make("ul", { class: "rings" }, ...RINGS.map(([color, shape, words]) => {
       const sample = make("i", { class: shape });
       sample.style.color = color;
       return make("li", {}, sample, words);
-    })), make("h2", {}, "Keys"), table,
+    })), make("h2", {}, "Keyboard"), table,
   );
   return () => dialog.showModal();
 }
 
-/** What is shown, in the address. */
-function noted(viewer: Viewer): void {
+/** Writes the state of the view to the address. */
+function updateAddress(viewer: Viewer): void {
   try {
     history.replaceState(null, "", written(viewer));
   } catch {
-    // a browser may forbid it in a page within another
+    // some browsers do not permit this in a frame
   }
 }
 
-/** The address follows what is shown, when it has been still for a while. */
-function remember(viewer: Viewer): void {
-  let waiting = 0;
-  const note = (): void => {
-    clearTimeout(waiting);
-    waiting = window.setTimeout(() => noted(viewer), 300);
+/** Updates the address 300 ms after the last change. */
+function trackAddress(viewer: Viewer): void {
+  let timer = 0;
+  const schedule = (): void => {
+    clearTimeout(timer);
+    timer = window.setTimeout(() => updateAddress(viewer), 300);
   };
-  viewer.listen((change) => { if (change !== "said" && change !== "hover") note(); });
-  viewer.stage.controls.addEventListener("end", note);
+  viewer.listen((change) => { if (change !== "message" && change !== "hover") schedule(); });
+  viewer.stage.controls.addEventListener("end", schedule);
 }
 
-start().catch((fault: unknown) => {
-  const words = fault instanceof Error ? fault.message : String(fault);
-  $("said").hidden = false;
-  $("said").textContent = /webgl/i.test(words) ? "This browser cannot draw in three dimensions (WebGL is off)." : words;
-  throw fault;
+start().catch((error: unknown) => {
+  const text = error instanceof Error ? error.message : String(error);
+  showMessage(/webgl/i.test(text) ? "This page requires WebGL, which this browser does not support or has disabled." : text);
+  throw error;
 });

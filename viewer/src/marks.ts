@@ -1,4 +1,4 @@
-// Marks over a robot: frames, axes, mounts, centres of mass, ellipsoids, the root, gravity. One draw call for each shape of mark.
+// Marks drawn over a robot: frames, axes, mounts, centres of mass, ellipsoids, rings. One draw call for each shape of mark.
 
 import {
   BufferGeometry, Color, ConeGeometry, CylinderGeometry, DoubleSide, InstancedMesh, type Material, Matrix4, MeshBasicMaterial, MeshStandardMaterial,
@@ -9,7 +9,19 @@ import type { Stage } from "./scene";
 
 const UP = new Vector3(0, 0, 1);
 
-/** As many of one shape as are wanted in this picture. */
+/** An arrow of length 1 from the origin along z. */
+export function arrowGeometry(): BufferGeometry {
+  const shaft = new CylinderGeometry(0.022, 0.022, 0.8, 10).translate(0, 0.4, 0);
+  const head = new ConeGeometry(0.065, 0.2, 16).translate(0, 0.9, 0);
+  return mergeGeometries([shaft, head]).rotateX(Math.PI / 2);
+}
+
+/** The material of marks that are drawn over the robot. */
+export function overlayMaterial(): MeshBasicMaterial {
+  return new MeshBasicMaterial({ depthTest: false, transparent: true, opacity: 0.95, toneMapped: false, side: DoubleSide });
+}
+
+/** Any number of marks of one shape. */
 class Many {
   private mesh: InstancedMesh;
   private count = 0;
@@ -58,7 +70,7 @@ class Many {
 
 export const AXES = [new Color("#e5484d"), new Color("#30a46c"), new Color("#3e63dd")];
 
-/** All marks of a picture: `begin`, any number of them, `end`. */
+/** The marks of a frame: call `begin`, add marks, call `end`. */
 export class Marks {
   private readonly arrows: Many;
   private readonly balls: Many;
@@ -67,11 +79,8 @@ export class Marks {
   private readonly lines: Many;
 
   constructor(stage: Stage) {
-    const shaft = new CylinderGeometry(0.022, 0.022, 0.8, 10).translate(0, 0.4, 0);
-    const head = new ConeGeometry(0.065, 0.2, 16).translate(0, 0.9, 0);
-    const arrow = mergeGeometries([shaft, head]).rotateX(Math.PI / 2);
-    const over = new MeshBasicMaterial({ depthTest: false, transparent: true, opacity: 0.95, toneMapped: false, side: DoubleSide });
-    this.arrows = new Many(stage, arrow, over);
+    const over = overlayMaterial();
+    this.arrows = new Many(stage, arrowGeometry(), over);
     this.lines = new Many(stage, new CylinderGeometry(1, 1, 1, 8).translate(0, 0.5, 0).rotateX(Math.PI / 2), over);
     this.balls = new Many(stage, new SphereGeometry(1, 20, 14), over);
     this.rings = new Many(stage, new RingGeometry(0.82, 1, 48), over);
@@ -98,7 +107,7 @@ export class Marks {
     this.arrows.add(new Matrix4().compose(from, turn, new Vector3(length, length, length)), color);
   }
 
-  /** From one point to another, so thick. */
+  /** A line between two points, with a radius. */
   line(from: Vector3, to: Vector3, radius: number, color: Color): void {
     const along = to.clone().sub(from), length = along.length();
     if (length === 0) return;

@@ -1,4 +1,4 @@
-// The whole state in the fragment of the address, so that a link shows what its sender saw.
+// The state of the view in the fragment of the address, so that a link restores it.
 
 import { Vector3 } from "three";
 import { COLOURINGS } from "./colors";
@@ -33,7 +33,7 @@ export function written(viewer: Viewer): string {
   return `#${told.toString()}`;
 }
 
-/** Restores what a fragment says, as far as it is there in this robot. Whether it said anything. */
+/** Restores the state from a fragment. Parts of it that this robot does not have are ignored. Returns false for an empty fragment. */
 export function restored(viewer: Viewer, fragment: string): boolean {
   const told = new URLSearchParams(fragment.replace(/^#/, ""));
   const { stage } = viewer;

@@ -1,8 +1,8 @@
-// What is drawn of a robot: every mesh once, however often it occurs (an InstancedMesh), in the frame of the world.
+// The three.js scene of a robot. Every mesh is one InstancedMesh for all its occurrences, in the frame of the world.
 
 import {
   AmbientLight, BoxGeometry, BufferAttribute, type BufferGeometry, Box3, CapsuleGeometry, Color, CylinderGeometry, DirectionalLight, DoubleSide, EdgesGeometry, FrontSide,
-  GridHelper, Group, HemisphereLight, InstancedMesh, LineBasicMaterial, LineSegments, type Material, Matrix4, type Mesh, MeshStandardMaterial, type Object3D, PerspectiveCamera,
+  GridHelper, Group, HemisphereLight, InstancedMesh, LineBasicMaterial, LineSegments, type Material, Matrix4, Mesh, MeshStandardMaterial, type Object3D, PerspectiveCamera,
   Plane, PlaneGeometry, Quaternion, Raycaster, Scene, SphereGeometry, SRGBColorSpace, Vector2, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
@@ -10,20 +10,23 @@ import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
 import type { Robot, Shape } from "./data";
 import { matrixOf } from "./kinematics";
+import { arrowGeometry, overlayMaterial } from "./marks";
 import { CUT, Section } from "./section";
 
-/** Faces that meet at more than this angle [rad] have an edge between them. */
+/** The smallest angle between faces [rad] that is drawn as an edge. */
 const CREASE = 0.55;
-/** How much larger than the box around a robot the picture of it is. */
+/** The size of the view relative to the box around the robot. */
 const MARGIN = 1.1;
-/** Of what has no colour. */
+/** The colour of parts without a colour. */
 export const PLAIN = "#bfc4c9";
 export const CHOSEN = new Color("#ff8a1f");
 const DOWN = new Vector3(0, 0, -1);
+/** The position of the gravity arrow in the view, and its length [px]. */
+const ARROW = { x: 20, y: 14, length: 52 };
 
 interface Instance { occurrence: number; pose: Matrix4; color: Color | null }
 
-/** Instances of one geometry, of what is seen or of what collides. */
+/** Instances of one geometry, visual or collision. */
 interface Batch { mesh: InstancedMesh; instances: Instance[]; collides: boolean }
 
 export interface Hit { occurrence: number; point: Vector3 }
@@ -31,7 +34,7 @@ export interface Hit { occurrence: number; point: Vector3 }
 const edgesOf = new WeakMap<BufferGeometry, EdgesGeometry>();
 const known = new Map<string, BufferGeometry>();
 
-/** What a text in base64 stands for. */
+/** Decodes base64. */
 export function bytesOf(base64: string): ArrayBuffer {
   const packed = atob(base64);
   const bytes = new Uint8Array(packed.length);
@@ -39,13 +42,13 @@ export function bytesOf(base64: string): ArrayBuffer {
   return bytes.buffer;
 }
 
-/** Geometries by the number that the data has for them; those that were there before are not worked out again. */
+/** Geometries by their number in the data; those of earlier builds are reused. */
 export async function geometriesOf(glb: ArrayBuffer): Promise<BufferGeometry[]> {
   const loaded = await new GLTFLoader().parseAsync(glb, "");
   const nodes = loaded.parser.json.nodes as { mesh: number }[] | undefined;
   const names = loaded.parser.json.meshes as { name: string }[] | undefined;
   const found: BufferGeometry[] = [];
-  for (const child of (loaded.scene?.children ?? []) as Mesh[]) { // no scene where there are no meshes
+  for (const child of (loaded.scene?.children ?? []) as Mesh[]) { // a file without meshes has no scene
     const number = loaded.parser.associations.get(child)!.nodes!;
     const name = names![nodes![number].mesh].name;
     if (!known.has(name)) known.set(name, toCreasedNormals(unpacked(child), CREASE));
@@ -54,7 +57,7 @@ export async function geometriesOf(glb: ArrayBuffer): Promise<BufferGeometry[]> 
   return found;
 }
 
-/** Of a mesh whose file has its positions in 16 bits, and its node what they mean. */
+/** The geometry of a mesh with 16-bit positions, scaled by its node. */
 function unpacked(mesh: Mesh): BufferGeometry {
   mesh.updateMatrix();
   const packed = mesh.geometry.getAttribute("position");
@@ -64,15 +67,17 @@ function unpacked(mesh: Mesh): BufferGeometry {
   return mesh.geometry.clone().setAttribute("position", new BufferAttribute(numbers, 3));
 }
 
-/** The picture: camera, lights, floor, and the batches of a robot. */
+/** The 3D view: camera, lights, floor, gravity arrow, and the batches of a robot. */
 export class Stage {
   readonly renderer: WebGLRenderer;
   readonly scene = new Scene();
   readonly camera = new PerspectiveCamera(35, 1, 0.001, 100);
   readonly controls: OrbitControls;
-  /** What is in the world of the robot; turned so that gravity is down. */
+  /** The world of the robot, rotated so that gravity points down. */
   readonly world = new Group();
-  /** The size of the robot [m]: the radius of a ball around it. */
+  /** An arrow at a fixed place in the view that points down. */
+  readonly gravity = new Mesh(arrowGeometry(), overlayMaterial());
+  /** The size of the robot [m]: the radius of a sphere around it. */
   size = 0.2;
   private batches: Batch[] = [];
   private ghosts: Batch[] = [];
@@ -85,13 +90,11 @@ export class Stage {
   private around: Box3 | null = null;
   private frames: Matrix4[] = [];
   private edges: LineSegments[] = [];
-  /** The box around the robot when the camera was put before it last. */
+  /** The box around the robot when the camera was last fitted to it. */
   framed = new Box3();
-  /** Beside the robot, as it was seen when the camera was put before it: level, to the left, in the scene. */
-  readonly left = new Vector3(-1, 0, 0);
-  /** Called before each picture. */
+  /** Called before each frame. */
   prepare: () => void = () => {};
-  /** How long the script took for the last picture [ms]. */
+  /** The script time of the last frame [ms]. */
   spent = 0;
 
   constructor(readonly canvas: HTMLCanvasElement) {
@@ -108,7 +111,9 @@ export class Stage {
     this.controls.addEventListener("change", () => this.ask());
     const sky = new HemisphereLight("#ffffff", "#8d949c", 1.5);
     sky.position.set(0, 0, 1);
-    this.scene.add(this.world, sky, new AmbientLight("#ffffff", 0.35));
+    this.gravity.quaternion.setFromUnitVectors(new Vector3(0, 0, 1), DOWN);
+    this.gravity.renderOrder = 3;
+    this.scene.add(this.world, this.gravity, sky, new AmbientLight("#ffffff", 0.35));
     for (const [x, y, z, bright] of [[1, -1.2, 2, 1.9], [-2, 0.6, 0.8, 0.7]]) {
       const light = new DirectionalLight("#ffffff", bright);
       light.position.set(x, y, z);
@@ -116,7 +121,7 @@ export class Stage {
     }
   }
 
-  /** Draw a picture before long. */
+  /** Requests a frame. */
   ask(): void {
     if (this.asked) return;
     this.asked = true;
@@ -132,8 +137,19 @@ export class Stage {
   draw(): void {
     this.renderer.info.reset();
     this.section.face.visible = false;
+    this.placeGravity();
     if (this.cuts) this.section.prepare(this.scene, this.camera, this.world.localToWorld(this.framed.getCenter(new Vector3())), this.size);
     this.renderer.render(this.scene, this.camera);
+  }
+
+  /** Keeps the gravity arrow in its place, at its size. */
+  private placeGravity(): void {
+    const { camera, gravity, canvas: { clientWidth: width, clientHeight: height } } = this;
+    camera.updateMatrixWorld();
+    gravity.position.set((2 * ARROW.x) / width - 1, 1 - (2 * ARROW.y) / height, 0.5).unproject(camera);
+    const depth = -gravity.position.clone().applyMatrix4(camera.matrixWorldInverse).z;
+    const length = (ARROW.length * 2 * depth * Math.tan((camera.fov * Math.PI) / 360)) / height;
+    gravity.scale.set(2 * length, 2 * length, length);
   }
 
   resize(): void {
@@ -147,14 +163,15 @@ export class Stage {
     this.ask();
   }
 
-  /** Turns the world so that gravity points down in the picture. */
+  /** Rotates the world so that gravity points down in the view. */
   face(gravity: number[]): void {
     const pull = new Vector3(...(gravity as [number, number, number]));
+    this.gravity.visible = pull.length() > 0;
     this.world.quaternion.copy(pull.length() > 0 ? new Quaternion().setFromUnitVectors(pull.normalize(), DOWN) : new Quaternion());
     this.world.updateMatrixWorld(true);
   }
 
-  /** Puts the meshes of a robot into the world, in place of those before. */
+  /** Replaces the meshes in the world by those of a robot. */
   furnish(robot: Robot, geometries: BufferGeometry[]): void {
     for (const batch of this.batches) discard(this.world, batch);
     this.batches = batchesOf(robot, geometries, this.plane);
@@ -163,7 +180,7 @@ export class Stage {
     this.clip(null, 0, false);
   }
 
-  /** Puts another robot into the world, to be seen through; null takes it away. */
+  /** Adds a second, transparent robot to the world; null removes it. */
   overlay(robot: Robot | null, geometries: BufferGeometry[]): void {
     for (const batch of this.ghosts) discard(this.world, batch);
     this.ghosts = robot === null ? [] : batchesOf(robot, geometries, this.plane).filter(({ collides }) => !collides);
@@ -174,7 +191,7 @@ export class Stage {
     }
   }
 
-  /** How many calls a picture takes; one that shows a section draws what is cut once more. */
+  /** The draw calls of the last frame; a section draws its meshes a second time. */
   get calls(): number {
     return this.renderer.info.render.calls;
   }
@@ -188,20 +205,20 @@ export class Stage {
     }
   }
 
-  /** Puts every occurrence where it is in the world, in its colour, or as it looks; `frames` are those of the links, for a robot of which
-   * nothing is seen. */
+  /** Sets pose and colour of every occurrence; with `look`, shapes keep their own colours. `frames` are the poses of the links, for the
+   * bounds of a robot without geometry. */
   arrange(poses: Matrix4[], colors: Color[], frames: Matrix4[], look: boolean): void {
     this.around = null;
     this.frames = frames;
     for (const batch of this.batches) put(batch, poses, colors, look);
   }
 
-  /** The same of the robot that is seen through. */
+  /** The same for the transparent robot. */
   arrangeOverlay(poses: Matrix4[], color: Color): void {
     for (const batch of this.ghosts) put(batch, poses, poses.map(() => color), false);
   }
 
-  /** The box around all that is there, in the world of the robot. */
+  /** The box around the robot, in its world. */
   bounds(): Box3 {
     return (this.around ??= this.measured()).clone();
   }
@@ -245,7 +262,7 @@ export class Stage {
     }
   }
 
-  /** The camera so near that the box around all that is there just fits into the picture, looking from there, and a floor as large. */
+  /** Fits the camera to the box around the robot, seen from a direction. */
   frame(from: [number, number, number] = [0.62, -0.72, 0.42]): void {
     const box = (this.framed = this.bounds());
     this.size = box.getSize(new Vector3()).length() / 2;
@@ -259,7 +276,6 @@ export class Stage {
     camera.position.copy(target).addScaledVector(toward, Math.max(...away));
     this.reach();
     this.controls.update();
-    this.turnAside();
   }
 
   /** The corners in the scene of a box in the world of the robot. */
@@ -270,18 +286,12 @@ export class Stage {
     });
   }
 
-  private turnAside(): void {
-    const { camera: { position, up }, controls: { target } } = this;
-    const left = position.clone().sub(target).normalize().cross(up);
-    if (left.length() > 1e-2) this.left.copy(left.normalize()); // seen from above it stays where it was
-  }
-
-  /** The direction from what is looked at to the camera. */
+  /** The direction from the target to the camera. */
   from(): [number, number, number] {
     return this.camera.position.clone().sub(this.controls.target).toArray();
   }
 
-  /** Whether a box in the world of the robot is in the picture as a whole. */
+  /** Whether the whole of a box in the world of the robot is in the view. */
   shows(box: Box3): boolean {
     this.camera.updateMatrixWorld();
     return this.corners(box).every((corner) => {
@@ -290,7 +300,7 @@ export class Stage {
     });
   }
 
-  /** Moves the camera, and what it looks at, along a way in the world of the robot. */
+  /** Moves the camera and its target along a vector in the world of the robot. */
   shift(way: Vector3): void {
     const moved = way.clone().applyQuaternion(this.world.quaternion);
     this.camera.position.add(moved);
@@ -299,17 +309,16 @@ export class Stage {
     this.ask();
   }
 
-  /** Puts the camera on the side of the floor (which may be a wall, or a ceiling) on which the robot is: mirrored, where it is behind. */
+  /** Mirrors the camera to the side of the floor (also a wall or ceiling) on which the robot is. */
   comeOut(): void {
     const up = new Vector3(0, 0, this.framed.getCenter(new Vector3()).z < 0 ? -1 : 1).applyQuaternion(this.world.quaternion);
     const away = this.camera.position.clone().sub(this.controls.target), height = away.dot(up);
     if (height >= 0) return;
     this.camera.position.copy(this.controls.target).add(away.addScaledVector(up, -2 * height));
     this.controls.update();
-    this.turnAside();
   }
 
-  /** Shows all that is there as it showed what was in a box. */
+  /** Moves the camera so that the box around the robot takes the place of the box `before`. */
   follow(before: Box3): void {
     const now = (this.framed = this.bounds());
     const [from, to] = [before, now].map((box) => this.world.localToWorld(box.getCenter(new Vector3())));
@@ -320,7 +329,7 @@ export class Stage {
     this.ask();
   }
 
-  /** What is near enough, and far enough, to be drawn. */
+  /** Adapts the near and far planes to the camera distance. */
   reach(): void {
     const away = this.camera.position.distanceTo(this.controls.target);
     this.camera.near = Math.max(away / 500, 1e-4);
@@ -328,7 +337,7 @@ export class Stage {
     this.camera.updateProjectionMatrix();
   }
 
-  /** The grid on the plane z = 0 of the world, where models have their floor. */
+  /** Draws a grid on the plane z = 0 of the world, which is the floor of the models. */
   lay(color: string, shown: boolean): void {
     const key = `${color} ${this.size}`;
     if (this.floor !== null) this.floor.visible = shown;
@@ -348,8 +357,8 @@ export class Stage {
     this.world.add(this.floor);
   }
 
-  /** Cuts away what is beyond a plane normal to an axis of the world, at a part (0 to 1) of the robot, or what is before it (`flip`); null
-   * cuts nothing. */
+  /** Cuts the robot at a plane normal to an axis of the world, at a fraction (0 to 1) of its extent; `flip` cuts away the other side. With
+   * null, nothing is cut. */
   clip(axis: number | null, part: number, flip: boolean): void {
     const box = this.framed;
     const normal = new Vector3(), side = flip ? 1 : -1;
@@ -368,7 +377,7 @@ export class Stage {
     }
   }
 
-  /** Whether the camera looks from beyond the middle of the robot along an axis of its world. */
+  /** Whether the camera is beyond the centre of the robot along an axis of its world. */
   beyond(axis: number): boolean {
     return this.world.worldToLocal(this.camera.position.clone()).getComponent(axis) > this.framed.getCenter(new Vector3()).getComponent(axis);
   }
@@ -378,7 +387,7 @@ export class Stage {
     this.raycaster.setFromCamera(new Vector2(((x - left) / width) * 2 - 1, 1 - ((y - top) / height) * 2), this.camera);
   }
 
-  /** What is under a point of the window, and where, in the world of the robot. */
+  /** The occurrence under a point of the window, and the point in the world of the robot. */
   hit(x: number, y: number): Hit | null {
     this.ray(x, y);
     const shown: Object3D[] = this.batches.filter(({ mesh }) => mesh.visible).map(({ mesh }) => mesh);
@@ -397,7 +406,7 @@ export class Stage {
     return planes.some((plane) => plane.distanceToPoint(point) < 0);
   }
 
-  /** Where the ray through a point of the window meets the plane through `point` that faces the camera, in the world of the robot. */
+  /** The intersection, in the world of the robot, of the ray through a point of the window with the plane through `point` facing the camera. */
   drawn(x: number, y: number, point: Vector3): Vector3 | null {
     this.ray(x, y);
     const facing = this.camera.getWorldDirection(new Vector3());
@@ -406,9 +415,17 @@ export class Stage {
     return met === null ? null : this.world.worldToLocal(met);
   }
 
-  /** Where points of the world of the robot are in the picture [px], null behind the camera. */
+  /** The rows [px] of the view between which a box in the world of the robot, and other rows, are. */
+  rows(box: Box3, others: number[]): [number, number] {
+    this.camera.updateMatrixWorld();
+    const rows = this.corners(box).map((corner) => ((1 - corner.project(this.camera).y) / 2) * this.canvas.clientHeight).concat(others);
+    return [Math.min(...rows), Math.max(...rows)];
+  }
+
+  /** The positions in the view [px] of points of the world of the robot; null behind the camera. */
   project(points: Vector3[]): ({ x: number; y: number } | null)[] {
     const { clientWidth: width, clientHeight: height } = this.canvas;
+    this.camera.updateMatrixWorld();
     return points.map((point) => {
       const seen = this.world.localToWorld(point.clone()).project(this.camera);
       return seen.z > 1 ? null : { x: ((seen.x + 1) / 2) * width, y: ((1 - seen.y) / 2) * height };
@@ -416,7 +433,7 @@ export class Stage {
   }
 }
 
-/** A batch of every shape, all of whose occurrences are at the origin. */
+/** One batch per shape and transparency, with all occurrences at the origin. */
 function batchesOf(robot: Robot, geometries: BufferGeometry[], section: Plane): Batch[] {
   const wanted = new Map<string, { geometry: BufferGeometry; collides: boolean; alpha: number; instances: Instance[] }>();
   const add = (key: string, geometry: () => BufferGeometry, collides: boolean, alpha: number, instance: Instance): void => {
@@ -445,12 +462,12 @@ function batchesOf(robot: Robot, geometries: BufferGeometry[], section: Plane): 
   });
 }
 
-/** Half of how far a plane without an end is drawn [m]. */
+/** Half the drawn size of an infinite plane [m]. */
 const ENDLESS = 5;
 
 const placed = new Matrix4();
 
-/** Puts instances where their occurrences are, in the colours of those, or, as they `look`, each in its own. */
+/** Sets the poses and colours of instances; with `look`, instances with a colour of their own keep it. */
 function put({ mesh, instances }: Batch, poses: Matrix4[], colors: Color[], look: boolean): void {
   instances.forEach(({ occurrence, pose, color }, index) => {
     mesh.setMatrixAt(index, placed.multiplyMatrices(poses[occurrence], pose));
@@ -458,7 +475,7 @@ function put({ mesh, instances }: Batch, poses: Matrix4[], colors: Color[], look
   });
   mesh.instanceMatrix.needsUpdate = true;
   mesh.instanceColor!.needsUpdate = true;
-  mesh.boundingSphere = null; // of rays, too
+  mesh.boundingSphere = null; // recomputed for ray casts
   mesh.boundingBox = null;
 }
 
@@ -475,7 +492,7 @@ function material(alpha: number, collides: boolean, planes: Plane[]): MeshStanda
   });
 }
 
-/** The key, geometry and pose of a shape; sizes are MuJoCo's: half ones, and cylinders along z. */
+/** The key, geometry and pose of a shape; sizes are those of MuJoCo: half lengths, cylinders along z. */
 function primitive(shape: Shape, geometries: BufferGeometry[]): [string, () => BufferGeometry, Matrix4] {
   if (shape.shape === "mesh") {
     return [`mesh ${shape.mesh}`, () => geometries[shape.mesh], shape.pose === null ? new Matrix4() : matrixOf(shape.pose)];

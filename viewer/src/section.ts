@@ -1,15 +1,15 @@
-// The faces of a section. Along a ray that comes through the plane, what bounds a solid is met from behind once more than from before, if the ray
-// begins inside of it. So all that is kept is drawn once more, beside the picture: every back adds the colour of its part and 1, every front takes
-// them away again, and what is left at a pixel is the colour of the solid that is cut there, with a 1 (of several in one another, the sums).
+// The cut faces of a section. A ray that enters a solid through the section plane crosses one more back face than front faces. The remaining half of
+// the robot is therefore drawn a second time, to a texture: a back face adds the colour of its part and 1, a front face subtracts them. What is left
+// at a pixel is the colour of the solid that is cut there, and 1 (or the sums, for overlapping solids).
 
 import {
   AddEquation, CustomBlending, DoubleSide, HalfFloatType, Mesh, MeshBasicMaterial, NearestFilter, OneFactor, type PerspectiveCamera, type Plane, PlaneGeometry,
   type Scene, ShaderMaterial, Vector2, Vector3, type WebGLRenderer, WebGLRenderTarget,
 } from "three";
 
-/** The layer of what is cut. */
+/** The layer of meshes that the section cuts. */
 export const CUT = 1;
-/** About as far apart [px] are the lines of the hatching. */
+/** The approximate distance of the hatching lines [px]. */
 const HATCHING = 14;
 
 const VERTEX = /* glsl */ `
@@ -36,13 +36,13 @@ void main() {
 `;
 
 export class Section {
-  /** What is drawn of it in the picture. */
+  /** The mesh of the cut face. */
   readonly face: Mesh<PlaneGeometry, ShaderMaterial>;
   private readonly sums = new WebGLRenderTarget(1, 1, { type: HalfFloatType, samples: 4, depthBuffer: false, minFilter: NearestFilter, magFilter: NearestFilter });
   private readonly counting: MeshBasicMaterial;
   private readonly size = new Vector2();
 
-  /** What is on the side of the plane to which its normal points is kept. */
+  /** The side of the plane to which its normal points remains visible. */
   constructor(private readonly renderer: WebGLRenderer, private readonly plane: Plane) {
     this.counting = new MeshBasicMaterial({
       side: DoubleSide, transparent: true, forceSinglePass: true, depthTest: false, depthWrite: false, clippingPlanes: [plane], toneMapped: false,
@@ -61,7 +61,7 @@ export class Section {
     this.face.visible = false;
   }
 
-  /** Before a picture: works out what is cut, where the camera sees that; `middle` is of all that is there, `radius` [m] its size. */
+  /** Computes the cut face before a frame, if the camera can see it. `middle` and `radius` [m] describe a sphere around the robot. */
   prepare(scene: Scene, camera: PerspectiveCamera, middle: Vector3, radius: number): void {
     const { renderer, face, plane, sums } = this;
     const { extensions } = renderer;

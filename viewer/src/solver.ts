@@ -1,4 +1,4 @@
-// Loops kept closed, and links drawn to points: least squares over the coordinates of a mode, by damped Newton steps
+// The solver that closes loops and drags links to points: least squares over the coordinates of a mode, by damped Newton steps
 // (Levenberg and Marquardt; see Nocedal and Wright, Numerical Optimization, 2006, section 10.3).
 
 import { Matrix4, Vector3 } from "three";
@@ -9,21 +9,21 @@ export interface Goal { body: number; point: Vector3; target: Vector3 }
 
 export interface Answer { q: Coordinates; base: Matrix4; open: number }
 
-/** A coordinate that may move, how far, and how much of it a step of 1 is. */
+/** A coordinate that the solver changes, with its range and the scale of a step. */
 interface Unknown { path: string; lower: number; upper: number; scale: number }
 
-/** How much more a loop counts than a goal. */
+/** The weight of loops relative to a goal. */
 const WEIGHT = 1e2;
 
-/** What may move in a mode, and what must meet. */
+/** Closes the loops of a mode. */
 export class Solver {
   private readonly loops: { loop: Loop; X_PA: Matrix4; X_CB: Matrix4 }[];
   private readonly placed: Matrix4[];
   private readonly turns: Map<string, boolean>;
-  /** How much of a metre a radian counts: it moves what is as far away as half the robot is large. */
+  /** The length [m] that a radian counts as: the displacement at half the size of the robot. */
   private readonly radian: number;
 
-  /** `size` [m] is that of the robot: how exact is exact enough. */
+  /** The tolerances depend on the `size` [m] of the robot. */
   constructor(robot: Robot, private readonly tree: Tree, private readonly couplings: Couplings, private readonly size: number) {
     this.turns = new Map(robot.joints.map((joint) => [joint.path, joint.turns]));
     this.loops = tree.mode.loops.map((loop) => ({ loop, X_PA: matrixOf(loop.X_PA), X_CB: matrixOf(loop.X_CB) }));
@@ -31,29 +31,29 @@ export class Solver {
     this.radian = size / 2;
   }
 
-  /** Whether anything has to be kept closed. */
+  /** Whether the mode has loops or holds. */
   get closes(): boolean {
     return this.loops.length > 0;
   }
 
-  /** Whether something is open by no more than nobody could see. */
+  /** Whether the gap of the worst loop is negligible. */
   closed({ open }: Answer): boolean {
     return open <= 1e-6 * this.size;
   }
 
-  /** Whether the base has to move for it: one that floats is carried by what the mode holds. */
+  /** Whether the base is an unknown: a free base follows the held links. */
   private get carries(): boolean {
     return this.tree.mode.base === "free" && this.loops.some(({ loop }) => loop.hold);
   }
 
-  /** How far [m] the worst loop is from closed. */
+  /** The gap [m] of the worst loop. */
   openness(q: Coordinates, base: Matrix4): number {
     return this.residuals(q, base, null).reduce((worst, one) => Math.max(worst, Math.abs(one)), 0);
   }
 
   /**
-   * Coordinates near `q` at which the loops are closed, with `fixed` ones kept, and a point of a body as near its target as it comes.
-   * `open` is how far the worst loop still is from closed.
+   * Finds coordinates near `q` that close the loops, without changing `fixed` ones, and bring a point of a body as near to its target as possible.
+   * `open` is the gap [m] of the worst loop.
    */
   solve(q: Coordinates, base: Matrix4, fixed: ReadonlySet<string>, goal: Goal | null = null, rounds = 40): Answer {
     const unknowns = this.unknowns(fixed);
@@ -107,7 +107,7 @@ export class Solver {
     return residual;
   }
 
-  /** A damped step; what stands at its limit and would go on stays there, and the others do without it. */
+  /** A damped step; coordinates that would leave their range are held at their limit. */
   private step(unknowns: Unknown[], here: Answer, residual: number[], goal: Goal | null, damping: number): number[] | null {
     const columns = this.jacobian(unknowns, here, residual, goal);
     const active = columns.map((_, column) => column);
@@ -117,7 +117,7 @@ export class Solver {
       const step = columns.map(() => 0);
       active.forEach((column, k) => { step[column] = part[k]; });
       const stopped = active.filter((column) => {
-        const own = unknowns[column] as Unknown | undefined; // none of the base
+        const own = unknowns[column] as Unknown | undefined; // undefined for columns of the base
         return own !== undefined && ((here.q[own.path] <= own.lower && step[column] < 0) || (here.q[own.path] >= own.upper && step[column] > 0));
       });
       if (stopped.length === 0) return step;
@@ -125,13 +125,13 @@ export class Solver {
     }
   }
 
-  /** By differences; columns are the unknowns, then six of a base that moves. */
+  /** The Jacobian by finite differences; its columns are the unknowns, then six for a moving base. */
   private jacobian(unknowns: Unknown[], here: Answer, residual: number[], goal: Goal | null): number[][] {
     const size = 1e-7;
     const count = unknowns.length + (this.carries ? 6 : 0);
     return Array.from({ length: count }, (_, column) => {
       const step = new Array<number>(count).fill(0);
-      // away from a limit that it stands at, where settling would undo it
+      // backwards at an upper limit, to which `settle` would clamp it
       const own = unknowns[column] as Unknown | undefined;
       const back = own !== undefined && here.q[own.path] + size * own.scale > own.upper ? -size : size;
       step[column] = back;
@@ -159,7 +159,7 @@ export class Solver {
 
 const squares = (values: number[]): number => values.reduce((sum, value) => sum + value * value, 0);
 
-/** The step d with (J'J + damping diag) d = -J'r, by Cholesky's method; null where there is none. */
+/** The step d with (J'J + damping diag) d = -J'r, by Cholesky's method; null if the matrix is singular. */
 function damped(columns: number[][], residual: number[], damping: number): number[] | null {
   const n = columns.length;
   if (n === 0) return null;

@@ -1,16 +1,16 @@
-// What the drives of a mode have to give for its robot to stay where it is, and how many times over they can (compiler/thingc/model/statics says
-// what of): in closed form, at any configuration of a tree. How loops, holds and feet share a load is known of named poses alone, from the compiler.
+// The efforts that hold a robot at rest, and the torque margins of its drives (defined in compiler/thingc/model/statics). For trees they are computed
+// here in closed form for any configuration. With loops, holds or feet, only the compiler can compute them, so they are known for named poses only.
 
 import { Vector3 } from "three";
 import type { Configuration } from "./configuration";
 import type { Joint, Mode, Robot } from "./data";
 import type { Coordinates } from "./kinematics";
 
-/** Efforts [N m or N] below this are none; loads below this part of the greatest are rounding. */
+/** Smaller efforts [N m or N] count as zero; loads below this fraction of the largest one are rounding errors. */
 const NO_LOAD = 1e-12;
 const SLACK = 1e-6;
 
-/** By path of the joint, how many times over its drive holds what it has to, of those that have a limit and a load; and what is to be said. */
+/** The torque margins (effort limit / required effort) of drives with a limit and a load, by joint path, and a note to display. */
 export interface Held { margins: Record<string, number>; note: string | null }
 
 export function held(robot: Robot, at: Configuration): Held {
@@ -18,25 +18,25 @@ export function held(robot: Robot, at: Configuration): Held {
   const shared = sharing(robot, mode);
   if (shared === null) return ofTree(robot, at);
   if (shared.unknown || pose === null) return { margins: {}, note: shared.words };
-  if (pose.falls) return { margins: {}, note: "nothing carries the robot in this pose: it falls" };
+  if (pose.falls) return { margins: {}, note: "The robot is not supported in this pose: it falls." };
   return { margins: pose.margins, note: pose.unheld === null ? null : unheld(pose.unheld) };
 }
 
-const unheld = (path: string): string => `no effort of the drives holds this: ${path === "" ? "the robot" : path} would move`;
+const unheld = (path: string): string => `The drives cannot hold this pose: ${path === "" ? "the robot" : path} moves.`;
 
-/** Why the loads of a mode are those of no tree, in words; null where they are. `unknown` in every pose. */
+/** The reason why the loads of a mode cannot be computed here; null if they can. `unknown`: not for named poses either. */
 function sharing(robot: Robot, mode: Mode): { words: string; unknown: boolean } | null {
-  const named = mode.poses.length > 0 ? ": choose one" : "";
+  const named = mode.poses.length > 0 ? " Select a pose." : "";
   if (mode.base === "free" && mode.feet.length === 0 && !mode.loops.some((loop) => loop.hold)) {
-    return { words: `nothing carries the robot: mode ${mode.name} floats, and stands on and holds nothing`, unknown: true };
+    return { words: `No torque margins: mode ${mode.name} has a free base without feet or holds.`, unknown: true };
   }
   const about = robot.joints.some(({ path, drive_axis: axis }) => axis !== null && mode.driven.includes(path));
-  const what = mode.loops.some((loop) => loop.hold) ? "what the mode holds shares" : mode.loops.length > 0 ? "its loops share"
-    : mode.base === "free" ? "its feet share" : about ? "the drives of a ball share" : robot.tendons > 0 ? "its tendons share" : null;
-  return what === null ? null : { words: `how ${what} the load is known of named poses alone${named}`, unknown: false };
+  const what = mode.loops.some((loop) => loop.hold) ? "holds" : mode.loops.length > 0 ? "loops"
+    : mode.base === "free" ? "feet" : about ? "drives of a ball joint" : robot.tendons > 0 ? "tendons" : null;
+  return what === null ? null : { words: `Torque margins are known only for named poses, because ${what} share the load.${named}`, unknown: false };
 }
 
-/** Of drives on one coordinate, with factors f and limits l, the least sum of (t / l)^2 with sum f t = -Q is at t = -Q f l^2 / sum (f l)^2. */
+/** For drives on one coordinate with factors f and limits l, sum (t / l)^2 with sum f t = -Q is smallest at t = -Q f l^2 / sum (f l)^2. */
 function ofTree(robot: Robot, at: Configuration): Held {
   const load: Coordinates = {};
   const own = loads(robot, at);
@@ -60,8 +60,8 @@ function ofTree(robot: Robot, at: Configuration): Held {
 }
 
 /**
- * What gravity and its own spring do on every coordinate of a tree [N m or N], positive along positive q: the weight of all that is behind it,
- * about its axis (Featherstone, Rigid Body Dynamics Algorithms, section 5.3, at rest).
+ * The effort of gravity and of the spring on every coordinate of a tree [N m or N], positive along positive q
+ * (Featherstone, Rigid Body Dynamics Algorithms, section 5.3, at rest).
  */
 export function loads(robot: Robot, { tree, mode, q, base }: Configuration): Coordinates {
   const placed = tree.place(q, base, tree.fresh());

@@ -1,7 +1,8 @@
-// The state of the page, and the one way in which it changes: what calls a method here is heard by everybody who listens.
+// The state of the page. All changes go through the methods of `Viewer`, which notify the listeners.
 
 import { type BufferGeometry, Color, Matrix4, Vector3 } from "three";
 import { annotate, type Name } from "./annotate";
+import { placeLabels, placeRootLabel } from "./labels";
 import { type Colouring, type Coloured, colouring } from "./colors";
 import { Configuration } from "./configuration";
 import type { Joint, Mode, MountAt, NamedPose, Robot } from "./data";
@@ -14,33 +15,35 @@ export const SHOWN = ["visual", "collision", "both"] as const;
 export const MARKS = ["frames", "joint axes", "mounts", "centres of mass", "inertia", "names", "floor"] as const;
 export type Mark = (typeof MARKS)[number];
 
-/** What is chosen: single occurrences, by number. */
+/** The selected occurrences, by number. */
 export type Choice = ReadonlySet<number>;
 
-/** How the robot is shown; with mode and coordinates what a permalink restores. */
+/** Display options. A permalink restores them, with the mode and the coordinates. */
 export interface Options {
   shown: (typeof SHOWN)[number];
   marks: Set<Mark>;
   colouring: Colouring;
   explode: number;
-  /** What is beyond the plane is cut away, else (`flip`) what is before it. */
+  /** The section cuts away the side beyond the plane; with `flip`, the other side. */
   section: { axis: "x" | "y" | "z" | null; part: number; flip: boolean };
   theme: "light" | "dark";
-  /** Whether there are panels beside the picture. */
+  /** Whether the panels are visible. */
   panels: boolean;
 }
 
-/** What a listener is told has changed. */
-export type Change = "robot" | "mode" | "coordinates" | "choice" | "options" | "said" | "measure" | "hover";
+/** The kinds of changes that listeners are notified of. */
+export type Change = "robot" | "mode" | "coordinates" | "choice" | "options" | "message" | "measure" | "hover";
 
-const MOTION = 450; // ms from pose to pose
-const HINT = 6000; // ms that a remark stays
-/** Of a robot that is shown through another. */
+/** The duration of the motion to a pose [ms]. */
+const MOTION = 450;
+/** The display time of a message [ms]. */
+const HINT = 6000;
+/** The colour of the transparent second robot. */
 const OTHER = new Color("#2f7fd6");
-/** As many chosen occurrences have their edges drawn. */
+/** The largest number of selected occurrences whose edges are drawn. */
 const EDGED = 24;
 
-/** The theme that the person has for all pages. */
+/** The preferred theme of the browser. */
 export const preferred = (): Options["theme"] => (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
 
 export class Viewer {
@@ -51,54 +54,54 @@ export class Viewer {
     shown: "visual", marks: new Set<Mark>(["floor"]), colouring: "part", explode: 0, section: { axis: null, part: 0.5, flip: false },
     theme: preferred(), panels: true,
   };
-  /** Two mounts between which is measured, `occurrence:mount`. */
+  /** The two mounts of the measurement, `occurrence:mount`. */
   measured: [string, string] = ["", ""];
-  /** The coordinate that a pointer is over in a panel, of a joint or of the base. */
+  /** The coordinate under the pointer in a panel, of a joint or of the base. */
   hovered: string | null = null;
-  said = "";
+  message = "";
   readonly stage: Stage;
-  /** Where bodies are in the world, and occurrences in the picture: apart from one another where the robot is exploded. */
+  /** The poses of bodies in the world, and of occurrences in the view, which differ if the robot is exploded. */
   bodies: Matrix4[] = [];
   drawn: Matrix4[] = [];
   private readonly marks: Marks;
   private readonly listeners: ((change: Change) => void)[] = [];
   private within: Matrix4[] = [];
   private motion = 0;
-  private saying = 0;
+  private messageTimer = 0;
   private stale = true;
   private other: { robot: Robot; within: Matrix4[] } | null = null;
   private known: { robot: Robot; by: Colouring; coloured: Coloured } | null = null;
   private names: Name[] = [];
 
-  constructor(canvas: HTMLCanvasElement, private readonly labels: HTMLElement) {
+  constructor(canvas: HTMLCanvasElement) {
     this.stage = new Stage(canvas);
     this.marks = new Marks(this.stage);
     this.stage.prepare = () => this.prepare();
   }
 
-  /** Hear of every change. */
-  listen(heard: (change: Change) => void): void {
-    this.listeners.push(heard);
+  /** Calls `listener` after every change. */
+  listen(listener: (change: Change) => void): void {
+    this.listeners.push(listener);
   }
 
-  private tell(change: Change): void {
+  private notify(change: Change): void {
     this.stale = true;
     if (this.known?.by === "torque margin" && (change === "coordinates" || change === "mode")) this.known = null;
-    for (const heard of this.listeners) heard(change);
+    for (const listener of this.listeners) listener(change);
     this.stage.ask();
   }
 
-  /** Say something to whoever looks, for a while. */
-  say(words: string): void {
-    this.said = words;
-    clearTimeout(this.saying);
-    if (words !== "") this.saying = window.setTimeout(() => this.say(""), HINT);
-    this.tell("said");
+  /** Shows a message for six seconds; an empty one hides it. */
+  showMessage(text: string): void {
+    this.message = text;
+    clearTimeout(this.messageTimer);
+    if (text !== "") this.messageTimer = window.setTimeout(() => this.showMessage(""), HINT);
+    this.notify("message");
   }
 
   // --- the robot ---------------------------------------------------------------------------------------------------
 
-  /** Show a robot; one that was shown before keeps mode, coordinates, camera and choice as far as they are there again. */
+  /** Shows a robot. Mode, coordinates, camera and selection of the one before are kept as far as the new one has them. */
   load(robot: Robot, geometries: BufferGeometry[]): void {
     const before = this.robot === undefined ? null : { robot: this.robot, at: this.configuration };
     const whole = before !== null && this.seen();
@@ -112,45 +115,45 @@ export class Viewer {
     this.enter(mode);
     if (before === null) {
       this.reset();
-      this.enter(mode); // now that its size is known, which says how exact is exact enough
+      this.enter(mode); // again, because the tolerances depend on the size of the robot
     }
     const same = mode.poses.find((one) => one.name === before?.at.pose?.name);
     if (same !== undefined) this.configuration.take(same);
     else if (before !== null && before.at.pose === null) this.configuration.restore(before.at.q, before.at.atHome ? null : before.at.base);
-    this.tell("robot");
-    this.tell("mode");
-    if (before !== null && before.at.mode.name !== mode.name) { // the one that was shown is gone
+    this.notify("robot");
+    this.notify("mode");
+    if (before !== null && before.at.mode.name !== mode.name) { // the mode that was shown does not exist any more
       this.place();
       this.keepInView();
     }
     this.fetchBack(whole);
   }
 
-  /** Whether all that is there is in the picture. */
+  /** Whether the whole robot is in the view. */
   private seen(): boolean {
     this.place();
     return this.stage.shows(this.stage.bounds());
   }
 
-  /** Goes back as far as all is in the picture that was there as a `whole` before. */
+  /** Fits the view if the `whole` robot was in it before and is not any more. */
   private fetchBack(whole: boolean): void {
     if (!whole || this.seen()) return;
     this.stage.frame(this.stage.from());
-    this.tell("options");
+    this.notify("options");
   }
 
-  /** The picture has another size. */
+  /** Adapts the view to a new size of its element. */
   resize(): void {
     const whole = this.seen();
     this.stage.resize();
     this.fetchBack(whole);
   }
 
-  /** Show another robot through this one, in the same mode and at the same coordinates where it has them; null shows none. */
+  /** Shows a second, transparent robot, in the same mode and at the same coordinates if it has them; null removes it. */
   against(other: { robot: Robot; geometries: BufferGeometry[] } | null): void {
     this.other = other === null ? null : { robot: other.robot, within: other.robot.occurrences.map((one) => matrixOf(one.pose)) };
     this.stage.overlay(other?.robot ?? null, other?.geometries ?? []);
-    this.tell("robot");
+    this.notify("robot");
   }
 
   get mode(): Mode {
@@ -165,7 +168,7 @@ export class Viewer {
     return this.configuration.pose;
   }
 
-  /** Coordinates of the mode's tree, and of the joints that it cuts, in the document's order. */
+  /** The coordinates of the mode, including the joints that it cuts, in the order of the document. */
   get joints(): Joint[] {
     const here = new Set([
       ...this.mode.bodies.flatMap((body) => body.joints.map((one) => one.path)),
@@ -179,33 +182,33 @@ export class Viewer {
     this.configuration = new Configuration(this.robot, mode, this.stage.size);
     this.bodies = this.configuration.tree.fresh();
     this.stage.face(mode.gravity);
-    if (!this.configuration.closed) this.say(`the loops of mode ${mode.name} are open: it has no pose in which they close`);
+    if (!this.configuration.closed) this.showMessage(`The loops of mode ${mode.name} are open: no pose closes them`);
   }
 
-  /** The mode called so, where it starts, seen from the same direction; a wall or a ceiling that it comes to from the side of the robot. */
+  /** Shows a mode in its initial pose, from the same direction. If its floor is a wall or a ceiling, the camera moves to the side of the robot. */
   setMode(name: string): void {
     const mode = this.robot.modes.find((one) => one.name === name);
     if (mode === undefined || mode === this.mode) return;
     const before = this.stage.world.quaternion.clone(), whole = this.seen();
     this.enter(mode);
-    this.tell("mode");
+    this.notify("mode");
     this.place();
     this.keepInView();
     if (before.angleTo(this.stage.world.quaternion) > 1e-6) this.stage.comeOut();
     this.fetchBack(whole);
   }
 
-  /** What gravity and springs do on every coordinate of the mode's tree [N m or N]. */
+  /** The effort of gravity and springs on every coordinate of the tree [N m or N]. */
   loads(): Coordinates {
     return loads(this.robot, this.configuration);
   }
 
-  /** How many times over each drive holds what it has to where the robot is. */
+  /** The torque margins of the drives in the current configuration. */
   held(): Held {
     return held(this.robot, this.configuration);
   }
 
-  /** A pose of the mode, reached in a smooth motion on which loops stay closed. */
+  /** Moves smoothly to a pose of the mode, with loops closed on the way. */
   setPose(name: string, motion = true): void {
     const { configuration } = this;
     const pose = this.mode.poses.find((one) => one.name === name);
@@ -227,12 +230,12 @@ export class Viewer {
       }
       if (way !== null) this.stage.shift(way.clone().multiplyScalar(smooth - gone));
       gone = smooth;
-      this.tell("coordinates");
+      this.notify("coordinates");
     };
     step();
   }
 
-  /** How far [m] the camera goes with a robot, in its world, that would leave the picture on the way to a pose; null where it stays. */
+  /** The displacement [m] of the camera for a robot that leaves the view in a pose, in its world; null if the robot stays in the view. */
   private wayTo(pose: NamedPose): Vector3 | null {
     const { configuration, stage } = this, { q, base, pose: here } = configuration;
     this.place();
@@ -245,47 +248,47 @@ export class Viewer {
     return after.getCenter(new Vector3()).sub(before.getCenter(new Vector3()));
   }
 
-  /** Moves one coordinate, and what has to go with it. Says so where the loops let it go no further. */
+  /** Moves a coordinate, and those coupled to it. Shows a message if loops stop it. */
   setCoordinate(path: string, value: number): void {
     this.motion += 1;
-    if (!this.configuration.set(path, value)) this.say(`${path} goes no further: the loops of this mode would not close`);
-    this.tell("coordinates");
+    if (!this.configuration.set(path, value)) this.showMessage(`${path} cannot move further: the loops of this mode cannot be closed there`);
+    this.notify("coordinates");
   }
 
-  /** The base by one of its coordinates, and what has to go with it. Says so where what the mode holds lets it go no further. */
+  /** Moves the base along one of its coordinates. Shows a message if holds stop it. */
   setBase(at: number, value: number): void {
     this.motion += 1;
-    if (!this.configuration.setBase(at, value)) this.say("the base goes no further: what this mode holds would not stay");
-    this.tell("coordinates");
+    if (!this.configuration.setBase(at, value)) this.showMessage("The base cannot move further: the held mounts cannot stay in place");
+    this.notify("coordinates");
   }
 
-  /** Whether another coordinate leads this one. */
+  /** Whether a coordinate follows another one. */
   follows(path: string): boolean {
     return this.configuration.couplings.follows(path);
   }
 
-  /** How far a coordinate goes, with all that is coupled to it. */
+  /** The range of a coordinate, which the limits of coupled coordinates reduce. */
   range(path: string): [number, number] {
     return this.configuration.couplings.range(path);
   }
 
-  /** Coordinates by path and a base, as a permalink has them; those that are not there are left out. */
+  /** Sets coordinates by path, and the base, from a permalink. Unknown paths are ignored. */
   restore(values: Coordinates, base: Matrix4 | null = null): void {
     this.motion += 1;
     this.configuration.restore(values, base);
-    this.tell("coordinates");
+    this.notify("coordinates");
   }
 
-  /** Why a link cannot be drawn elsewhere in this mode, in words; null where it can. */
-  kept(link: number): string | null {
-    return this.configuration.kept(link);
+  /** The reason why a link cannot be dragged in this mode; null if it can. */
+  whyFixed(link: number): string | null {
+    return this.configuration.whyFixed(link);
   }
 
-  /** Draws a point of a link (in its frame) towards a target in the world, as near as the joints let it. */
+  /** Moves a point of a link (in its frame) as near to a target in the world as the joints permit. */
   pull(link: number, grip: Vector3, target: Vector3): void {
     this.motion += 1;
     this.configuration.pull(this.bodyOf(link), grip, target);
-    this.tell("coordinates");
+    this.notify("coordinates");
   }
 
   /** A point of the world in the frame of a link. */
@@ -294,30 +297,30 @@ export class Viewer {
     return point.clone().applyMatrix4(this.bodies[this.bodyOf(link)].clone().invert());
   }
 
-  /** Where a link is among the bodies. */
+  /** The index of the body of a link. */
   bodyOf(link: number): number {
     return this.configuration.tree.bodyOf.get(link)!;
   }
 
-  // --- choosing and showing ----------------------------------------------------------------------------------------
+  // --- selection and display ---------------------------------------------------------------------------------------
 
   choose(occurrences: Iterable<number>): void {
     this.choice = new Set(occurrences);
-    this.tell("choice");
+    this.notify("choice");
   }
 
   setOptions(changed: Partial<Options>): void {
     this.options = { ...this.options, ...changed };
-    this.tell("options");
+    this.notify("options");
   }
 
-  /** A section normal to an axis of the world, which cuts away what is towards the camera; null is none. */
+  /** Shows a section normal to an axis of the world that cuts away the side towards the camera; null shows none. */
   cut(axis: "x" | "y" | "z" | null): void {
     const flip = axis !== null && !this.stage.beyond("xyz".indexOf(axis));
     this.setOptions({ section: { ...this.options.section, axis, flip } });
   }
 
-  /** How far the robot is exploded along its assembly graph, 0 to 1; the camera goes back as far as it has to. */
+  /** Explodes the robot along its assembly graph, by 0 to 1, and moves the camera back. */
   explodeBy(explode: number): void {
     const before = this.stage.bounds();
     this.setOptions({ explode });
@@ -331,26 +334,26 @@ export class Viewer {
     this.setOptions({ marks });
   }
 
-  /** Marks the joint of a coordinate, and what it moves; null none. */
+  /** Highlights the joint of a coordinate and the link that it moves; null highlights none. */
   hover(path: string | null): void {
     this.hovered = path;
-    this.tell("hover");
+    this.notify("hover");
   }
 
   measure(which: 0 | 1, mount: string): void {
     this.measured = which === 0 ? [mount, this.measured[1]] : [this.measured[0], mount];
-    this.tell("measure");
+    this.notify("measure");
   }
 
-  /** The camera where all is in the picture, seen from a direction; without one from above, or from where the robot is on a wall. */
+  /** Fits the view to the robot, seen from a direction; the default is an isometric view from the side of the floor on which the robot is. */
   reset(from?: [number, number, number]): void {
     this.place();
     this.stage.frame(from);
     if (from === undefined) this.stage.comeOut();
-    this.tell("options");
+    this.notify("options");
   }
 
-  /** The camera goes with a robot that is elsewhere in another mode. */
+  /** Moves the camera to a robot that has another place in a new mode. */
   private keepInView(): void {
     const { camera, controls } = this.stage;
     this.stage.framed = this.stage.bounds();
@@ -361,21 +364,21 @@ export class Viewer {
     this.stage.ask();
   }
 
-  // --- where things are ------------------------------------------------------------------------------------------------
+  // --- poses -----------------------------------------------------------------------------------------------------------
 
-  /** The pose of every link in the world by name, 16 numbers by rows. */
+  /** The pose of every link in the world by name: 16 numbers, row by row. */
   links(): Record<string, number[]> {
     this.place();
     const named = this.mode.bodies.map((body, index) => [this.robot.links[body.link].name, this.bodies[index].clone().transpose().elements.slice()]);
     return Object.fromEntries(named) as Record<string, number[]>;
   }
 
-  /** The pose of a mount in the world; its component's own frame without a mount. */
+  /** The pose of a mount in the world; if `mount` is null, of the frame of the component. */
   mountPose(at: { occurrence: number; mount: string | null }): Matrix4 {
     return this.onOccurrence(at, this.bodies[this.bodyOf(this.robot.occurrences[at.occurrence].link)].clone().multiply(this.within[at.occurrence]));
   }
 
-  /** The same in the picture, where an exploded robot has its components elsewhere. */
+  /** The same in the view, which differs if the robot is exploded. */
   mountDrawn(at: { occurrence: number; mount: string | null }): Matrix4 {
     return this.onOccurrence(at, this.drawn[at.occurrence].clone());
   }
@@ -385,14 +388,14 @@ export class Viewer {
     return mount === undefined ? pose : pose.multiply(matrixOf(mount.pose));
   }
 
-  /** The colours of all occurrences, and what they mean. */
+  /** The colours of all occurrences, with their legend. */
   get coloured(): Coloured {
     const { robot, known, options: { colouring: by } } = this;
     if (known === null || known.robot !== robot || known.by !== by) this.known = { robot, by, coloured: colouring(robot, by, this.configuration) };
     return this.known!.coloured;
   }
 
-  /** Bodies, then occurrences, then colours, into the picture. */
+  /** Updates the poses of bodies and occurrences, then colours and edges. */
   private place(): void {
     const { tree, q, base } = this.configuration;
     tree.place(q, base, this.bodies);
@@ -409,7 +412,7 @@ export class Viewer {
     this.placeOther();
   }
 
-  /** The other robot: in the pose of the same name, else at the same coordinates, else at 0. */
+  /** Places the second robot: in the pose of the same name, else at the same coordinates. */
   private placeOther(): void {
     if (this.other === null) return;
     const { robot, within } = this.other;
@@ -422,7 +425,7 @@ export class Viewer {
     this.stage.arrangeOverlay(robot.occurrences.map((one, index) => bodies[there.tree.bodyOf.get(one.link)!].clone().multiply(within[index])), OTHER);
   }
 
-  /** Moves what is one assembly away from the middle of that in which it is, level by level. */
+  /** Moves every component and subassembly away from the centre of the assembly that contains it, level by level. */
   private explode(poses: Matrix4[]): void {
     const middles = new Map<string, { sum: Vector3; count: number }>();
     const paths = this.robot.occurrences.map((one) => ["", ...one.path.split("/").map((_, k, words) => words.slice(0, k + 1).join("/"))]);
@@ -446,13 +449,14 @@ export class Viewer {
     });
   }
 
-  /** Before a picture: all that has changed, and where names are in it. */
+  /** Updates everything that has changed since the last frame, and the labels. */
   private prepare(): void {
     if (this.robot === undefined) return;
     if (this.stale) this.renew();
     this.stale = false;
     this.stage.reach();
-    this.write();
+    placeLabels(this.stage, this.names);
+    placeRootLabel(this.stage, this.mountDrawn(this.mode.root));
   }
 
   private renew(): void {
@@ -461,28 +465,13 @@ export class Viewer {
     stage.show(options.shown !== "collision", options.shown !== "visual");
     stage.clip(options.section.axis === null ? null : "xyz".indexOf(options.section.axis), options.section.part, options.section.flip);
     stage.lay(options.theme === "dark" ? "#4a5460" : "#c4ccd4", options.marks.has("floor"));
+    stage.gravity.material.color.set(options.theme === "dark" ? "#f2f4f7" : "#1f2933");
     this.marks.begin();
     this.names = annotate(this, this.marks);
     this.marks.end();
   }
 
-  /** Names at their places: all are worked out before the first is written, so that the page is laid out once. */
-  private write(): void {
-    const { labels, names } = this;
-    const spots = this.stage.project(names.map(({ at }) => at));
-    while (labels.children.length > names.length) labels.lastChild!.remove();
-    while (labels.children.length < names.length) labels.append(document.createElement("span"));
-    names.forEach(({ words, chosen }, index) => {
-      const label = labels.children[index] as HTMLElement;
-      const spot = spots[index];
-      if (label.textContent !== words) label.textContent = words;
-      label.className = chosen ? "chosen" : "";
-      label.hidden = spot === null;
-      if (spot !== null) label.style.transform = `translate(${spot.x.toFixed(1)}px, ${spot.y.toFixed(1)}px) translate(-50%, -130%)`;
-    });
-  }
-
-  /** The mounts of the robot by key, those that it shows first. */
+  /** The mounts of the robot by key, exported ones first. */
   mountKeys(): Map<string, string> {
     const keys = new Map<string, string>();
     const add = (key: string, words: string): void => { if (!keys.has(key)) keys.set(key, words); };
@@ -493,7 +482,7 @@ export class Viewer {
     return keys;
   }
 
-  /** From one measured mount to the other, in the frame of the first [m], and the angle between their z axes [rad]. */
+  /** The vector from the first measured mount to the second, in the frame of the first [m], and the angle between their z axes [rad]. */
   distance(): { along: Vector3; angle: number } | null {
     const [first, second] = this.measured.map(mountOf);
     if (first === null || second === null) return null;
@@ -504,7 +493,7 @@ export class Viewer {
     return { along, angle };
   }
 
-  /** What of the robot is under a point of the window. */
+  /** The occurrence under a point of the window. */
   hit(x: number, y: number): Hit | null {
     return this.stage.hit(x, y);
   }
@@ -515,8 +504,7 @@ export function mountOf(key: string): (MountAt & { mount: string }) | null {
   return cut < 0 ? null : { path: key, occurrence: Number(key.slice(0, cut)), mount: key.slice(cut + 1) };
 }
 
-
-/** A choice without others that are in it already, else with them. */
+/** A selection without `others` if it contains all of them, otherwise with them. */
 export function toggled(choice: Choice, others: number[]): number[] {
   return others.every((one) => choice.has(one)) ? [...choice].filter((one) => !others.includes(one)) : [...choice, ...others];
 }

@@ -1,4 +1,4 @@
-// The bill of materials: choosing a row chooses all its pieces.
+// The bill of materials: selecting a row selects all its pieces.
 
 import { shownMass } from "../data";
 import type { Viewer } from "../viewer";
@@ -21,9 +21,9 @@ export function bomPanel(panel: HTMLElement, viewer: Viewer): void {
       );
       return { row, pieces };
     });
-    const head = make("tr", {}, ...["no.", "part", "qty", "mass each"].map((word, k) => make("th", { class: k >= 2 ? "number" : "" }, word)));
-    panel.replaceChildren(make("table", { role: "grid", "aria-label": "bill of materials" }, make("thead", {}, head), make("tbody", {}, ...rows.map(({ row }) => row))));
-    if (rows.length === 0) panel.replaceChildren(make("p", { class: "soft" }, "there is nothing to print or to buy"));
+    const head = make("tr", {}, ...["No.", "Part", "Qty", "Unit mass"].map((word, k) => make("th", { class: k >= 2 ? "number" : "" }, word)));
+    panel.replaceChildren(make("table", { role: "grid", "aria-label": "Bill of materials" }, make("thead", {}, head), make("tbody", {}, ...rows.map(({ row }) => row))));
+    if (rows.length === 0) panel.replaceChildren(make("p", { class: "soft" }, "No parts to print, machine or buy"));
     update();
   };
 

@@ -1,4 +1,4 @@
-// What is known of what is chosen.
+// The card with the properties of the selection.
 
 import { shownMass, trimmed } from "../data";
 import type { Viewer } from "../viewer";
@@ -11,13 +11,13 @@ export function card(own: HTMLElement, viewer: Viewer): void {
     own.hidden = chosen.length === 0;
     if (chosen.length === 0) return;
     const { occurrences, definitions, links } = viewer.robot;
-    const close = make("button", { class: "close", type: "button", "aria-label": "choose nothing", onclick: () => viewer.choose([]) }, "×");
+    const close = make("button", { class: "close", type: "button", "aria-label": "Clear the selection (Esc)", onclick: () => viewer.choose([]) }, "×");
     const first = occurrences[chosen[0]], definition = definitions[first.definition];
     const mass = chosen.reduce((sum, index) => sum + occurrences[index].mass, 0);
     if (chosen.length > 1) {
       const same = chosen.every((index) => occurrences[index].definition === first.definition);
       own.replaceChildren(close, make("h2", {}, `${chosen.length} components`), pairs([
-        ["definition", same ? definition.label : null], ["mass", `${shownMass(mass)} together`],
+        ["definition", same ? definition.label : null], ["total mass", shownMass(mass)],
         ["part file", same ? place(definition) : null], ["components", chosen.slice(0, 12).map((index) => occurrences[index].path).join(", ") + (chosen.length > 12 ? ", ..." : "")],
       ]));
       return;
@@ -28,8 +28,8 @@ export function card(own: HTMLElement, viewer: Viewer): void {
       ["definition", definition.label], ["mirrors", definition.mirrors],
       ...definition.parameters.map(([name, value]): [string, string] => [name, value]),
       ["material", first.material], ["mass", first.mass === 0 ? "none" : `${shownMass(first.mass)}, ${source}`],
-      ["centre", first.mass === 0 ? null : `${first.centre.map((x) => trimmed(1000 * x, 1)).join(", ")} mm`],
-      ["link", links[first.link].name], ["moved by", joint], ["collides with", first.collides], ["made by", first.make],
+      ["centre of mass", first.mass === 0 ? null : `${first.centre.map((x) => trimmed(1000 * x, 1)).join(", ")} mm`],
+      ["link", links[first.link].name], ["joint", joint], ["collision", first.collides], ["make", first.make],
       ["mounts", first.mounts.map((mount) => (mount.interface === null ? mount.name : `${mount.name} (${mount.interface})`)).join(", ")],
       ["document", place(first)], ["part file", place(definition)],
     ]));

@@ -1,13 +1,13 @@
-// What is handed to other programs.
+// The clipboard.
 
 import type { Viewer } from "../viewer";
 
-/** Puts words on the clipboard, and says so; where a browser does not let a page, shows them to be copied by hand. */
-export async function copied(viewer: Viewer, words: string, done: string): Promise<void> {
+/** Copies a text to the clipboard and shows the message `done`. If the browser does not permit this, shows the text itself. */
+export async function copy(viewer: Viewer, text: string, done: string): Promise<void> {
   try {
-    await navigator.clipboard.writeText(words);
-    viewer.say(done);
+    await navigator.clipboard.writeText(text);
+    viewer.showMessage(done);
   } catch {
-    viewer.say(words);
+    viewer.showMessage(text);
   }
 }

@@ -1,11 +1,11 @@
-// Elements of the page. Whatever comes from documents reaches it as text, never as HTML.
+// Elements of the page. Text from documents is inserted as text, never as HTML.
 
 type Child = Node | string;
 type More = Record<string, string | number | boolean | ((event: Event) => void) | undefined>;
 
 export const $ = (id: string): HTMLElement => document.getElementById(id)!;
 
-/** An element with attributes (`on...` are listeners, `hidden` and such flags) and children; strings are text. */
+/** Creates an element. Functions are listeners (`onclick`), booleans are flags (`hidden`), string children are text. */
 export function make<K extends keyof HTMLElementTagNameMap>(tag: K, more: More = {}, ...children: Child[]): HTMLElementTagNameMap[K] {
   const node = document.createElement(tag);
   for (const [key, value] of Object.entries(more)) {
@@ -17,13 +17,13 @@ export function make<K extends keyof HTMLElementTagNameMap>(tag: K, more: More =
   return node;
 }
 
-/** A name that a narrow column breaks where a word of it ends: `magnet_driver`, `YawPitchBracket`. */
+/** A name with line break opportunities after each word: `magnet_driver`, `YawPitchBracket`. */
 export function breakable(name: string): Child[] {
-  const words = name.replace(/_|[a-z](?=[A-Z])/g, "$&\n").split("\n"); // browsers that know no lookbehind could not read the page at all
+  const words = name.replace(/_|[a-z](?=[A-Z])/g, "$&\n").split("\n"); // some browsers do not support lookbehind
   return words.flatMap((word, k) => (k === 0 ? [word] : [make("wbr"), word]));
 }
 
-/** One of several words, as buttons; `chosen` is asked again by the returned function. */
+/** A radio group of buttons; the returned function reads `chosen` again and updates the buttons. */
 export function choices(
   parent: HTMLElement, words: readonly string[], chosen: () => string | null, choose: (word: string) => void,
 ): () => void {
@@ -49,7 +49,7 @@ export function choices(
   return update;
 }
 
-/** A row that is scrolled sideways fades out where there is more of it; what is chosen in it is brought into view by the returned function. */
+/** Fades the ends of a row that can be scrolled sideways; the returned function scrolls to the checked item. */
 export function fading(row: HTMLElement): () => void {
   const update = (): void => {
     const { scrollLeft, clientWidth, scrollWidth } = row;

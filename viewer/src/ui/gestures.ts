@@ -1,9 +1,9 @@
-// Pointer and keys on the picture: a click chooses, a drag with Shift (or one that begins with a long press) moves a link.
+// Pointer and keyboard input of the 3D view: a click selects, a drag with Shift or after a long press moves a link.
 
 import { Vector3 } from "three";
 import { MARKS, type Mark, mountOf, SHOWN, toggled, type Viewer } from "../viewer";
 
-/** How far a pointer goes in a click [px], and how long it rests in a long press [ms]. */
+/** The longest pointer path of a click [px], and the duration of a long press [ms]. */
 const CLICK = 5;
 const PRESS = 450;
 
@@ -16,9 +16,9 @@ export function gestures(canvas: HTMLCanvasElement, viewer: Viewer, measuring: (
     const hit = viewer.hit(x, y);
     if (hit === null || viewer.options.explode > 0) return;
     const link = viewer.robot.occurrences[hit.occurrence].link;
-    const refused = viewer.kept(link);
-    if (refused !== null) {
-      viewer.say(refused);
+    const reason = viewer.whyFixed(link);
+    if (reason !== null) {
+      viewer.showMessage(reason);
       return;
     }
     drag = { link, grip: viewer.inLink(link, hit.point), at: hit.point, target: null };
@@ -26,7 +26,7 @@ export function gestures(canvas: HTMLCanvasElement, viewer: Viewer, measuring: (
     canvas.style.cursor = "grabbing";
   };
 
-  /** Once for each picture, however many events there are. */
+  /** Runs once per frame, however many events arrive. */
   const pull = (): void => {
     if (drag?.target == null) return;
     viewer.pull(drag.link, drag.grip, drag.target);
@@ -43,7 +43,7 @@ export function gestures(canvas: HTMLCanvasElement, viewer: Viewer, measuring: (
 
   canvas.addEventListener("pointerdown", (event) => {
     clearTimeout(press);
-    if (down !== null) { // a second finger turns and zooms
+    if (down !== null) { // a second finger: rotate and zoom
       release();
       return;
     }
@@ -80,22 +80,23 @@ export function gestures(canvas: HTMLCanvasElement, viewer: Viewer, measuring: (
   };
 }
 
-/** The mount of an occurrence that is nearest to a point is measured from, or to. */
+/** Selects the mount of an occurrence that is nearest to a point as an end of the measurement. */
 function nearest(viewer: Viewer, occurrence: number, point: Vector3): void {
   const keys = viewer.robot.occurrences[occurrence].mounts.map((mount) => `${occurrence}:${mount.name}`);
   const away = (key: string): number => new Vector3().setFromMatrixPosition(viewer.mountDrawn(mountOf(key)!)).distanceTo(point);
   keys.sort((a, b) => away(a) - away(b));
-  if (keys.length === 0) viewer.say(`${viewer.robot.occurrences[occurrence].path} has no mounts`);
+  if (keys.length === 0) viewer.showMessage(`${viewer.robot.occurrences[occurrence].path} has no mounts`);
   else viewer.measure(viewer.measured[0] === "" || viewer.measured[1] !== "" ? 0 : 1, keys[0]);
 }
 
 const MARK_KEYS: Record<string, Mark> = { f: "frames", j: "joint axes", o: "mounts", c: "centres of mass", i: "inertia", n: "names", g: "floor" };
 
-/** What every key does, for the help. */
+/** The keys and their functions, for the help dialog. */
 export const KEYS: [string, string][] = [
-  ["m / M", "next, previous mode"], ["p / P", "next, previous pose"], ["v", "visual, collision or both"],
-  ...MARKS.map((mark): [string, string] => [Object.keys(MARK_KEYS).find((key) => MARK_KEYS[key] === mark)!, mark]),
-  ["r", "the whole robot in the picture"], ["arrows, + and -", "turn and zoom (picture focused)"], ["/", "find a component"], ["Esc", "choose nothing"], ["?", "this help"],
+  ["m / M", "Next or previous mode"], ["p / P", "Next or previous pose"], ["v", "Visual geometry, collision geometry or both"],
+  ...MARKS.map((mark): [string, string] => [Object.keys(MARK_KEYS).find((key) => MARK_KEYS[key] === mark)!, `Show or hide ${mark}`]),
+  ["r", "Fit the view to the robot"], ["arrows, + and -", "Rotate and zoom, if the 3D view has the focus"], ["/", "Search parts"], ["Esc", "Clear the selection"],
+  ["?", "Show this help"],
 ];
 
 export function keys(viewer: Viewer, actions: { find: () => void; help: () => void }): void {
@@ -136,7 +137,7 @@ export function keys(viewer: Viewer, actions: { find: () => void; help: () => vo
   });
 }
 
-/** Turns the camera about what it looks at, or goes nearer; whether the key means that. */
+/** Rotates the camera about its target, or zooms. Returns false if the key has no such function. */
 function turned(viewer: Viewer, key: string): boolean {
   const { camera, controls } = viewer.stage;
   const away = camera.position.clone().sub(controls.target);

@@ -1,12 +1,12 @@
-// Where things are written.
+// Source locations.
 
 import type { Place } from "../data";
 import { make } from "./dom";
 
-/** How a server that knows the folder opens files in an editor: a URL with `{file}` and `{line}`; null without one. */
+/** The URL that opens a file in an editor, with `{file}` and `{line}`; null if the page was not sent by `thingc view`. */
 export const editor: { link: string | null } = { link: null };
 
-/** Where something is written; a link where an editor can be opened. */
+/** A source location, as a link if an editor URL is set. */
 export function place({ file, line }: Place): Node | null {
   if (file === null) return null;
   const words = line === null ? file : `${file}:${line}`;

@@ -1,12 +1,12 @@
-// The panel of poses and joints: a button for each pose of the mode, a slider for each of its coordinates.
+// The joints panel: a button for each pose of the mode, and a slider for each of its coordinates.
 
 import type { BaseCoordinate } from "../base";
 import { type Joint, scaleOf, shownCoordinate, trimmed, unitOf } from "../data";
 import type { Viewer } from "../viewer";
-import { copied } from "./copying";
+import { copy } from "./copying";
 import { choices, make } from "./dom";
 
-/** How far a slider goes where a joint has no limit: [rad], and [m] as a part of the robot's size. */
+/** The range of a slider of a joint without limits [rad]; for slides, twice the size of the robot. */
 const TURN = Math.PI;
 
 export function posePanel(panel: HTMLElement, viewer: Viewer): void {
@@ -28,16 +28,16 @@ export function posePanel(panel: HTMLElement, viewer: Viewer): void {
       ...sliders("Driven joints", drives), ...sliders(drives.length > 0 ? "Other joints" : "Joints", others),
     ];
     const root = sliders(`Base (${base})`, viewer.configuration.moves.coordinates.map((one) => ofBase(one, viewer)));
-    const copy = make("button", {
-      type: "button", title: "these coordinates, as the `poses` of a document have them",
-      onclick: () => copied(viewer, yaml(viewer), "the pose is copied"),
-    }, "Copy as a pose");
+    const copyPose = make("button", {
+      type: "button", title: "Copy the coordinates in the format of `poses` in a document",
+      onclick: () => copy(viewer, yaml(viewer), "Pose copied"),
+    }, "Copy as pose");
     panel.replaceChildren(
       ...(viewer.mode.poses.length > 0 ? [make("h2", {}, "Poses"), poses] : []),
-      ...(unclosed.length > 0 ? [make("p", { class: "soft" }, `its loops do not close in: ${unclosed.join(", ")}`)] : []),
-      ...(joints.length > 0 ? [make("p", { class: "soft" }, "Drag a link in the picture with Shift, or after a long press, to pose the robot.")] : []),
-      ...joints, ...root, ...(joints.length > 0 ? [copy] : []),
-      ...(joints.length + root.length > 0 ? [] : [make("p", { class: "soft" }, "nothing moves in this mode")]),
+      ...(unclosed.length > 0 ? [make("p", { class: "soft" }, `Poses that do not close the loops: ${unclosed.join(", ")}`)] : []),
+      ...(joints.length > 0 ? [make("p", { class: "soft" }, "To pose the robot, drag a link with Shift, or touch and hold it, then drag.")] : []),
+      ...joints, ...root, ...(joints.length > 0 ? [copyPose] : []),
+      ...(joints.length + root.length > 0 ? [] : [make("p", { class: "soft" }, "This mode has no moving joints.")]),
     );
     for (const update of updates) update();
   };
@@ -48,7 +48,7 @@ export function posePanel(panel: HTMLElement, viewer: Viewer): void {
   });
 }
 
-/** What a slider moves: a coordinate of a joint, or one of the base. `words` are of its middle, `about` is all else that is known of it. */
+/** The coordinate of a slider, of a joint or of the base. `words` is shown below its middle, `about` is its tooltip. */
 interface Sliding {
   path: string; turns: boolean; range: [number, number]; words: string; about: string;
   value: () => number;
@@ -57,7 +57,7 @@ interface Sliding {
 
 function ofJoint(joint: Joint, viewer: Viewer): Sliding {
   const { path, turns, cone, mimic } = joint;
-  const axis = path === joint.joint ? "" : `${turns ? "about" : "along"} ${joint.axis}`; // of one coordinate it is z
+  const axis = path === joint.joint ? "" : `${turns ? "about" : "along"} ${joint.axis}`; // always z for a joint with one coordinate
   const follows = viewer.follows(path) ? `follows ${mimic!.joint}${mimic!.higher.length > 0 ? "" : ` x ${Number(mimic!.multiplier.toFixed(3))}`}` : "";
   return {
     path, turns, range: viewer.range(path), words: follows || [axis, cone === null ? "" : `cone ${shownCoordinate(joint, cone)}`].filter(Boolean).join(", "),
@@ -67,9 +67,9 @@ function ofJoint(joint: Joint, viewer: Viewer): Sliding {
 
 function ofBase({ path, turns, at }: BaseCoordinate, viewer: Viewer): Sliding {
   const { base, root } = viewer.mode, { moves } = viewer.configuration;
-  const joint = base === "planar" ? `\njoint root_${moves.coordinates.findIndex((one) => one.at === at)} of models` : "";
+  const joint = base === "planar" ? `\njoint root_${moves.coordinates.findIndex((one) => one.at === at)} in exported models` : "";
   return {
-    path, turns, range: [-Infinity, Infinity], words: "", about: `${path}: ${root.path} from where the mode puts it in the world (base ${base})${joint}`,
+    path, turns, range: [-Infinity, Infinity], words: "", about: `${path}: displacement of ${root.path} from its initial pose in the mode (base ${base})${joint}`,
     value: () => moves.read(viewer.configuration.base)[at], set: (value) => viewer.setBase(at, value),
   };
 }
@@ -104,7 +104,7 @@ function slider(one: Sliding, viewer: Viewer): { node: HTMLElement; update: () =
   const show = (): void => { number.value = trimmed(one.value() * scale, one.turns ? 1 : 2); };
   const update = (): void => {
     const value = one.value() * scale;
-    range.min = String(Math.min(Number(min), value)); // a pose may be further round than a slider without limits
+    range.min = String(Math.min(Number(min), value)); // a pose of a joint without limits can be outside the default range
     range.max = String(Math.max(Number(max), value));
     range.value = String(value);
     if (document.activeElement !== number) show();
@@ -112,7 +112,7 @@ function slider(one: Sliding, viewer: Viewer): { node: HTMLElement; update: () =
   return { node, update };
 }
 
-/** What else is known of a coordinate. */
+/** The tooltip of a coordinate: kind, drive, limits and source location. */
 function about(joint: Joint): string {
   const unit = joint.turns ? "N m" : "N", speed = joint.turns ? "rad/s" : "m/s";
   return [
@@ -121,7 +121,7 @@ function about(joint: Joint): string {
   ].join("\n");
 }
 
-/** The coordinates as a document has those of a pose. */
+/** The coordinates in the format of `poses` in a document. */
 function yaml(viewer: Viewer): string {
   const values = viewer.joints.filter((joint) => !viewer.follows(joint.path)).map((joint) => {
     const number = joint.path === joint.joint ? null : /_(\d+)$/.exec(joint.path)!;

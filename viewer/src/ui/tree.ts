@@ -1,15 +1,35 @@
-// The assembly graph as a tree of components; what is chosen there is chosen in the picture, and the other way round.
+// The parts panel: the assembly graph as a tree of components, or the kinematic tree. The selection is the same as in the 3D view.
 
 import { counted, shownMass } from "../data";
 import { toggled, type Viewer } from "../viewer";
-import { make } from "./dom";
+import { choices, make } from "./dom";
+import { linkTree } from "./links";
 
 interface Branch { name: string; leaves: number[]; below: Map<string, Branch> }
 
-export function treePanel(panel: HTMLElement, viewer: Viewer): void {
-  let buttons: { button: HTMLButtonElement; leaves: number[] }[] = [];
+/** A button that selects the occurrences `leaves`. */
+interface Row { button: HTMLButtonElement; leaves: number[] }
 
-  const entry = (words: string, aside: string, leaves: number[], searched: string): HTMLButtonElement => {
+/** Makes a button that selects `leaves`; `searched` is its tooltip, and the text that the search compares. */
+export type Entry = (label: string, aside: string, leaves: number[], searched: string) => HTMLButtonElement;
+
+const VIEWS = ["Components", "Links and joints"] as const;
+
+export function treePanel(panel: HTMLElement, viewer: Viewer): void {
+  let view: string = VIEWS[0];
+  let componentRows: Row[] = [], linkRows: Row[] = [];
+  let updateLinks = (): void => {};
+  const components = make("div"), links = make("div", { hidden: true });
+  const views = make("div", { class: "chips row", role: "radiogroup", "aria-label": "Tree" });
+  const updateViews = choices(views, VIEWS, () => view, (chosen) => {
+    view = chosen;
+    show();
+  });
+  const search = make("input", { type: "search", placeholder: "Search", "aria-label": "Search", id: "search", oninput: () => filter() });
+  const none = make("p", { class: "soft", hidden: true }, "No results");
+  panel.replaceChildren(views, search, none, components, links);
+
+  const entryFor = (rows: Row[]): Entry => (label, aside, leaves, searched) => {
     const button = make("button", {
       type: "button", title: searched,
       onclick: (event) => {
@@ -17,23 +37,76 @@ export function treePanel(panel: HTMLElement, viewer: Viewer): void {
         const more = (event as MouseEvent).ctrlKey || (event as MouseEvent).metaKey;
         viewer.choose(more ? toggled(viewer.choice, leaves) : leaves);
       },
-    }, words, make("small", {}, aside));
-    buttons.push({ button, leaves });
+    }, label, make("small", {}, aside));
+    rows.push({ button, leaves });
     return button;
   };
 
+  const buildComponents = (): void => {
+    componentRows = [];
+    const entry = entryFor(componentRows);
+    components.replaceChildren(componentTree(viewer, entry), definitions(viewer, entry));
+  };
+
+  const buildLinks = (): void => {
+    linkRows = [];
+    const { node, update } = linkTree(viewer, entryFor(linkRows));
+    links.replaceChildren(node);
+    updateLinks = update;
+  };
+
+  const show = (): void => {
+    updateViews();
+    components.hidden = view !== VIEWS[0];
+    links.hidden = !components.hidden;
+    filter();
+  };
+
+  /** Shows only rows that match the search, with what is above and below them. */
+  const filter = (): void => {
+    const wanted = search.value.toLowerCase(), rows = components.hidden ? linkRows : componentRows;
+    for (const { button } of rows) button.closest("li")!.hidden = wanted !== "";
+    for (const { button } of rows) {
+      if (wanted === "" || !button.title.toLowerCase().includes(wanted)) continue;
+      for (let item = button.closest("li"); item !== null; item = item.parentElement!.closest("li")) item.hidden = false;
+      for (const inner of button.closest("li")!.querySelectorAll("li")) inner.hidden = false;
+    }
+    none.hidden = rows.some(({ button }) => !button.closest("li")!.hidden);
+  };
+
+  const update = (): void => {
+    for (const { button, leaves } of [...componentRows, ...linkRows]) {
+      const chosen = leaves.length > 0 && viewer.choice.size === leaves.length && leaves.every((index) => viewer.choice.has(index));
+      button.setAttribute("aria-pressed", String(chosen));
+    }
+    const rows = components.hidden ? linkRows : componentRows;
+    const first = rows.find(({ button }) => button.getAttribute("aria-pressed") === "true");
+    if (first !== undefined && !panel.hidden) first.button.scrollIntoView({ block: "nearest" });
+  };
+
+  viewer.listen((change) => {
+    if (change === "robot") buildComponents();
+    if (change === "robot" || change === "mode") buildLinks();
+    if (change === "robot" || change === "mode") show();
+    if (change === "robot" || change === "mode" || change === "choice") update();
+    if (change === "coordinates") updateLinks();
+  });
+}
+
+function componentTree(viewer: Viewer, entry: Entry): HTMLElement {
+  const { occurrences, definitions } = viewer.robot;
   const grown = (branch: Branch): HTMLElement => {
     const list = make("ul");
     for (const child of branch.below.values()) {
       if (child.below.size === 0 && child.leaves.length === 1) {
-        const one = viewer.robot.occurrences[child.leaves[0]];
-        const definition = viewer.robot.definitions[one.definition];
+        const one = occurrences[child.leaves[0]];
+        const definition = definitions[one.definition];
         list.append(make("li", {}, entry(child.name, definition.label, child.leaves, `${one.path} ${definition.label}`)));
         continue;
       }
-      const mass = child.leaves.reduce((sum, index) => sum + viewer.robot.occurrences[index].mass, 0);
+      const mass = child.leaves.reduce((sum, index) => sum + occurrences[index].mass, 0);
       const below = grown(child);
-      const fold = make("button", { class: "fold", type: "button", "aria-expanded": "true", "aria-label": `what is in ${child.name}` }, "▾");
+      const fold = make("button", { class: "fold", type: "button", "aria-expanded": "true", "aria-label": `Expand or collapse ${child.name}` }, "▾");
       fold.addEventListener("click", () => {
         below.hidden = !below.hidden;
         fold.setAttribute("aria-expanded", String(!below.hidden));
@@ -43,54 +116,23 @@ export function treePanel(panel: HTMLElement, viewer: Viewer): void {
     }
     return list;
   };
-
-  const build = (): void => {
-    buttons = [];
-    const top: Branch = { name: "", leaves: [], below: new Map() };
-    viewer.robot.occurrences.forEach((one, index) => {
-      let here = top;
-      for (const word of one.path.split("/")) {
-        const next: Branch = here.below.get(word) ?? { name: word, leaves: [], below: new Map() };
-        here.below.set(word, next);
-        next.leaves.push(index);
-        here = next;
-      }
-    });
-    const tree = grown(top);
-    tree.className = "tree";
-    const search = make("input", { type: "search", placeholder: "find a component or part", "aria-label": "find a component or part", id: "search" });
-    search.addEventListener("input", () => {
-      const wanted = search.value.toLowerCase();
-      for (const { button } of buttons) button.closest("li")!.hidden = wanted !== "";
-      for (const { button } of buttons) {
-        if (wanted === "" || !button.title.toLowerCase().includes(wanted)) continue;
-        for (let item = button.closest("li"); item !== null; item = item.parentElement!.closest("li")) item.hidden = false;
-        for (const inner of button.closest("li")!.querySelectorAll("li")) inner.hidden = false;
-      }
-    });
-    const none = make("p", { class: "soft", hidden: true }, "nothing is called so");
-    search.addEventListener("input", () => { none.hidden = buttons.some(({ button }) => !button.closest("li")!.hidden); });
-    panel.replaceChildren(search, none, tree, definitions(viewer, entry));
-    update();
-  };
-
-  const update = (): void => {
-    for (const { button, leaves } of buttons) {
-      const chosen = viewer.choice.size === leaves.length && leaves.every((index) => viewer.choice.has(index));
-      button.setAttribute("aria-pressed", String(chosen));
+  const top: Branch = { name: "", leaves: [], below: new Map() };
+  occurrences.forEach((one, index) => {
+    let here = top;
+    for (const word of one.path.split("/")) {
+      const next: Branch = here.below.get(word) ?? { name: word, leaves: [], below: new Map() };
+      here.below.set(word, next);
+      next.leaves.push(index);
+      here = next;
     }
-    const first = buttons.find(({ button }) => button.getAttribute("aria-pressed") === "true");
-    if (first !== undefined && !panel.hidden) first.button.scrollIntoView({ block: "nearest" });
-  };
-
-  viewer.listen((change) => {
-    if (change === "robot") build();
-    else if (change === "choice") update();
   });
+  const tree = grown(top);
+  tree.className = "tree";
+  return tree;
 }
 
-/** The other end of the graph: every definition, and all that is made from it. */
-function definitions(viewer: Viewer, entry: (words: string, aside: string, leaves: number[], searched: string) => HTMLElement): HTMLElement {
+/** Every definition with its occurrences. */
+function definitions(viewer: Viewer, entry: Entry): HTMLElement {
   const list = make("ul", { class: "tree" });
   viewer.robot.definitions.forEach((definition, number) => {
     const leaves = viewer.robot.occurrences.flatMap((one, index) => (one.definition === number ? [index] : []));
