@@ -26,7 +26,7 @@ export function placeLabels(stage: Stage, names: Name[]): void {
   });
 }
 
-/** Moves the label of the root above or below the robot and its ring, whichever is nearer, and draws a line from the ring to the label. */
+/** Moves the label of the root above or below the robot and its ring, whichever is nearer and free, and draws a line from the ring to it. */
 export function placeRootLabel(stage: Stage, root: Matrix4): void {
   const label = $("root"), line = $("root-line");
   const { clientWidth: width, clientHeight: height } = stage.canvas;
@@ -37,8 +37,11 @@ export function placeRootLabel(stage: Stage, root: Matrix4): void {
   label.hidden = line.hidden = spots.length < rim.length || x < 0 || x > width || y < 0 || y > height;
   if (label.hidden) return;
   const [top, bottom] = stage.rows(stage.bounds(), spots.map((spot) => spot.y));
-  const above = y < (top + bottom) / 2;
   const left = between(0, x - label.offsetWidth / 2, width - label.offsetWidth);
+  const below = bottom + GAP + label.offsetHeight;
+  const taken = [$("views"), $("legend")].some((one) =>
+    one.offsetParent !== null && left < one.offsetLeft + one.offsetWidth && left + label.offsetWidth > one.offsetLeft && below > one.offsetTop);
+  const above = taken || y < (top + bottom) / 2;
   const upper = between(0, above ? top - GAP - label.offsetHeight : bottom + GAP, height - label.offsetHeight);
   const [from, to] = above ? [upper + label.offsetHeight, y] : [y, upper];
   label.style.transform = `translate(${left.toFixed(1)}px, ${upper.toFixed(1)}px)`;

@@ -7,7 +7,7 @@ import { restored, written } from "./permalink";
 import { bytesOf, geometriesOf } from "./scene";
 import { bomPanel } from "./ui/bom";
 import { card } from "./ui/card";
-import { copy } from "./ui/copying";
+import { copy, download } from "./ui/copying";
 import { $, choices, fading, make } from "./ui/dom";
 import { gestures, KEYS, keys } from "./ui/gestures";
 import { measurePanel } from "./ui/measure";
@@ -15,6 +15,7 @@ import { editor } from "./ui/place";
 import { posePanel } from "./ui/pose";
 import { showPanel } from "./ui/show";
 import { treePanel } from "./ui/tree";
+import { visibilityBar } from "./ui/visibility";
 import { Viewer } from "./viewer";
 
 const PANELS: [string, string, (panel: HTMLElement, viewer: Viewer) => void][] = [
@@ -51,6 +52,7 @@ async function start(): Promise<void> {
     panel($(`panel-${name}`), viewer);
   }
   card($("card"), viewer);
+  visibilityBar($("visibility"), viewer);
   header(viewer);
   gestures(canvas, viewer, () => shown === "measure");
   const help = helpDialog();
@@ -143,10 +145,7 @@ function views(viewer: Viewer): void {
 function saveImage(viewer: Viewer): void {
   viewer.stage.draw();
   viewer.stage.canvas.toBlob((blob) => {
-    if (blob === null) return;
-    const url = URL.createObjectURL(blob);
-    make("a", { href: url, download: `${viewer.robot.name}_${viewer.mode.name}.png` }).click();
-    setTimeout(() => URL.revokeObjectURL(url), 1000);
+    if (blob !== null) download(`${viewer.robot.name}_${viewer.mode.name}.png`, blob);
   });
 }
 

@@ -25,7 +25,9 @@ export function written(viewer: Viewer): string {
   if (options.section.axis !== null) told.set("section", `${options.section.flip ? "-" : ""}${options.section.axis}:${short(options.section.part)}`);
   told.set("theme", options.theme);
   if (!options.panels) told.set("panels", "none");
-  if (viewer.choice.size > 0) told.set("chosen", [...viewer.choice].map((index) => viewer.robot.occurrences[index].path).join(","));
+  for (const [key, chosen] of [["chosen", viewer.choice], ["hidden", viewer.hidden], ["transparent", viewer.transparent]] as const) {
+    if (chosen.size > 0) told.set(key, [...chosen].map((index) => viewer.robot.occurrences[index].path).join(","));
+  }
   if (viewer.measured.some((key) => key !== "")) {
     const keys = viewer.mountKeys();
     told.set("measure", viewer.measured.map((key) => keys.get(key) ?? "").join(","));
@@ -46,6 +48,11 @@ export function restored(viewer: Viewer, fragment: string): boolean {
     const base = numbers(told.get("base"));
     viewer.restore(Object.fromEntries(pairs.map(([, path, value]) => [path, Number(value)])), base.length === 12 ? matrixOf(base) : null);
   }
+  const occurrences = (key: string): number[] => {
+    const paths = new Set((told.get(key) ?? "").split(","));
+    return viewer.robot.occurrences.flatMap(({ path }, index) => (paths.has(path) ? [index] : []));
+  };
+  viewer.setVisibility(occurrences("hidden"), occurrences("transparent"));
   const [side, part] = (told.get("section") ?? "").split(":");
   const axis = side.replace(/^-/, "");
   viewer.explodeBy(Math.min(1, Math.max(0, numbers(told.get("explode"))[0] ?? 0)));
@@ -58,8 +65,7 @@ export function restored(viewer: Viewer, fragment: string): boolean {
     },
     ...(told.has("marks") ? { marks: new Set(told.get("marks")!.split(",").map((word) => one(MARKS, word)).filter((mark) => mark !== null)) } : {}),
   });
-  const paths = new Set((told.get("chosen") ?? "").split(","));
-  viewer.choose(viewer.robot.occurrences.flatMap((occurrence, index) => (paths.has(occurrence.path) ? [index] : [])));
+  viewer.choose(occurrences("chosen"));
   const ends = (told.get("measure") ?? "").split(",");
   const keys = [...viewer.mountKeys()];
   ([0, 1] as const).forEach((which) => viewer.measure(which, keys.find(([, words]) => words === ends[which])?.[0] ?? ""));

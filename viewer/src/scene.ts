@@ -31,6 +31,13 @@ interface Batch { mesh: InstancedMesh; instances: Instance[]; collides: boolean 
 
 export interface Hit { occurrence: number; point: Vector3 }
 
+/** The occurrences that are not drawn, and those that are drawn transparent. */
+export interface Visibility { hidden: ReadonlySet<number>; transparent: ReadonlySet<number> }
+
+const ALL_VISIBLE: Visibility = { hidden: new Set(), transparent: new Set() };
+/** The opacity of transparent occurrences. */
+const TRANSPARENT = 0.25;
+
 const edgesOf = new WeakMap<BufferGeometry, EdgesGeometry>();
 const known = new Map<string, BufferGeometry>();
 
@@ -172,9 +179,9 @@ export class Stage {
   }
 
   /** Replaces the meshes in the world by those of a robot. */
-  furnish(robot: Robot, geometries: BufferGeometry[]): void {
+  furnish(robot: Robot, geometries: BufferGeometry[], visibility: Visibility): void {
     for (const batch of this.batches) discard(this.world, batch);
-    this.batches = batchesOf(robot, geometries, this.plane);
+    this.batches = batchesOf(robot, geometries, this.plane, visibility);
     for (const { mesh } of this.batches) this.world.add(mesh);
     this.around = null;
     this.clip(null, 0, false);
@@ -183,7 +190,7 @@ export class Stage {
   /** Adds a second, transparent robot to the world; null removes it. */
   overlay(robot: Robot | null, geometries: BufferGeometry[]): void {
     for (const batch of this.ghosts) discard(this.world, batch);
-    this.ghosts = robot === null ? [] : batchesOf(robot, geometries, this.plane).filter(({ collides }) => !collides);
+    this.ghosts = robot === null ? [] : batchesOf(robot, geometries, this.plane, ALL_VISIBLE).filter(({ collides }) => !collides);
     for (const { mesh } of this.ghosts) {
       Object.assign(mesh.material as MeshStandardMaterial, { transparent: true, opacity: 0.45, depthWrite: false });
       mesh.renderOrder = 1;
@@ -434,7 +441,7 @@ export class Stage {
 }
 
 /** One batch per shape and transparency, with all occurrences at the origin. */
-function batchesOf(robot: Robot, geometries: BufferGeometry[], section: Plane): Batch[] {
+function batchesOf(robot: Robot, geometries: BufferGeometry[], section: Plane, { hidden, transparent }: Visibility): Batch[] {
   const wanted = new Map<string, { geometry: BufferGeometry; collides: boolean; alpha: number; instances: Instance[] }>();
   const add = (key: string, geometry: () => BufferGeometry, collides: boolean, alpha: number, instance: Instance): void => {
     const batch = wanted.get(key);
@@ -442,8 +449,10 @@ function batchesOf(robot: Robot, geometries: BufferGeometry[], section: Plane): 
     else batch.instances.push(instance);
   };
   robot.occurrences.forEach((occurrence, index) => {
+    if (hidden.has(index)) return;
     for (const shape of occurrence.visual) {
-      const alpha = shape.color !== null && shape.color.length === 9 ? parseInt(shape.color.slice(7), 16) / 255 : 1;
+      const opacity = shape.color !== null && shape.color.length === 9 ? parseInt(shape.color.slice(7), 16) / 255 : 1;
+      const alpha = transparent.has(index) ? TRANSPARENT * opacity : opacity;
       const own = shape.color === occurrence.color ? null : new Color((shape.color ?? PLAIN).slice(0, 7));
       const [key, geometry, pose] = primitive(shape, geometries);
       add(`seen ${key} ${alpha}`, geometry, false, alpha, { occurrence: index, pose, color: own });

@@ -18,6 +18,9 @@ export type Mark = (typeof MARKS)[number];
 /** The selected occurrences, by number. */
 export type Choice = ReadonlySet<number>;
 
+/** Coordinates and the pose of the base. */
+export interface Posture { q: Coordinates; base: Matrix4 }
+
 /** Display options. A permalink restores them, with the mode and the coordinates. */
 export interface Options {
   shown: (typeof SHOWN)[number];
@@ -32,7 +35,7 @@ export interface Options {
 }
 
 /** The kinds of changes that listeners are notified of. */
-export type Change = "robot" | "mode" | "coordinates" | "choice" | "options" | "message" | "measure" | "hover";
+export type Change = "robot" | "mode" | "coordinates" | "choice" | "visibility" | "options" | "message" | "measure" | "hover";
 
 /** The duration of the motion to a pose [ms]. */
 const MOTION = 450;
@@ -50,6 +53,8 @@ export class Viewer {
   robot!: Robot;
   configuration!: Configuration;
   choice: Choice = new Set();
+  hidden: Choice = new Set();
+  transparent: Choice = new Set();
   options: Options = {
     shown: "visual", marks: new Set<Mark>(["floor"]), colouring: "part", explode: 0, section: { axis: null, part: 0.5, flip: false },
     theme: preferred(), panels: true,
@@ -65,6 +70,7 @@ export class Viewer {
   drawn: Matrix4[] = [];
   private readonly marks: Marks;
   private readonly listeners: ((change: Change) => void)[] = [];
+  private geometries: BufferGeometry[] = [];
   private within: Matrix4[] = [];
   private motion = 0;
   private messageTimer = 0;
@@ -105,11 +111,14 @@ export class Viewer {
   load(robot: Robot, geometries: BufferGeometry[]): void {
     const before = this.robot === undefined ? null : { robot: this.robot, at: this.configuration };
     const whole = before !== null && this.seen();
-    const chosen = new Set([...this.choice].map((one) => before!.robot.occurrences[one].path));
+    for (const name of ["choice", "hidden", "transparent"] as const) {
+      const paths = new Set([...this[name]].map((one) => before!.robot.occurrences[one].path));
+      this[name] = new Set(robot.occurrences.flatMap((one, index) => (paths.has(one.path) ? [index] : [])));
+    }
     this.robot = robot;
+    this.geometries = geometries;
     this.within = robot.occurrences.map((one) => matrixOf(one.pose));
-    this.stage.furnish(robot, geometries);
-    this.choice = new Set(robot.occurrences.flatMap((one, index) => (chosen.has(one.path) ? [index] : [])));
+    this.stage.furnish(robot, geometries, this);
     this.measured = ["", ""];
     const mode = robot.modes.find((one) => one.name === before?.at.mode.name) ?? robot.modes[0];
     this.enter(mode);
@@ -235,6 +244,13 @@ export class Viewer {
     step();
   }
 
+  /** Shows the configuration at `part` (0 to 1) between two others, with loops closed. */
+  interpolate(from: Posture, to: Posture, part: number): void {
+    this.motion += 1;
+    this.configuration.between(from, to, part);
+    this.notify("coordinates");
+  }
+
   /** The displacement [m] of the camera for a robot that leaves the view in a pose, in its world; null if the robot stays in the view. */
   private wayTo(pose: NamedPose): Vector3 | null {
     const { configuration, stage } = this, { q, base, pose: here } = configuration;
@@ -307,6 +323,33 @@ export class Viewer {
   choose(occurrences: Iterable<number>): void {
     this.choice = new Set(occurrences);
     this.notify("choice");
+  }
+
+  setVisibility(hidden: Iterable<number>, transparent: Iterable<number>): void {
+    [this.hidden, this.transparent] = [new Set(hidden), new Set(transparent)];
+    this.stage.furnish(this.robot, this.geometries, this);
+    this.place();
+    this.notify("visibility");
+  }
+
+  /** Hides the selected parts. */
+  hide(): void {
+    this.setVisibility([...this.hidden, ...this.choice], this.transparent);
+    this.choose([]);
+  }
+
+  /** Hides all parts that are not selected. */
+  isolate(): void {
+    this.setVisibility([...this.robot.occurrences.keys()].filter((index) => !this.choice.has(index)), this.transparent);
+  }
+
+  /** Makes the selected parts transparent, or opaque if all of them are transparent. */
+  toggleTransparent(): void {
+    this.setVisibility(this.hidden, toggled(this.transparent, [...this.choice]));
+  }
+
+  showAll(): void {
+    this.setVisibility([], []);
   }
 
   setOptions(changed: Partial<Options>): void {

@@ -1,15 +1,22 @@
-// The bill of materials: selecting a row selects all its pieces.
+// The bill of materials with totals and CSV export. Selecting a row selects all its pieces.
 
-import { shownMass } from "../data";
+import { type BomRow, counted, shownMass } from "../data";
 import type { Viewer } from "../viewer";
+import { download } from "./copying";
 import { breakable, make } from "./dom";
+
+/** The columns of `bom.csv`, with the keys of their values. */
+const COLUMNS: [string, keyof BomRow][] = [
+  ["number", "number"], ["name", "name"], ["definition", "definition"], ["quantity", "quantity"], ["make", "make"], ["material", "material"], ["mass", "mass"],
+  ["mass_source", "source"], ["supplier", "supplier"], ["cost", "cost"],
+];
 
 export function bomPanel(panel: HTMLElement, viewer: Viewer): void {
   let rows: { row: HTMLTableRowElement; pieces: number[] }[] = [];
 
   const build = (): void => {
-    const { robot } = viewer;
-    rows = robot.bom.map((one) => {
+    const { bom, name } = viewer.robot;
+    rows = bom.map((one) => {
       const { pieces } = one;
       const choose = (): void => viewer.choose(pieces);
       const row = make(
@@ -21,9 +28,14 @@ export function bomPanel(panel: HTMLElement, viewer: Viewer): void {
       );
       return { row, pieces };
     });
+    if (rows.length === 0) {
+      panel.replaceChildren(make("p", { class: "soft" }, "No parts to print, machine or buy"));
+      return;
+    }
     const head = make("tr", {}, ...["No.", "Part", "Qty", "Unit mass"].map((word, k) => make("th", { class: k >= 2 ? "number" : "" }, word)));
-    panel.replaceChildren(make("table", { role: "grid", "aria-label": "Bill of materials" }, make("thead", {}, head), make("tbody", {}, ...rows.map(({ row }) => row))));
-    if (rows.length === 0) panel.replaceChildren(make("p", { class: "soft" }, "No parts to print, machine or buy"));
+    const body = make("tbody", {}, ...rows.map(({ row }) => row));
+    const save = make("button", { type: "button", title: "Save the bill of materials as CSV", onclick: () => download(`${name}_bom.csv`, csv(bom)) }, "Export CSV");
+    panel.replaceChildren(make("table", { role: "grid", "aria-label": "Bill of materials" }, make("thead", {}, head), body, totals(bom)), ...costs(bom), save);
     update();
   };
 
@@ -38,4 +50,36 @@ export function bomPanel(panel: HTMLElement, viewer: Viewer): void {
     if (change === "robot") build();
     else if (change === "choice") update();
   });
+}
+
+/** The number of pieces and their mass. */
+function totals(bom: BomRow[]): HTMLElement {
+  const quantity = bom.reduce((sum, one) => sum + one.quantity, 0), mass = bom.reduce((sum, one) => sum + one.quantity * one.mass, 0);
+  return make("tfoot", {}, make("tr", {},
+    make("th", { colspan: 2, scope: "row" }, "Total"), make("td", { class: "number" }, String(quantity)), make("td", { class: "number" }, shownMass(mass)),
+  ));
+}
+
+/** The total cost for each currency, and the number of pieces without a cost; empty if no row has a cost. */
+function costs(bom: BomRow[]): HTMLElement[] {
+  const sums = new Map<string, number>();
+  for (const { cost, quantity } of bom) {
+    const [amount, currency] = (cost ?? "").split(" ");
+    if (currency !== undefined) sums.set(currency, (sums.get(currency) ?? 0) + quantity * Number(amount));
+  }
+  if (sums.size === 0) return [];
+  const missing = bom.reduce((sum, { cost, quantity }) => sum + (cost === null ? quantity : 0), 0);
+  const total = [...sums].map(([currency, sum]) => `${sum.toFixed(2)} ${currency}`).join(" + ");
+  return [make("p", {}, `Total cost: ${total}`, make("small", { class: "soft" }, missing > 0 ? ` (${counted(missing, "piece")} without a cost)` : ""))];
+}
+
+/** The same rows as in `bom.csv`. Text that a spreadsheet would evaluate gets a leading apostrophe. */
+function csv(bom: BomRow[]): Blob {
+  const cell = (value: unknown): string => {
+    const text = String(value ?? "");
+    const safe = /^[=+\-@]/.test(text) && !Number.isFinite(Number(text)) ? `'${text}` : text;
+    return /[",\n]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;
+  };
+  const lines = bom.map((one) => COLUMNS.map(([, key]) => cell(one[key])).join(","));
+  return new Blob([[COLUMNS.map(([name]) => name).join(","), ...lines, ""].join("\n")], { type: "text/csv" });
 }

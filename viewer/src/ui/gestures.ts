@@ -91,10 +91,13 @@ function nearest(viewer: Viewer, occurrence: number, point: Vector3): void {
 
 const MARK_KEYS: Record<string, Mark> = { f: "frames", j: "joint axes", o: "mounts", c: "centres of mass", i: "inertia", n: "names", g: "floor" };
 
+const VISIBILITY_KEYS = { h: "hide", s: "isolate", t: "toggleTransparent" } as const;
+
 /** The keys and their functions, for the help dialog. */
 export const KEYS: [string, string][] = [
   ["m / M", "Next or previous mode"], ["p / P", "Next or previous pose"], ["v", "Visual geometry, collision geometry or both"],
   ...MARKS.map((mark): [string, string] => [Object.keys(MARK_KEYS).find((key) => MARK_KEYS[key] === mark)!, `Show or hide ${mark}`]),
+  ["h, s, t", "Hide, isolate, make transparent: the selected parts"], ["a", "Show all parts"], ["Space", "Play or pause the motion"],
   ["r", "Fit the view to the robot"], ["arrows, + and -", "Rotate and zoom, if the 3D view has the focus"], ["/", "Search parts"], ["Esc", "Clear the selection"],
   ["?", "Show this help"],
 ];
@@ -118,6 +121,17 @@ export function keys(viewer: Viewer, actions: { find: () => void; help: () => vo
         break;
       case "r":
         viewer.reset();
+        break;
+      case "h": case "s": case "t":
+        if (viewer.choice.size === 0) viewer.showMessage("Select a part first");
+        else viewer[VISIBILITY_KEYS[event.key]]();
+        break;
+      case "a":
+        viewer.showAll();
+        break;
+      case " ":
+        if (field.closest("button, input, tr") !== null) return;
+        document.getElementById("play")?.click();
         break;
       case "/":
         actions.find();

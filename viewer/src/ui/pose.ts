@@ -5,6 +5,7 @@ import { type Joint, scaleOf, shownCoordinate, trimmed, unitOf } from "../data";
 import type { Viewer } from "../viewer";
 import { copy } from "./copying";
 import { choices, make } from "./dom";
+import { motionPlayer } from "./motion";
 
 /** The range of a slider of a joint without limits [rad]; for slides, twice the size of the robot. */
 const TURN = Math.PI;
@@ -17,6 +18,8 @@ export function posePanel(panel: HTMLElement, viewer: Viewer): void {
     updates = [
       choices(poses, viewer.mode.poses.map((pose) => pose.name), () => viewer.pose?.name ?? null, (name) => viewer.setPose(name)),
     ];
+    const motion = motionPlayer(viewer);
+    updates.push(motion.update);
     const sliders = (title: string, all: Sliding[]): HTMLElement[] => {
       const made = all.map((one) => slider(one, viewer));
       updates.push(...made.map(({ update }) => update));
@@ -36,7 +39,7 @@ export function posePanel(panel: HTMLElement, viewer: Viewer): void {
       ...(viewer.mode.poses.length > 0 ? [make("h2", {}, "Poses"), poses] : []),
       ...(unclosed.length > 0 ? [make("p", { class: "soft" }, `Poses that do not close the loops: ${unclosed.join(", ")}`)] : []),
       ...(joints.length > 0 ? [make("p", { class: "soft" }, "To pose the robot, drag a link with Shift, or touch and hold it, then drag.")] : []),
-      ...joints, ...root, ...(joints.length > 0 ? [copyPose] : []),
+      ...joints, ...root, ...(joints.length > 0 ? [copyPose, ...motion.nodes] : []),
       ...(joints.length + root.length > 0 ? [] : [make("p", { class: "soft" }, "This mode has no moving joints.")]),
     );
     for (const update of updates) update();

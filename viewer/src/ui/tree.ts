@@ -78,6 +78,7 @@ export function treePanel(panel: HTMLElement, viewer: Viewer): void {
     for (const { button, leaves } of [...componentRows, ...linkRows]) {
       const chosen = leaves.length > 0 && viewer.choice.size === leaves.length && leaves.every((index) => viewer.choice.has(index));
       button.setAttribute("aria-pressed", String(chosen));
+      button.classList.toggle("hidden", leaves.length > 0 && leaves.every((index) => viewer.hidden.has(index)));
     }
     const rows = components.hidden ? linkRows : componentRows;
     const first = rows.find(({ button }) => button.getAttribute("aria-pressed") === "true");
@@ -88,7 +89,7 @@ export function treePanel(panel: HTMLElement, viewer: Viewer): void {
     if (change === "robot") buildComponents();
     if (change === "robot" || change === "mode") buildLinks();
     if (change === "robot" || change === "mode") show();
-    if (change === "robot" || change === "mode" || change === "choice") update();
+    if (change === "robot" || change === "mode" || change === "choice" || change === "visibility") update();
     if (change === "coordinates") updateLinks();
   });
 }
