@@ -84,13 +84,12 @@ def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, 
     })
     store = store_of(options)
     earlier = up_to_date.load(store, key) if not arguments.twice else None
-    if earlier is not None:
+    if earlier is not None and _stands(earlier[1], store):
         found, answer = earlier
-        if _stands(answer, store):
-            if not set(targets) - set(answer["targets"]):
-                parts = sorted({*answer["reused"], *answer["modelled"]})
-                return found, {**answer, "modelled": [], "reused": parts, "unchanged": True}
-            targets = chosen([*targets, *answer["targets"]])  # the other outputs in the folder are current: they stay
+        if not set(targets) - set(answer["targets"]):
+            parts = sorted({*answer["reused"], *answer["modelled"]})
+            return found, {**answer, "modelled": [], "reused": parts, "unchanged": True}
+        targets = chosen([*targets, *answer["targets"]])  # the other outputs in the folder are current: they stay
     return attempted(arguments.document, options, partial(_built, wish_of(arguments, targets), key))
 
 
