@@ -147,9 +147,8 @@ def hero(path: Path) -> None:
 STEPS = {
     "rover": {"start_left.png": "mode=on_left&pose=lean_left"}, "rover_longer": {"start_longer.png": "mode=walking"},
     "rover_hat": {"start_hat.png": "mode=walking", "start_margin.png": "mode=on_left&pose=lean_left&colour=torque+margin"},
-    "rover_six": {"start_six.png": "mode=on_three"},
 }
-"""Pictures of the tutorial: the viewer of a step, and where in it."""
+"""Pictures of the first tutorial: the viewer of a step, and where in it."""
 
 
 def tutorial() -> None:
@@ -160,7 +159,7 @@ def tutorial() -> None:
         print("no Chromium is installed: the pictures of the tutorial stay as they are", file=sys.stderr)
         return
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
-        for name, document in website.made((ROOT / "docs/start.md").read_text(), Path(folder)):
+        for name, document in website.made((ROOT / "docs/tutorials/first_robot.md").read_text(), Path(folder)):
             page = Path(folder) / f"{name}.html"
             website.view(document, page)
             for picture, where in STEPS[name].items():

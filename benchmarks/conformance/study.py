@@ -1,8 +1,8 @@
 """`make conformance`: check that independent readers find the same robot in every file.
 
 Builds both robots and random ones in all modes, loads every file with each reader in a separate environment and process, and compares the
-answers at 50 random configurations with those of MuJoCo for the MJCF of the same mode. Writes `docs/conformance.md`; exits with 1 if an
-answer differs. Environments are cached in `build/conformance/`.
+answers at 50 random configurations with those of MuJoCo for the MJCF of the same mode. Writes `docs/studies/conformance_table.md`; exits
+with 1 if an answer differs. Environments are cached in `build/conformance/`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from robots import document
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-PAGE = ROOT / "docs" / "conformance.md"
+PAGE = ROOT / "docs" / "studies" / "conformance_table.md"
 RANDOM = 20
 ROBOTS = ("assemblies/arm.yaml", "assemblies/minchw/minchw.yaml")
 BOUNDS = {
@@ -107,8 +107,8 @@ READERS = (
         "Supports no loops, so joints that close loops or hold mounts are removed first. Followers are set to their values. Reports no"
         " mimics, so leaders are pushed and followers observed for 0.4 s. Reports efforts of joints with one axis; except in SDF, each"
         " has a drive of the same name. A floating base is put at the origin. In MJCF it reads neither sites nor mimics. Without "
-        "`--compat drake` it reads a command range as an effort, which is not compared, and puts several joints of one body in the "
-        "axes of the parent, which is another robot if the body is rotated.",
+        "`--compat drake` it reads a command range as an effort, which is not compared. It then also puts several joints of one body "
+        "in the axes of the parent: another robot if the body is rotated.",
         refuses="several joints of one body",
     ),
     Reader(

@@ -18,9 +18,10 @@ from thingc.tools.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 LANGUAGE = ROOT / "docs" / "language"
+TUTORIALS = ROOT / "docs" / "tutorials"
 OUTPUTS = ROOT / "docs" / "outputs"
 COMMAND_PAGES = ROOT / "docs" / "commands"
-NAMES = ("", "concepts", "language", "outputs", "commands", "import", "studies", "howto", "from")
+NAMES = ("", "concepts", "language", "outputs", "commands", "import", "studies", "howto", "from", "tutorials")
 FOLDERS = tuple(ROOT / "docs" / name for name in NAMES)
 PAGES = (*(page for folder in FOLDERS for page in sorted(folder.glob("*.md"))), ROOT / "README.md", ROOT / "CONTRIBUTING.md")
 DECISIONS = ROOT / "docs" / "decisions"
@@ -101,20 +102,26 @@ def anchors(page: Path) -> set[str]:
 def unpack(page: Path, folder: Path) -> Path:
     """Write the files that a page shows before it leaves to a folder, beside copies of the repository's documents and of its `arm.py`.
 
-    The pages of the language share their files: a document on one page may use a part or a document that another page shows.
+    The pages of the language share their files: a document on one page may use a part or a document that another page shows. A tutorial
+    starts in an empty folder.
     """
-    shutil.copytree(ROOT / "assemblies", folder / "assemblies")
-    if any(" gallery/" in command for command, _ in commands(page)):
-        shutil.copytree(ROOT / "gallery", folder / "gallery", ignore=shutil.ignore_patterns("build", "__pycache__"))
-    (folder / "parts").mkdir()
-    shutil.copy(ROOT / "parts" / "arm.py", folder / "parts")
-    shutil.copy(ROOT / "thingc.toml", folder)
+    if page.parent != TUTORIALS:
+        _copy_workspace(page, folder)
     for shown in sorted(LANGUAGE.glob("*.md")) if page.parent == LANGUAGE else [page]:
         for block in blocks(shown):
             if block.file is not None and block.line < leaves(shown):
                 (folder / block.file).parent.mkdir(parents=True, exist_ok=True)
                 (folder / block.file).write_text(block.text)
     return folder
+
+
+def _copy_workspace(page: Path, folder: Path) -> None:
+    shutil.copytree(ROOT / "assemblies", folder / "assemblies")
+    if any(" gallery/" in command for command, _ in commands(page)):
+        shutil.copytree(ROOT / "gallery", folder / "gallery", ignore=shutil.ignore_patterns("build", "__pycache__"))
+    (folder / "parts").mkdir()
+    shutil.copy(ROOT / "parts" / "arm.py", folder / "parts")
+    shutil.copy(ROOT / "thingc.toml", folder)
 
 
 def commands(page: Path) -> list[tuple[str, str]]:

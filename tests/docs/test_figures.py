@@ -97,7 +97,7 @@ def test_every_figure_has_a_source(page: str) -> None:
 
 def test_the_readme_quotes_the_largest_differences_of_the_conformance_study() -> None:
     found: dict[tuple[str, str], list[list[str]]] = {}
-    for reader, file_format, _, *row in table(ROOT / "docs/conformance.md", "conformance"):
+    for reader, file_format, _, *row in table(ROOT / "docs/studies/conformance_table.md", "conformance"):
         found.setdefault((reader, file_format), []).append(row)
     quoted = table(ROOT / "README.md", "checkers")
     assert len(quoted) > 5
