@@ -83,7 +83,8 @@ def test_every_part_that_a_page_shows_compiles_and_is_used(page: Path) -> None:
     for block in python:
         if block.file is not None:
             name = Path(block.file).stem
-            assert re.search(rf"\b{name}:\w|python {re.escape(block.file)}|^import {name}$", text, re.MULTILINE), f"{page.name}: nothing uses {block.file}"
+            used = re.search(rf"\b{name}:\w|python {re.escape(block.file)}|^import {name}$", text, re.MULTILINE)
+            assert used, f"{page.name}: nothing uses {block.file}"
 
 
 @pytest.mark.parametrize("page", WITH_LINKS, ids=[page.relative_to(ROOT).as_posix() for page in WITH_LINKS])
