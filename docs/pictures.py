@@ -159,7 +159,7 @@ def tutorial() -> None:
         print("no Chromium is installed: the pictures of the tutorial stay as they are", file=sys.stderr)
         return
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
-        for name, document in website.made((ROOT / "docs/tutorials/first_robot.md").read_text(), Path(folder)):
+        for name, document in website.made((ROOT / "docs/start.md").read_text(), Path(folder)):
             page = Path(folder) / f"{name}.html"
             website.view(document, page)
             for picture, where in STEPS[name].items():

@@ -84,7 +84,7 @@ def test_viewers_of_the_tutorial_show_what_its_commands_have_made(
 ) -> None:
     """Each step is the document as it stands there: what comes later is not in it yet."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
-    text = (ROOT / "docs/tutorials/first_robot.md").read_text()
+    text = (ROOT / "docs/start.md").read_text()
     found = {name: (document.name, document.read_text()) for name, document in website.made(text, tmp_path)}
     assert {name: (file, "value: 80 mm" in text, "hat:Hat" in text and "kp: 0.5" in text) for name, (file, text) in found.items()} == {
         "rover": ("rover.yaml", False, False), "rover_longer": ("rover.yaml", True, False), "rover_hat": ("rover.yaml", True, True),
