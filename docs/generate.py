@@ -1,13 +1,13 @@
-"""Writes the pages of the diagnostics, what `thingc explain` shows of them, the kinds of tests in `language/tests.md`, and the table of
-`formats.md`: `python docs/generate.py`.
+"""Writes the pages of the diagnostics, what `thingc explain` shows of them, the kinds of tests in `language/tests.md`, and the tables of
+`formats.md` and `outputs/index.md`: `python docs/generate.py`.
 
 `docs/diagnostics.md` lists all codes. Their pages, such as `docs/codes/TC302.md`, are written by hand (`code_pages.py`): the title, the fix
 and the last line are written here, and a new code gets a page to be filled in. `compiler/thingc/tools/reporting/examples.json` is what
 `thingc explain` reads of them.
 
 The text between `<!-- generated: ... -->` and `<!-- /generated -->` comes from the files of `documents/checks/` in
-`docs/language/tests.md`, from the capabilities of the targets in `docs/formats.md`, and from the parsers of the command line in
-`docs/commands/`.
+`docs/language/tests.md`, from the capabilities of the targets in `docs/formats.md`, from their registry in `docs/outputs/index.md`, and
+from the parsers of the command line in `docs/commands/`.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 PAGE = DOCS / "diagnostics.md"
 FORMATS = DOCS / "formats.md"
+OUTPUTS = DOCS / "outputs" / "index.md"
 TESTS = DOCS / "language" / "tests.md"
 COMMAND_PAGES = DOCS / "commands"
 EXAMPLES = ROOT / "compiler" / "thingc" / "tools" / "reporting" / "examples.json"
@@ -129,7 +130,7 @@ def examples(pages: Mapping[Path, str]) -> str:
 def generated() -> dict[Path, str]:
     """Every file that is made here, with its text."""
     pages = {path_of(code): current_page(code) for code in Code}
-    return {PAGE: page(), EXAMPLES: examples(pages), TESTS: tests(), FORMATS: formats(), **pages, **command_pages()}
+    return {PAGE: page(), EXAMPLES: examples(pages), TESTS: tests(), FORMATS: formats(), OUTPUTS: outputs(), **pages, **command_pages()}
 
 
 def formats() -> str:
@@ -143,6 +144,18 @@ def formats() -> str:
             for name in next(iter(tables.values()))[group]
         ]
     return _marked(_read(FORMATS), {"formats": "\n".join(rows)})
+
+
+def outputs() -> str:
+    """Return the page of build outputs with the table of targets. A description is written by hand, or else comes from the registry."""
+    text = _read(OUTPUTS)
+    written = dict(re.findall(r"^\| `(\w+)` \| (?:yes|no) \| [^|]*\| (.*) \|$", text, re.MULTILINE))
+    rows = ["| Target | Default | Files | Description |", "|---|---|---|---|"]
+    for name, target in TARGETS.items():
+        files = dict.fromkeys(re.sub(r"/.*", "/", pattern) for pattern in target.writes)
+        default = "yes" if target.unasked else "no"
+        rows.append(f"| `{name}` | {default} | {', '.join(f'`{file}`' for file in files)} | {written.get(name, target.says)} |")
+    return _marked(text, {"targets": "\n".join(rows)})
 
 
 def _said(cell: Cell[Any]) -> str:

@@ -407,13 +407,6 @@ def test_every_command_has_a_page_with_all_of_its_options() -> None:
         assert len(cells) == len(actions)
 
 
-def test_the_table_of_targets_has_every_target() -> None:
-    from thingc.targets.registry import TARGETS
-
-    rows = [(row[0].strip("`"), row[1] == "yes") for row in table(OUTPUTS, "targets")]
-    assert rows == [(name, target.unasked) for name, target in TARGETS.items()]
-
-
 # --- python.md, diagnostics.md, CONTRIBUTING.md ----------------------------------------------------------------------
 
 
