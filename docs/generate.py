@@ -82,7 +82,7 @@ error[TC305]: `arm:BasePlate` has no parameter `siz`
    --> wrong.yaml:6:41
   6 |   plate: {part: arm:BasePlate, params: {siz: 120 mm}}
     |                                         ^^^
-  note: `arm:BasePlate` is written here
+  note: `arm:BasePlate` is defined here
 ...
   help: did you mean `size`?
 

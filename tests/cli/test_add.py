@@ -207,7 +207,7 @@ def test_an_assembly_that_is_there_is_placed_and_stays(document: Path, capsys: p
     assert nested.read_text() == LEG
     assert capsys.readouterr().out.count("components.") == 3
     for words, said in (
-        ("legs/leg.yaml --on base.top", "has a component `leg` already\n  help: choose another name with --name"),
+        ("legs/leg.yaml --on base.top", "already has a component `leg`\n  help: choose another name with --name"),
         ("legs/leg.yaml --name x --param lenght=1mm", "did you mean `length`?"),
         ("legs/leg.yaml --name x --on base.top --by hipp", "exports no mount `hipp`"),
     ):
@@ -217,7 +217,7 @@ def test_an_assembly_that_is_there_is_placed_and_stays(document: Path, capsys: p
     nested.write_text(LEG + "  tip: foot.sole\n")
     assert main(["add", "assembly", "legs/leg.yaml", "--to", document.name, "--on", "base.top", "--name", "x"]) == 2
     assert (
-        "`legs/leg.yaml` has several mounts\n  help: name it with --by (known mounts: `hip`, `tip`)"
+        "`legs/leg.yaml` has several mounts\n  help: specify one with --by (known mounts: `hip`, `tip`)"
         in capsys.readouterr().out
     )
     assert main(["add", "assembly", "legs/leg.yaml"]) == 2
@@ -247,6 +247,10 @@ def test_a_part_is_a_class_and_a_component(document: Path, capsys: pytest.Captur
     assert read(document)["components"]["board"] == {"part": "shelf:Board"}
 
     # what is there is put into the document, and no code is written
+    (document.parent / "parts/peg.py").write_text(
+        "from build123d import Box\nfrom thingc import Length, Thing\n\n\nclass Peg(Thing):\n    def __init__(self, width: Length):\n"
+        "        super().__init__()\n        self.width = width\n\n    def result(self):\n        return Box(self.width, 5, 5)\n"
+    )
     modules = {path: path.read_bytes() for path in document.parent.glob("parts/*.py")}
     for words, value in (
         (["shelf:Board", "--name", "lid", "--on", "base.top"], {"part": "shelf:Board", "attach": {"bottom": "base.top"}}),
@@ -260,11 +264,12 @@ def test_a_part_is_a_class_and_a_component(document: Path, capsys: pytest.Captur
     for words, said in (
         ("shelf:Board --on lid.top --by side --name x", "has no mount `side`"),
         ("shelf:Board --param lenght=10mm --name x", "did you mean `length`?"),
-        ("shelf:Board", "has a component `board` already\n  help: choose another name with --name"),
+        ("shelf:Board", "already has a component `board`\n  help: choose another name with --name"),
         ("shelf:Bord", "there is no part `shelf:Bord`\n  help: did you mean `shelf:Board`? To create a new class, add --new"),
         ("shelv:Board", "there is no part `shelv:Board`\n  help: did you mean `shelf:Board`?"),
+        ("peg:Peg --on lid.top", "`peg:Peg` needs parameters, so its mounts are unknown\n  help: specify its mount with --by"),
         ("thingc_stock.wheels:Rim --on lid.top",
-         "`thingc_stock.wheels:Rim` has several mounts\n  help: name it with --by (known mounts: "),
+         "`thingc_stock.wheels:Rim` has several mounts\n  help: specify one with --by (known mounts: "),
     ):
         before = document.read_bytes()
         assert main(["add", "part", *words.split(), "--to", document.name]) in (1, 2)
@@ -293,20 +298,20 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
     ("mode x --to D --kind mass", "--kind applies to a test, not to a mode"),
     ("part X --on base.top", "--on requires --to\n  help: write --to as well"),
     ("part X --to D --by bottom", "--by requires --on\n  help: write --on as well"),
-    ("part X --to D --on base.top --at base.top", "--on cannot be combined with --at\n  help: keep one of them"),
+    ("part X --to D --on base.top --at base.top", "--on cannot be combined with --at\n  help: remove one of them"),
     ("mode x --to D --name y", "--name applies to a part or an assembly, not to a mode"),
-    ("part old:Old", "`old:Old` exists already; to place it, name a document\n  help: write --to robot.yaml"),
+    ("part old:Old", "`old:Old` already exists; to place it, add a document\n  help: write --to robot.yaml"),
     ("part thingc_stock.servo:SG90 --to D", "there is no module `thingc_stock.servo`\n"),
     ("part thingc_stock.servos:SG9 --to D", "help: did you mean `thingc_stock.servos:SG90`?"),
     ("part parts/old.py:Old --to D", "help: did you mean `old:Old`?"),
-    ("part numpy:Old --to D", "`numpy` is neither in a part folder nor in a package that the workspace allows"),
+    ("part numpy:Old --to D", "`numpy` is neither in a part folder nor in an allowed package"),
     ("part old:Old --to D", "error[TC405]"),
     ("mood x --to D", "expected `part`, `assembly`, `mode`, `joint` or `test`, found `mood` (did you mean `mode`?)"),
     ("test x --to D",
      f"expected --kind ({', '.join(f'`{kind}`' for kind in kinds())}); --kind is missing\n  help: write for example `--kind mass`"),
     ("test x --to D --kind mas", "found `mas`\n  help: did you mean `mass`?"),
     ("joint x --to D", "a joint requires --parent and --child, two mounts\n  help: write for example `--parent base.top"),
-    ("joint Wrist --to D --parent base.top --child arm.seat", "has a joint `wrist` already\n  help: choose another name"),
+    ("joint Wrist --to D --parent base.top --child arm.seat", "already has a joint `wrist`\n  help: choose another name"),
     ("joint x --to D --type hinge --parent a.b --child c.d", "expected `fixed`, `revolute`"),
     ("joint x --to D --parent base.top --child arm.seet", "error[TC303]"),
     ("joint x --to D --parent arm.end --child base.origin", "error[TC321]"),
@@ -314,21 +319,21 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
     ("mode x --to D --standing-on arm.seat --root base", "`arm.seat` is the root of a mode that stands on it, so --root must be omitted"),
     ("mode x --to D --standing-on arm.sole", "error[TC303]"),
     ("part X --standing-on arm.seat", "--standing-on applies to a mode, not to a part"),
-    ("mode x-y --to D", "`x-y` is not a valid name: a letter, then letters, digits and `_`\n  help: write for example `x_y`"),
+    ("mode x-y --to D", "`x-y` is not a valid name: use a letter, then letters, digits and `_`\n  help: write for example `x_y`"),
     ("mode x --to D --pose nowhere", "`nowhere`"),
     ("assembly root --to D", "error[TC"),
-    ("assembly rover --to D", "` nests itself: rover."),
+    ("assembly rover --to D", "` contains itself: rover."),
     ("part class --to D", "`class` is a keyword of Python\n  help: specify a module: `thingc add part class_parts:Class`"),
     ("part numpy", "`numpy` is an installed Python module\n  help: specify a module: `thingc add part numpy_parts:Numpy`"),
     ("part parts:None", "`None` is not available as the name of a class"),
     ("part parts:Box", "`Box` is not available as the name of a class"),
-    ("part Hand --to D", "has a component `hand` already"),
-    ("part old:Old --new", "`parts/old.py` has a `Old` already"),
+    ("part Hand --to D", "already has a component `hand`"),
+    ("part old:Old --new", "`parts/old.py` already has a `Old`"),
     ("part broken:New", "`parts/broken.py` cannot be read as Python: "),
     ("part New --to D --on base.bottom", "error[TC303]"),
     ("mode x --to missing.yaml", "error[TC802]"),
     ("mode true --to D", "`true` is not a valid name: YAML reads it as another value"),
-    ("part away:New --to D", "`parts/away.py` is outside of the workspace (through a symbolic link)\n  help: use another module"),
+    ("part away:New --to D", "`parts/away.py` is outside the workspace (through a symbolic link)\n  help: use another module"),
 ])
 def test_what_cannot_be_added_is_said_and_nothing_is_written(
     words: str, said: str, document: Path, capsys: pytest.CaptureFixture[str],

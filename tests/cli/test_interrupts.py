@@ -173,7 +173,7 @@ def test_a_workspace_that_another_command_makes_is_not_waited_for(here: Path, sh
         fcntl.flock(stream, fcntl.LOCK_EX)
         done = run(here, shared_store, ["-m", "thingc", "new", "rover"])
     assert (done.returncode, done.stdout) == (2, "") and not (here / "rover").exists()
-    assert "`rover` is being made by another command" in done.stderr and "wait until it has ended, or choose another name" in done.stderr
+    assert "another command is creating `rover`" in done.stderr and "wait until it has finished, or choose another name" in done.stderr
 
 
 def test_an_interrupt_counts_that_comes_while_something_is_refused(here: Path, shared_store: str) -> None:

@@ -195,11 +195,11 @@ def no_screen(folder: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(("without", "said"), [
-    (no_egl, "error[TC808]: no picture can be drawn with MUJOCO_GL=egl: its library is not there\n"
+    (no_egl, "error[TC808]: cannot render with MUJOCO_GL=egl: its library does not exist\n"
      "  help: install EGL (Debian, Ubuntu: apt install libegl1); it needs neither a screen nor a graphics card\n"),
-    (no_screen, "error[TC808]: no picture can be drawn with MUJOCO_GL=glfw: an OpenGL platform library has not been loaded into this "
+    (no_screen, "error[TC808]: cannot render with MUJOCO_GL=glfw: an OpenGL platform library has not been loaded into this "
      "process\n  help: set MUJOCO_GL=egl, which needs neither a screen nor a graphics card\n"),
-    (lambda _: {"MUJOCO_GL": "pencil"}, "error[TC808]: no picture can be drawn with MUJOCO_GL=pencil: invalid value for environment "
+    (lambda _: {"MUJOCO_GL": "pencil"}, "error[TC808]: cannot render with MUJOCO_GL=pencil: invalid value for environment "
      "variable MUJOCO_GL: pencil\n  help: set MUJOCO_GL=egl, which needs neither a screen nor a graphics card\n"),
 ], ids=["no EGL", "no screen", "no such thing"])
 def test_a_machine_that_cannot_draw(

@@ -137,7 +137,7 @@ def test_a_quaternion_is_told_as_it_is_written(crane: Snapshot, tmp_path: Path, 
 def test_what_is_renamed_says_by_what_it_is_known(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
     comparison = compare(crane, drawn(write(tmp_path, ("  hook: {", "  grab: {"), ("  lamp:\n", "  light:\n")), shared_store))
     assert {(c.path, c.new_path, c.reason, c.because) for c in comparison.changes if c.path == "hook"} == {
-        ("hook", "grab", "the same definition, and it meets `boom` as before", ()),
+        ("hook", "grab", "the same definition, and it is attached to `boom` as before", ()),
     }
     # three lamps meet the boom in the same way: their places tell them apart, which is said with doubt
     lamps = [c for c in comparison.changes if c.path.startswith("lamp")]

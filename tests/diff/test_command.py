@@ -67,8 +67,8 @@ def test_two_revisions(repository: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_the_working_tree_and_one_document(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert said(capsys, "HEAD", "--", "crane.yaml") == "crane.yaml: nothing changed in meaning\n"
-    assert said(capsys, "HEAD") == "HEAD -> working tree: nothing changed in meaning\n"
+    assert said(capsys, "HEAD", "--", "crane.yaml") == "crane.yaml: no changes in meaning\n"
+    assert said(capsys, "HEAD") == "HEAD -> working tree: no changes in meaning\n"
     write(repository / "robots", ("value: 120 g", "value: 150 g"), ("value: 400 mm", "value: 450 mm"))
     assert said(capsys, "--", "crane.yaml").splitlines()[:2] == [
         "crane.yaml: HEAD -> working tree", "    component hook: mass.value 120 g -> 150 g (+25 %)",
@@ -125,9 +125,9 @@ def test_a_side_that_does_not_compile(repository: Path, capsys: pytest.CaptureFi
     (["main..longr"], "there is no revision, document or build folder `longr`", "did you mean `longer`?"),
     (["crane.yaml", "cran.yaml"], "there is no document `cran.yaml`", "did you mean `crane.yaml`?"),
     (["main", "--", "crain.yaml"], "there is no document `crain.yaml` in main or working tree", "did you mean `robots/crane.yaml`?"),
-    (["main", "longer", "HEAD"], "expected two sides, found 3 words", "documents that are compared in two revisions follow `--`"),
+    (["main", "longer", "HEAD"], "expected two states, found 3 arguments", "write the documents to compare after `--`"),
     (["main", "--", "crane.yaml", "--format"], "there is no document `--format` in main or working tree", "known documents:"),
-    ([".", "crane.yaml"], "the folder `.` is not a build folder: it has no manifest.json", "name a build folder or a document"),
+    ([".", "crane.yaml"], "the folder `.` is not a build folder: it has no manifest.json", "use a build folder or a document"),
     (["crane.yaml", "cabin.yaml", "--", "crane.yaml"], "documents behind `--` are those of revisions", "thingc diff OLD.yaml NEW.yaml"),
 ])
 def test_words_that_are_no_sides(
@@ -142,4 +142,4 @@ def test_without_a_repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, c
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
     err = said(capsys, "main", code=2)
     assert "`main` is not a file, a folder or a revision: fatal: not a git repository" in err
-    assert "name two documents, or run this in a git repository" in err
+    assert "use two documents, or run this in a Git repository" in err

@@ -102,4 +102,4 @@ def test_parts_that_are_alike_are_told_apart_by_place_with_doubt() -> None:
 
     matched = match(row(["a", "b", "c"], [0.0, 1.0, 2.0]), row(["x", "y"], [2.1, 0.9]))
     assert {(m.old, m.new, m.perhaps) for m in matched.values()} == {("base", "base", False), ("b", "y", True), ("c", "x", True)}
-    assert matched["b"].reason == "the same definition and mates, of 3 alike the nearest place"
+    assert matched["b"].reason == "the same definition and mates, the nearest of 3 equal ones"

@@ -1,4 +1,4 @@
-"""Build folders and locks as sides, and what is compared where no code of the workspace may run."""
+"""Build folders and locks as sides, and what is compared where code of the workspace must not run here."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_two_locks(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
         ("geometry", "changed", "blocks:Block", "volume"),
     }
     assert main(["diff", str(lock), str(lock)]) == 0
-    assert "nothing changed in meaning" in capsys.readouterr().out
+    assert "no changes in meaning" in capsys.readouterr().out
     lock.write_text("{")
     assert main(["diff", str(old / "parts.lock.json"), str(lock)]) == 1
     assert "error[TC342]: `parts.lock.json` is broken" in capsys.readouterr().out

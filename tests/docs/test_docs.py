@@ -60,7 +60,7 @@ def test_documents_of_a_page_are_right_and_commands_print_what_it_shows(page: Pa
             assert Workspace.find(str(here / block.file), report) is not None, as_text(report.diagnostics)
             continue
         if block.line > leaves(page):
-            continue  # it is not there yet; the page's own commands say whether it is right
+            continue  # it does not exist yet; the page's own commands say whether it is right
         if meant_to_be_wrong(block):
             assert any(command.endswith(f" {block.file}") for command, _ in commands(page)), f"{page.name}:{block.line}"
             continue

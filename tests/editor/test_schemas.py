@@ -177,7 +177,7 @@ def test_a_document_that_is_not_well_formed_keeps_its_last_schema(small: Path, s
     before = (small / ".thingc/schema/small.yaml.json").read_bytes()
     (small / "small.yaml").write_text(PLAIN + "joints: {turn: [\n")
     printed = thingc(small, shared_store, "schema")
-    assert "small.yaml: not well-formed; its last schema stays" in printed
+    assert "small.yaml: not well-formed; its previous schema is unchanged" in printed
     assert (small / ".thingc/schema/small.yaml.json").read_bytes() == before
 
 

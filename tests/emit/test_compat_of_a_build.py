@@ -89,10 +89,10 @@ def test_losses_are_those_of_the_readers_that_are_asked_for(
         return set(capsys.readouterr().out.splitlines())
 
     without = lost()
-    assert {line.split(": ")[-2] for line in lost("--compat", "drake") - without} == {"Drake leaves it out"}
+    assert {line.split(": ")[-2] for line in lost("--compat", "drake") - without} == {"not supported by Drake"}
     (document.parent / "thingc.toml").write_text('thingc = "workspace/1"\ncompat = ["pymjcf"]\n')
     assert [line.partition(": ")[2] for line in lost() - without] == [
-        "mjcf: r: `/` in names, which PyMJCF refuses: they have `.` in its place: approximated",
+        "mjcf: r: `/` in names, which PyMJCF rejects: `.` is used: approximated",
     ]
     assert main(["why", "--losses", str(document), "--compat", "mjxx", "--store", shared_store]) == 2
     assert "did you mean `mjx`?" in capsys.readouterr().err

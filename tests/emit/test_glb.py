@@ -156,7 +156,9 @@ def test_what_the_document_does_not_draw_is_not_there(store: Store) -> None:
 def test_a_robot_without_anything_to_see_has_no_file(store: Store) -> None:
     robot = assembly(store)
     bare = replace(robot, occurrences=tuple(replace(one, record=None) for one in robot.occurrences))
-    whole = Loss(target="glb", mode=None, path="arm", what="nothing in the robot is drawn", how="omitted", origin=robot.definition.origin)
+    whole = Loss(
+        target="glb", mode=None, path="arm", what="the robot has no visual geometry", how="omitted", origin=robot.definition.origin,
+    )
     assert emit(request(bare, store)) == Artifacts(files={}, losses=(whole,))
 
 
@@ -284,9 +286,9 @@ def test_what_does_not_follow_a_turned_joint_is_a_loss(store: Store) -> None:
     third = replace(asked.robots[2], bodies=(*asked.robots[2].bodies[:-1], replace(follower, joints=(joint,))))
     robots = (asked.robots[0], replace(closed, closures=(held, loop)), third)
     lost = (
-        (None, "j6", "its thread: its node slides only if it is shifted, too, when it is turned"),
-        ("m3", "c3/b", "that it is held where it is: turned joints move it"), ("m3", "close", "the loop through it: turned joints open it"),
-        (None, joint.path, "that it follows `j1`: its node stays when that one is turned"),
+        (None, "j6", "its thread: its node must also be shifted when it is rotated"),
+        ("m3", "c3/b", "the hold in place: rotating joints moves it"), ("m3", "close", "the loop through it: rotating joints opens it"),
+        (None, joint.path, "its mimic of `j1`: its node does not follow when that joint is rotated"),
     )
     assert emit(replace(asked, robots=robots)).losses == tuple(
         Loss(target="glb", mode=mode, path=path, what=what, how="omitted", origin=screw.origin) for mode, path, what in lost

@@ -406,29 +406,29 @@ def test_what_is_lost_is_said_at_its_line(every: Compiled) -> None:
 
     assert lost(None) == {
         ("turn", "its armature of 0.3 kg m^2", "omitted", "turn"),
-        ("turn", "its drive: position, kp 5, kv 0.5, which Gazebo alone reads", "carried as custom data", "drive"),
-        ("wheel", "its drive: velocity, kv 2, which Gazebo alone reads", "carried as custom data", "wheel"),
-        ("rail", "its drive: motor, which Gazebo alone reads", "carried as custom data", "rail"),
+        ("turn", "its drive: position, kp 5, kv 0.5, which only Gazebo reads", "carried as custom data", "drive"),
+        ("wheel", "its drive: velocity, kv 2, which only Gazebo reads", "carried as custom data", "wheel"),
+        ("rail", "its drive: motor, which only Gazebo reads", "carried as custom data", "rail"),
         ("hip", "its cone of 1.0472 rad", "omitted", "hip"),
-        ("hip", "its damping of 0.1 N m s/rad: a ball of SDF has none", "omitted", "hip"),
+        ("hip", "its damping of 0.1 N m s/rad: SDF has none for balls", "omitted", "hip"),
         ("hip_0", "its drive: motor about 0, 0, 1", "omitted", "drive"),
-        ("sleeve", "its motion as one joint's: its coordinates are joints here, with links of 1e-9 kg between", "approximated", "sleeve"),
-        ("sleeve", "that what it connects never touches", "omitted", "sleeve"),
+        ("sleeve", "its motion: its coordinates are separate joints, with links of 1e-9 kg between", "approximated", "sleeve"),
+        ("sleeve", "the excluded contact of the links that it connects", "omitted", "sleeve"),
         ("home", "this pose: SDF has none", "omitted", "home"),
-        ("every", "how it is stepped (`simulation`)", "omitted", "simulation"),
-        ("wheel", "this sensor: SDF has none of a joint's state", "omitted", "wheel"),
+        ("every", "its `simulation` settings", "omitted", "simulation"),
+        ("wheel", "this sensor: SDF has no joint sensor", "omitted", "wheel"),
     }
     assert lost("first") == lost("fork") == set()
     assert lost("last") == {
-        ("last", "its gravity, which stands in the file of the world alone", "carried as custom data", "last"),
-        ("last", "that its base is held, and can be moved while it is: it is fixed here", "approximated", "last"),
+        ("last", "its gravity, which is only in the world file", "carried as custom data", "last"),
+        ("last", "its held base, which can be moved at run time: fixed in the file", "approximated", "last"),
     }
-    base = "the motion of its base as one joint's: its coordinates are joints here, with links of 1e-9 kg between"
+    base = "the motion of its base: its coordinates are separate joints, with links of 1e-9 kg between"
     assert lost("rolling") == {
-        ("wrist", "the force at its mount: it reads what passes through joint `rail`", "approximated", "wrist"),
+        ("wrist", "the force at its mount: it measures the force through joint `rail`", "approximated", "wrist"),
         ("rolling", base, "approximated", "rolling"),
     }
-    assert lost("swinging") == {("swinging", "which links never touch, besides neighbours", "omitted", "swinging")}
+    assert lost("swinging") == {("swinging", "excluded contacts, besides those of neighbours", "omitted", "swinging")}
 
 
 # --- loops and holds ----------------------------------------------------------------------------------------------------
@@ -459,7 +459,7 @@ def test_a_loop_is_a_joint_that_is_closed_where_the_file_has_it(fourbar: Compile
     limit = model.element("pivot").find("axis/limit")
     assert limit is not None
     assert number(limit, "lower") == pytest.approx(math.radians(5) - start.q["pivot"], abs=1e-12)
-    what = "what q its joints are at: here it counts from the pose `at_20`, in which loops and holds are closed"
+    what = "the zero of its joints: in the file it is the pose `at_20`, in which loops and holds are closed"
     assert (mode, what, "approximated") in [loss[:3] for loss in fourbar.losses(mode)]
 
 
@@ -483,7 +483,7 @@ def test_a_hold_is_a_joint_to_the_world(worm: Compiled, mode: str, held: str, ki
     assert model.at_zero(held)[:3, 3] == pytest.approx(data.site(held.replace("_", "/", 1)).xpos, abs=1e-9)
     if kind == "fixed":
         assert model.at_zero(held) == pytest.approx(mujoco_pose(data, held.replace("_", "/", 1)), abs=1e-9)
-    counted = [loss for loss in worm.losses(mode) if loss[1].startswith("what q its joints are at")]
+    counted = [loss for loss in worm.losses(mode) if loss[1].startswith("the zero of its joints")]
     assert len(counted) == (0 if robot.base == "free" else 1)
 
 

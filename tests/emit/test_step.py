@@ -119,7 +119,7 @@ def test_what_the_kernel_cannot_write(service: GeometryService, tmp_path: Path) 
     assert made.files == {}
     (said,) = asked.report.diagnostics
     assert said.code is Code.STEP_FAILED
-    assert said.message.startswith("the STEP file of `arm` could not be written: ")
+    assert said.message.startswith("cannot write the STEP file of `arm`: ")
     assert "Traceback" not in said.message and said.detail
     assert said.help == "name the targets that are wanted with --emit, without `step`"
 

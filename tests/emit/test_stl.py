@@ -72,7 +72,7 @@ def test_an_open_mesh_is_a_loss(store: Store) -> None:
     assert "stl/cad.motor.step.stl" in made.files
     assert made.losses == (Loss(
         target="stl", mode=None, path="motor", how="approximated", origin=motor.origin,
-        what="the surface of `cad/motor.step` is not closed, so it encloses no volume to print",
+        what="the surface of `cad/motor.step` is not closed, so it has no volume to print",
     ),)
 
 
@@ -119,4 +119,4 @@ def test_a_part_that_is_printed_in_two_orientations(store: Store) -> None:
     whole = changed(assembly(store), "brace_b", overrides=Overrides(up=(1.0, 0.0, 0.0)))
     (loss,) = emit(request(whole, store)).losses
     assert loss.path == "brace_b" and loss.how == "omitted"
-    assert loss.what == f"`arm:Brace(length=0.12)` is printed in two orientations, and `{BRACE}` has that of `brace_a`"
+    assert loss.what == f"`arm:Brace(length=0.12)` is printed in two orientations; `{BRACE}` uses that of `brace_a`"

@@ -131,12 +131,12 @@ def test_losses_that_are_alike_are_one_line(tmp_path: Path, shared_store: str, c
     assert [line.partition("r.yaml:")[2] for line in capsys.readouterr().out.splitlines()] == [
         "9: urdf: j0, j1: its armature of 2e-06 kg m^2: omitted",
         "10: urdf: j1, j2: its stiffness of ... N m/rad: omitted",
-        "13: urdf: modes m, n: that its base is held, and can be moved while it is: it is fixed here: approximated",
+        "13: urdf: modes m, n: its held base, which can be moved at run time: fixed in the file: approximated",
     ]
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    (["--emit", ""], "`--emit` names no target"), (["--emit", ","], "`--emit` names no target"),
+    (["--emit", ""], "`--emit` has no target"), (["--emit", ","], "`--emit` has no target"),
     (["--emit", "urdf", "--compat", "mjx"], "`--compat` requires MuJoCo models, but `--emit` does not include `mjcf`"),
 ])
 def test_a_command_line_that_asks_for_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str) -> None:

@@ -196,17 +196,17 @@ def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thin
         ({"load": 30.0}, "TC803", "parameter `load` must be at most 20 kg, found `30 kg`"),
         ({"joints.lift.limit.upper": "5 kg"}, "TC809", "expected an angle or a length (such as 30 deg or 120 mm), found a mass (`5 kg`)"),
         ({"joints.lift.limit.uper": 1.0}, "TC809", "`joints.lift.limit` has no `uper`"),
-        ({"joints.x*.dynamics.damping": 1.0}, "TC809", "nothing in the document is meant by `joints.x*.dynamics.damping`"),
+        ({"joints.x*.dynamics.damping": 1.0}, "TC809", "the document has nothing named `joints.x*.dynamics.damping`"),
         ({**good, "load": 30.0}, "TC803", "must be at most 20 kg"),
         ({**good, "load": math.nan}, "TC803", "parameter `load`: expected a number with a unit, found `nan kg`"),
         ({"load": -(10**400)}, "TC803", "parameter `load`: expected a number with a unit, found `-inf kg`"),
         ({"load": np.True_}, "TC803", "parameter `load` of `everything` is a mass (such as 120 g), found true or false (`true`)"),
         ({"load": np.array([0.1, 0.2])}, "TC803", "parameter `load`: expected a number with a unit, found `array([0.1, 0.2])`"),
-        ({"load": "\ud800"}, "TC803", "parameter `load`: half a character (U+D800) cannot stand in a document"),
+        ({"load": "\ud800"}, "TC803", "parameter `load`: half of a surrogate pair (U+D800) is not allowed in a document"),
         ({"joints.lift.limit.upper": "\x071 rad"}, "TC809", "`joints.lift.limit.upper`: a control character (U+0007) cannot stand in"),
-        ({5: 1.0}, "TC809", "nothing in the document is meant by `5`"),
-        ({"modes.loose.gravity.3": 1.0}, "TC809", "`modes.loose.gravity` is a list of 3, without `3`"),
-        ({"components.arm.com.x": 1.0}, "TC809", "`components.arm.com` is a list of 3, without `x`"),
+        ({5: 1.0}, "TC809", "the document has nothing named `5`"),
+        ({"modes.loose.gravity.3": 1.0}, "TC809", "`modes.loose.gravity` is a list of 3 and has no `3`"),
+        ({"components.arm.com.x": 1.0}, "TC809", "`components.arm.com` is a list of 3 and has no `x`"),
         ({"modes.loose.gravity.2": "fast"}, "TC809", "expected an acceleration (such as `9.81 m/s^2`), found text `fast`"),
         ({"components.arm.com.1": "5 kg"}, "TC809", "expected a length (such as 120 mm), found a mass (`5 kg`)"),
         ({**good, "joints.lift.limit.upper": -3.0}, "TC324", "limits of joint `lift` are reversed"),
@@ -219,7 +219,7 @@ def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thin
         assert refused.problems[0].code.code.startswith(code) and words in refused.problems[0].message, refused.problems[0].message
     assert repr(everything.model({"joints.*.dynamics.stiffness": "5"})).count("an angular stiffness needs a unit, found `5`") == 1
     for number in (5, "load", None, [("load", 0.5)]):
-        words = f"settings are a mapping from names to values, found {type(number).__name__} `{number}`"
+        words = f"settings must be a mapping from names to values, found {type(number).__name__} `{number}`"
         (refused,) = everything.models([number])  # type: ignore[list-item]
         assert isinstance(refused, NoModel) and refused.problems[0].message == words
         if not isinstance(number, list):  # which is many settings, of which one is a pair
@@ -250,7 +250,7 @@ def test_parameters_have_stars_and_what_these_do_not_meet_is_told_what_there_is(
         "x*.*": "known names: `",
     }.items():
         (problem,) = everything.evaluate({name: 0.3}).problems
-        assert problem.message == f"nothing in the document is meant by `{name}`" and problem.help and problem.help.startswith(hint)
+        assert problem.message == f"the document has nothing named `{name}`" and problem.help and problem.help.startswith(hint)
     (problem,) = everything.evaluate({"joints.x*.limit.upper": 0.3}).problems
     assert problem.help and "`lift`" in problem.help
 
@@ -264,10 +264,10 @@ def test_one_is_many_of_one(everything: thingc.RobotFamily) -> None:
     ("load", "arrays", "is written into body_inertia, body_ipos, body_iquat, body_mass of one compiled model (mode standing)"),
     ("joints.lift.limit.upper", "arrays", "is written into actuator_ctrlrange, jnt_range of one compiled model (mode standing)"),
     ("joints.gear.dynamics.rest", "arrays", "is written into qpos_spring of one compiled model (mode standing)"),
-    ("simulation.timestep", "text", "MuJoCo works with `connect.solref` when it compiles (mode standing)"),
+    ("simulation.timestep", "text", "MuJoCo uses `connect.solref` at compile time (mode standing)"),
     # by its inertia the arm of the second point of a hinge that closes a loop is chosen
     ("components.rocker.mass", "arrays", "is written into body_inertia, body_ipos, body_iquat, body_mass, site_pos of one compiled model"),
-    ("heavy", "passes", "heavy is compiled anew: it is no number in the document (mode standing)"),
+    ("heavy", "passes", "heavy is compiled again: it is not a number in the document (mode standing)"),
 ])
 def test_explained(everything: thingc.RobotFamily, name: str, way: str, words: str) -> None:
     explained = everything.explain(name)
@@ -277,7 +277,7 @@ def test_explained(everything: thingc.RobotFamily, name: str, way: str, words: s
 @pytest.mark.parametrize(("name", "value", "words"), [
     ("laod", None, "`everything` has no parameter `laod`"),
     ("joints.lft.limit.upper", None, "`joints` has no `lft`"),
-    ("joints.lift", None, "`joints.lift` is no value, but has values inside"),
+    ("joints.lift", None, "`joints.lift` is not a value but a mapping"),
     ("load", 30.0, "parameter `load` must be at most 20 kg, found `30 kg`"),
 ])
 def test_what_cannot_be_set_is_not_explained(everything: thingc.RobotFamily, name: str, value: float | None, words: str) -> None:
@@ -337,7 +337,7 @@ def test_a_plan_that_is_wrong_is_found_and_given_up(workspace: Any) -> None:
         arrays._inertials[0][0] = 1.25  # the mass of a body
         arrays._traced[0, 0] = False
         models = list(family.models(many, visual=True))
-        assert form.plans == [] and "a plan gave another `" in str(form.refused)
+        assert form.plans == [] and "a plan gave a different `" in str(form.refused)
         for one, model in zip(many, models, strict=True):  # one in two is looked at: the first of these, and then nothing follows the plan
             assert different_fields(model, compiled(family, one, "standing")) == []
 
@@ -351,7 +351,7 @@ def test_each_plan_is_looked_at_however_many_models_others_gave(workspace: Path)
         form.plans[0].made._inertials[0][0] = 1.25  # the mass of a body
         form.plans[0].made._traced[0, 0] = False
         (model,) = family.models(many[2:])  # the second that this plan gives
-        assert form.plans == [] and "a plan gave another `" in str(form.refused)
+        assert form.plans == [] and "a plan gave a different `" in str(form.refused)
         assert different_fields(model, compiled(family, many[2], "standing")) == []
 
 

@@ -82,8 +82,8 @@ def test_each_moves_as_its_own_model(levers: Path, shared_store: str, monkeypatc
         results = evaluation.forms.of(read[0][1]).plan_for(read[0][1])
         assert results is not None and results[0].exchange is not None
     assert explained == (
-        "length is written into the text of one model with other parts, which MuJoCo compiles anew: "
-        "`boxes:Lever` is modelled by it (mode still)"
+        "length is written into the text of one model with other parts, which MuJoCo compiles again: "
+        "the part `boxes:Lever` depends on it (mode still)"
     )
     assert list(whole.refused) == list(apart.refused) == [4]
     assert [group.indices for group in apart.groups] == [(0, 2), (1, 3)]
@@ -130,7 +130,7 @@ def test_a_store_that_is_deleted_meanwhile_is_said(levers: Path, tmp_path: Path)
         shutil.rmtree(tmp_path / "store")
         with pytest.raises(OutputError, match="no longer has the meshes of parts") as fault:
             family.write({}, tmp_path / "second")
-        assert fault.value.hint == "make the family anew: what is not there is modelled again" and not (tmp_path / "second").exists()
+        assert fault.value.hint == "make the family anew: what does not exist is modelled again" and not (tmp_path / "second").exists()
         for asked in (lambda: family.model({}), lambda: list(family.models([{}])), lambda: family.batched([{}])):
             with pytest.raises(StoreUnusable, match="no longer has the meshes of parts; make the family anew"):
                 asked()

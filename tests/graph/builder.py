@@ -133,7 +133,7 @@ def box_inertia(size: tuple[float, float, float]) -> Array:
 
 
 def record(name: str, **said: Any) -> PartRecord:
-    """What is not said is not there: no geometry, no mounts, nothing stated."""
+    """What is not said does not exist: no geometry, no mounts, nothing stated."""
     blank = {
         "material": None,
         "color": None,

@@ -37,7 +37,7 @@ def test_a_misspelled_mount_of_a_part() -> None:
     )
     report = faults(model, PLATE, CAP)
     assert said(report) == [("UNKNOWN_MOUNT", "`plate` (`p:Plate`) has no mount `servo_set`", "did you mean `servo_seat`?", 8)]
-    assert notes(report) == [("`p:Plate` is written here", "/robots/parts/boxes.py", 12)]
+    assert notes(report) == [("`p:Plate` is defined here", "/robots/parts/boxes.py", 12)]
     assert report.diagnostics[0].path == "plate/servo_set"
 
 
@@ -72,8 +72,8 @@ def test_a_mount_that_a_nested_assembly_does_not_show() -> None:
         "a", [component("plate", "p:Plate"), component("h", hand(grip="cap.foot"), attach("h.gripp", "plate.foot", line=8))]
     )
     report = faults(model, PLATE, CAP)
-    assert said(report) == [("UNKNOWN_MOUNT", "`h` (`hand`) shows no mount `gripp`", "did you mean `grip`?", 8)]
-    assert notes(report) == [("the mounts that `hand` shows are written here", "/robots/robot.yaml", 80)]
+    assert said(report) == [("UNKNOWN_MOUNT", "`h` (`hand`) exports no mount `gripp`", "did you mean `grip`?", 8)]
+    assert notes(report) == [("`hand` exports its mounts here", "/robots/robot.yaml", 80)]
 
 
 def test_a_wrong_exported_mount_is_said_where_it_is_exported_and_not_where_it_is_used() -> None:
@@ -88,7 +88,7 @@ def test_a_wrong_exported_mount_is_said_where_it_is_exported_and_not_where_it_is
     )
     report = faults(model, PLATE, CAP)
     assert said(report) == [("UNKNOWN_MOUNT", "`cap` (`p:Cap`) has no mount `fooot`", "did you mean `foot`?", 80)]
-    assert notes(report)[1] == ("nested from here", "/robots/robot.yaml", 3)
+    assert notes(report)[1] == ("included from here", "/robots/robot.yaml", 3)
 
 
 def test_a_mount_deep_inside_is_named_as_written() -> None:
@@ -118,7 +118,7 @@ def test_unknown_components_on_the_way() -> None:
 def test_exported_mounts_that_stand_for_each_other() -> None:
     inner = hand(one="two", two="one")
     model = assembly("a", [component("plate", "p:Plate"), component("h", inner, attach("h.one", "plate.foot", line=8))])
-    assert {d.message for d in faults(model, PLATE, CAP).diagnostics} >= {"the mount `one` of `hand` stands for itself"}
+    assert {d.message for d in faults(model, PLATE, CAP).diagnostics} >= {"the mount `one` of `hand` refers to itself"}
 
 
 def test_a_mount_that_the_part_already_has() -> None:
@@ -132,9 +132,9 @@ def test_a_mount_that_the_part_already_has() -> None:
     )
     report = faults(model, PLATE, CAP)
     assert said(report) == [
-        ("MOUNT_CLASH", "`plate` already has a mount `foot`", "give the mount that is added here another name", 4),
-        ("MOUNT_CLASH", "`dot` already has a mount `origin`", "give the mount that is added here another name", 8),
-        ("MOUNT_CLASH", "`h` already shows `grip`", "give the mount that is added here another name", 6),
+        ("MOUNT_CLASH", "`plate` already has a mount `foot`", "rename the mount that is added here", 4),
+        ("MOUNT_CLASH", "`dot` already has a mount `origin`", "rename the mount that is added here", 8),
+        ("MOUNT_CLASH", "`h` already has a mount `grip`", "rename the mount that is added here", 6),
     ]
 
 
@@ -157,8 +157,8 @@ def test_components_in_a_circle() -> None:
     assert said(report) == [
         (
             "PLACEMENT_CIRCLE",
-            "components placed in a circle: `a` on `c`, `c` on `b`, `b` on `a`",
-            "place one of them on a component outside of the circle; or, where a joint of it closes a loop, write `loop: true` in that",
+            "components are placed in a cycle: `a` on `c`, `c` on `b`, `b` on `a`",
+            "place one of them on a component outside the cycle; if one of the joints closes a loop, add `loop: true` to it",
             7,
         )
     ]
@@ -168,12 +168,13 @@ def test_components_in_a_circle() -> None:
 def test_a_joint_between_two_mounts_of_one_component() -> None:
     model = assembly("a", [component("plate", "p:Plate"), component("a", "p:Cap")], [joint("j", "a.top", "a.foot", line=9)])
     assert said(faults(model, PLATE, CAP)) == [
-        ("PLACED_ON_ITSELF", "joint `j` connects `a` with itself: its mounts are `a.top` and `a.foot`", "name mounts of two components", 9)
+        ("PLACED_ON_ITSELF", "joint `j` connects `a` with itself: its mounts are `a.top` and `a.foot`",
+         "use mounts of two different components", 9)
     ]
 
 
 def test_a_joint_of_one_component_that_names_a_mount_of_another() -> None:
-    """What is wrong is the mount that is not there, at its own place, and not that both sides are one component."""
+    """What is wrong is the mount that does not exist, at its own place, and not that both sides are one component."""
     model = assembly("a", [component("plate", "p:Plate"), component("a", "p:Cap")], [joint("j", "a.foott", "a.foot", line=9)])
     assert said(faults(model, PLATE, CAP)) == [("UNKNOWN_MOUNT", "`a` (`p:Cap`) has no mount `foott`", "did you mean `foot`?", 9)]
 
@@ -183,8 +184,8 @@ def test_a_component_on_itself() -> None:
     assert said(faults(model, PLATE, CAP)) == [
         (
             "PLACEMENT_CIRCLE",
-            "components placed in a circle: `a` on `a`",
-            "place one of them on a component outside of the circle",
+            "components are placed in a cycle: `a` on `a`",
+            "place one of them on a component outside the cycle",
             7,
         )
     ]
@@ -195,8 +196,8 @@ def test_two_bases() -> None:
     assert said(faults(model, PLATE, CAP)) == [
         (
             "TWO_BASES",
-            "nothing places `cap`, nor `plate`: an assembly has one base",
-            "give `cap` an `attach`, an `at` or a joint",
+            "neither `plate` nor `cap` is placed: an assembly has only one base",
+            "add `attach`, `at` or a joint that places `cap`",
             4,
         )
     ]
@@ -210,7 +211,7 @@ def test_a_component_placed_twice_cannot_be_linked() -> None:
         [joint("j", "plate.foot", "cap.top")],
     )
     assert said(faults(model, PLATE, CAP)) == [
-        ("INCOMPLETE", "`a` does not hang together with the base of `a`", "place every component, once, on another one", 100)
+        ("INCOMPLETE", "`a` is not connected to the base of `a`", "place every component once, on another component", 100)
     ]
 
 
@@ -237,7 +238,7 @@ def test_what_has_been_reported_is_left_out_without_a_word() -> None:
 def test_an_unsound_model_is_never_passed_on_in_silence() -> None:
     model = assembly("a", [component("plate", "p:Plate"), component("gone", "p:Unknown", attach("gone.foot", "plate.foot"))])
     assert said(faults(model, PLATE)) == [
-        ("INCOMPLETE", "`a` does not hang together with the base of `a`", "place every component, once, on another one", 100)
+        ("INCOMPLETE", "`a` is not connected to the base of `a`", "place every component once, on another component", 100)
     ]
 
 
@@ -252,7 +253,7 @@ def test_two_names_for_one_link() -> None:
     )
     report = faults(model, PLATE, CAP)
     assert said(report) == [
-        ("LINK_NAMED_TWICE", "`lid` and `base` name one link: nothing moves between them", "keep one of the two names", 111)
+        ("LINK_NAMED_TWICE", "`lid` and `base` name the same link: no joint moves between them", "remove one of the two names", 111)
     ]
     assert notes(report) == [("`base` is written here", "/robots/robot.yaml", 110)]
 
@@ -269,8 +270,8 @@ def test_two_links_of_one_name() -> None:
     assert said(report) == [
         (
             "DUPLICATE_LINK",
-            "`cap` names two links: this one, and the one of component `cap`",
-            "choose another name, or name the link of `cap` under `links:`, too",
+            "`cap` names two links: this one and the link of component `cap`",
+            "choose another name, or also name the link of `cap` under `links:`",
             110,
         )
     ]
@@ -337,7 +338,7 @@ def test_a_joint_that_a_used_pose_does_not_set() -> None:
     assert said(faults(arm([pose("home", slide=0.01)], yaw=(0.5, 1.0), used=("home",)), PLATE, CAP)) == [
         (
             "POSE_LIMITS",
-            "pose `home` does not set `yaw`, and 0 is outside its limits 28.6479 deg to 57.2958 deg",
+            "pose `home` does not set `yaw`, and its default 0 is outside its limits 28.6479 deg to 57.2958 deg",
             "set `yaw` in the pose",
             300,
         )
@@ -349,7 +350,7 @@ def test_a_joint_that_follows_out_of_its_limits() -> None:
         (
             "POSE_LIMITS",
             "pose `home` puts `slide`, which mimics `yaw`, at 30 mm, outside its limits 0 mm to 20 mm",
-            "set `yaw` so that both stay within their limits, or widen them",
+            "set `yaw` so that both are within their limits, or widen the limits",
             301,
         )
     ]
@@ -357,8 +358,8 @@ def test_a_joint_that_follows_out_of_its_limits() -> None:
 
 def test_poses_and_joints_that_are_not_there() -> None:
     assert said(faults(arm([pose("home", yav=1.0)], used=("hme",)), PLATE, CAP)) == [
-        ("UNKNOWN_POSE", "mode `m` uses a pose `hme` that the document does not have", "did you mean `home`?", 200),
-        ("UNKNOWN_JOINT", "pose `home` sets `yav`, which is no joint that moves", "did you mean `yaw`?", 301),
+        ("UNKNOWN_POSE", "mode `m` uses pose `hme`, which the document does not define", "did you mean `home`?", 200),
+        ("UNKNOWN_JOINT", "pose `home` sets `yav`, which is not a moving joint", "did you mean `yaw`?", 301),
     ]
 
 
@@ -398,7 +399,7 @@ def test_a_drive_by_an_assembly_and_by_a_frame() -> None:
         ],
         modes=[mode("m", whole("plate"))],
     )
-    help = "declare `actuator = Actuator(...)` in its class, or drive inline: `drive: {kind: position, kp: 20 N*m/rad}`"
+    help = "add `actuator = Actuator(...)` to its class, or write the drive inline: `drive: {kind: position, kp: 20 N*m/rad}`"
     assert said(faults(model, PLATE, CAP)) == [
         ("NO_ACTUATOR", "joint `j` is driven by `h` (`hand`), which is an assembly", help, 9),
         ("NO_ACTUATOR", "joint `k` is driven by `dot`, which is a frame", help, 10),

@@ -253,8 +253,8 @@ def test_default_material_that_is_not_in_scope() -> None:
         )
     ]
     near, note = report.diagnostics[0].notes
-    assert near.message == "`petg` is written here"
-    assert note.message == "`p:Box` is written here"
+    assert near.message == "`petg` is defined here"
+    assert note.message == "`p:Box` is defined here"
     assert note.span is not None
     assert (note.span.file, note.span.line) == ("/robots/parts/boxes.py", 12)
 
@@ -265,8 +265,8 @@ def test_default_material_that_is_not_in_scope_and_not_needed() -> None:
         (
             "UNKNOWN_MATERIAL",
             "`humerus` (`p:Box`) is made of `abs` by default, which is not among the materials of `a`",
-            "known materials: `petg`; list a document that has it under `materials:` (`thingc_stock.materials` has the usual ones), "
-            "or write `material:` here",
+            "known materials: `petg`; list a document that defines it under `materials:` (`thingc_stock.materials` defines common ones), "
+            "or set `material:` here",
             7,
         )
     ]
@@ -305,8 +305,8 @@ def test_inertia_that_no_solid_has() -> None:
         (
             "NOT_PHYSICAL",
             "the inertia of `humerus` is not physical: its largest principal moment 0.0003 kg m^2 is above the sum "
-            "of the other two (0.0001 + 0.0001), which no solid can have",
-            "inertia is about the centre of mass, in component axes: check units and signs",
+            "of the other two (0.0001 + 0.0001), which is impossible for a solid",
+            "inertia is relative to the centre of mass, in component axes: check units and signs",
             9,
         )
     ]
@@ -323,7 +323,7 @@ def test_an_inertia_is_judged_with_its_link() -> None:
     none = component("label", None, at, frame=True, mass=stated(0.001), inertia=stated(0, 0, 0, 0, 0, 0))
     found = said(faults(assembly("a", [whole_link, none]), box("p:Box")))
     assert [(one[0], one[2]) for one in found] == [
-        ("NOT_PHYSICAL", "leave it out: it is that of the geometry then, and a frame is a point"),
+        ("NOT_PHYSICAL", "remove it: the inertia then follows from the geometry, and a frame is a point mass"),
     ]
 
 
@@ -332,9 +332,9 @@ def test_matrix_of_a_thing_that_no_solid_has() -> None:
     assert said(faults(assembly("a", [component("humerus", "p:Box", line=7)]), box("p:Box", matrix=DeclaredValue(value=matrix)))) == [
         (
             "NOT_PHYSICAL",
-            "the inertia that `p:Box` states is not physical: its principal moments are -0.0001, 0.0001, 0.0001 kg m^2, "
-            "and all must be above 0",
-            "`matrix_of_inertia()` is about the centre of mass, in Thing axes, in kg m^2",
+            "the inertia of `p:Box` is not physical: its principal moments are -0.0001, 0.0001, 0.0001 kg m^2, "
+            "but all must be above 0",
+            "`matrix_of_inertia()` returns the inertia relative to the centre of mass, in the axes of the part, in kg m^2",
             7,
         )
     ]
@@ -357,9 +357,9 @@ def test_moving_link_without_mass() -> None:
     assert said(faults(model, SWING)) == [
         (
             "MASSLESS",
-            "link `dot` moves in mode `bench` and has no mass (components `dot`, `dash`)",
-            "give one of its components `mass:` (and `inertia:` where it has no geometry), or attach it to another link; "
-            "without a mass it may only join two joints",
+            "link `dot` moves in mode `bench`, but has no mass (components `dot`, `dash`)",
+            "give one of its components `mass:` (and `inertia:` if it has no geometry), or attach it to another link; "
+            "a link without mass may only connect two joints",
             9,
         )
     ]
@@ -375,9 +375,9 @@ def test_moving_link_without_inertia() -> None:
     assert said(faults(model, SWING)) == [
         (
             "NOT_PHYSICAL",
-            "link `dot` moves in mode `bench` and its inertia is not physical: its principal moments are 0, 0, 0 kg m^2, "
-            "and all must be above 0 (component `dot`)",
-            "give a component with geometry a mass, or state `inertia:` on one of them",
+            "link `dot` moves in mode `bench`, but its inertia is not physical: its principal moments are 0, 0, 0 kg m^2, "
+            "but all must be above 0 (component `dot`)",
+            "give a component with geometry a mass, or add `inertia:` to one of them",
             9,
         )
     ]
@@ -395,7 +395,7 @@ def test_a_massless_link_may_be_held_in_every_mode() -> None:
     linked(model("held"), SWING)  # type: ignore[arg-type]
     assert said(faults(model("free"), SWING))[0][:2] == (  # type: ignore[arg-type]
         "MASSLESS",
-        "link `dot` moves in mode `held` and has no mass (component `dot`)",
+        "link `dot` moves in mode `held`, but has no mass (component `dot`)",
     )
 
 
@@ -408,9 +408,9 @@ def test_one_massless_definition_is_said_once() -> None:
     )
     report = faults(model, SWING)
     assert [d.message for d in report.diagnostics] == [
-        "link `leg_0/toe` moves in mode `default` and has no mass (component `leg_0/toe`)"
+        "link `leg_0/toe` moves in mode `default`, but has no mass (component `leg_0/toe`)"
     ]
-    assert [n.message for n in report.diagnostics[0].notes] == ["nested from here"]
+    assert [n.message for n in report.diagnostics[0].notes] == ["included from here"]
 
 
 # --- drives --------------------------------------------------------------------------------------------------------
@@ -456,8 +456,8 @@ def test_effort_above_the_actuators() -> None:
     assert said(warnings(*driven(Drive(component=whole("servo")), effort=5.0))) == [  # type: ignore[arg-type]
         (
             "EFFORT",
-            "joint `yaw` asks for 5 N*m, and its actuator gives at most 4.1 N*m",
-            "lower `limit.effort`, or drive the joint by a stronger actuator",
+            "joint `yaw` has an effort limit of 5 N*m, but its actuator provides at most 4.1 N*m",
+            "lower `limit.effort`, or use a stronger actuator",
             21,
         )
     ]
@@ -469,12 +469,12 @@ def test_a_drive_without_an_actuator() -> None:
     assert said(report) == [
         (
             "NO_ACTUATOR",
-            "joint `yaw` is driven by `arm` (`p:Box`), which declares no actuator",
+            "joint `yaw` is driven by `arm` (`p:Box`), which has no actuator",
             "known components with an actuator: `servo`",
             33,
         )
     ]
-    assert report.diagnostics[0].notes[0].message == "`p:Box` is written here"
+    assert report.diagnostics[0].notes[0].message == "`p:Box` is defined here"
 
 
 def test_a_position_drive_without_a_gain() -> None:
@@ -482,8 +482,8 @@ def test_a_position_drive_without_a_gain() -> None:
     assert said(faults(*driven(Drive(component=whole("servo"), origin=()), weak))) == [  # type: ignore[arg-type]
         (
             "NO_GAIN",
-            "joint `yaw` is driven to a position, and its actuator states no gain `kp`",
-            "state `kp` in the Thing's `Actuator`, or drive inline: `drive: {kind: position, kp: 20 N*m/rad}`",
+            "joint `yaw` has a position drive, but its actuator has no gain `kp`",
+            "set `kp` in the part's `Actuator`, or write the drive inline: `drive: {kind: position, kp: 20 N*m/rad}`",
             20,
         )
     ]

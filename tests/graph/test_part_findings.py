@@ -45,39 +45,39 @@ def hand(**exported: str) -> AssemblyDefinition:
             "raised",
             "PART_RAISED",
             "`pen` (`p:Pen(length=-100 mm)`) raised an exception: length must be above 0",
-            "change its `params`, or mend the part file",
+            "change its `params`, or fix the part file",
         ),
         (
             "hung",
             "PART_HUNG",
             "`pen` (`p:Pen(length=-100 mm)`) took too long: length must be above 0",
-            "mend the part, or allow more time with `--part-timeout`",
+            "fix the part, or allow more time with `--part-timeout`",
         ),
         (
             "crashed",
             "PART_CRASHED",
             "`pen` (`p:Pen(length=-100 mm)`) crashed the interpreter: length must be above 0",
-            "change its `params`, or what the part asks of the CAD kernel",
+            "change its `params`, or the CAD operations of the part",
         ),
         (
             "empty",
             "PART_EMPTY",
             "`pen` (`p:Pen(length=-100 mm)`) has no volume: length must be above 0",
-            "let `result()` return a solid, or None for a part without geometry",
+            "return a solid from `result()`, or None for a part without geometry",
         ),
         (
             "refused",
             "PART_REFUSED",
-            "`pen` (`p:Pen(length=-100 mm)`) is refused: length must be above 0",
-            "take a part from the workspace's `parts` folders or its `packages`",
+            "`pen` (`p:Pen(length=-100 mm)`) is not allowed: length must be above 0",
+            "use a part from the `parts` folders or the `packages` of the workspace",
         ),
         (
             "missing",
             "PART_MISSING",
-            "`pen` (`p:Pen(length=-100 mm)`) is not there: length must be above 0",
-            "write `module:Class` with a module on the part path and a class in it",
+            "`pen` (`p:Pen(length=-100 mm)`) does not exist: length must be above 0",
+            "write `module:Class`, with a module in a part folder and a class in that module",
         ),
-        ("invalid", "PART_INVALID", "`pen` (`p:Pen(length=-100 mm)`) is not valid: length must be above 0", "mend the part file"),
+        ("invalid", "PART_INVALID", "`pen` (`p:Pen(length=-100 mm)`) is not valid: length must be above 0", "fix the part file"),
     ],
 )
 def test_a_part_that_failed_is_said_once(kind: str, code: str, words: str, help: str) -> None:
@@ -106,8 +106,8 @@ def test_a_part_that_failed_is_said_once(kind: str, code: str, words: str, help:
     report = faults(model, PLATE, failure)
     assert said(report)[0] == (code, words, help, 5)
     assert notes(report) == [
-        ("`spare` is one, too", "/robots/robot.yaml", 6),
-        ("`pen` is one, too", "/robots/robot.yaml", 41),
+        ("`spare` also uses this part", "/robots/robot.yaml", 6),
+        ("`pen` also uses this part part part part part part part", "/robots/robot.yaml", 41),
         ("its parameters: diameter=15 mm, length=-100 mm", None, None),
         ("in the part file, here", "/robots/parts/p.py", 31),
     ]
@@ -129,16 +129,16 @@ def test_warnings_of_a_part_are_said_once() -> None:
 
 
 @pytest.mark.parametrize(("choice", "why"), [
-    ("part", "its Thing has no `collision()`"), ("decompose", "there is no convex decomposition of it"),
+    ("part", "its part class has no `collision()`"), ("decompose", "it has no convex decomposition"),
     ("capsule", "no capsule could be fitted to it"),
 ])
 def test_collision_shapes_that_are_not_there(choice: str, why: str) -> None:
     """Of a part whose meshes are known: of others nobody can tell."""
     mesh = Mesh(sha256="0" * 64, size=1, vertices=8, faces=12, closed=True, flat=False)
     model = assembly("a", [component("one", "p:Plate", line=3, collision=choice)])
-    message = f"`one` (p:Plate) asks for `collision: {choice}`, but {why}"
+    message = f"`one` (p:Plate) has `collision: {choice}`, but {why}"
     report = faults(model, box("p:Plate", meshes=dict.fromkeys(("visual", "mesh", "hull"), mesh)))
-    assert said(report) == [("COLLISION_MISSING", message, "write `collision: hull`, or `none` if it shall touch nothing", 3)]
+    assert said(report) == [("COLLISION_MISSING", message, "write `collision: hull`, or `none` to disable contacts", 3)]
     linked(model, box("p:Plate"))
 
 
@@ -173,16 +173,16 @@ def test_expectations_that_are_met() -> None:
 
 
 def test_expectations_that_are_not_met() -> None:
-    help = "put `p:Cap` there by its mount `foot`; if that is meant so, write `allow: {TC407: \"the reason\"}`"
-    assert said(warnings(*board())) == [("EXPECTATION", "`board.cap_seat` was cut for `p:Cap`, and nothing sits there", help, 3)]
+    help = "attach `p:Cap` there by its mount `foot`; if this is intended, write `allow: {TC407: \"the reason\"}`"
+    assert said(warnings(*board())) == [("EXPECTATION", "`board.cap_seat` is cut for `p:Cap`, but nothing is attached there", help, 3)]
     plain = component("cap", "p:Cap", laid("board.cap_seat", np.eye(4)), line=5)
-    assert said(warnings(*board(plain)))[0][1] == "`board.cap_seat` was cut for `p:Cap`, and nothing sits there"
+    assert said(warnings(*board(plain)))[0][1] == "`board.cap_seat` is cut for `p:Cap`, but nothing is attached there"
     other = warnings(*board(component("lid", "p:Plate", attach("lid.foot", "board.cap_seat"), line=5)))
-    assert said(other) == [("EXPECTATION", "`board.cap_seat` was cut for `p:Cap`, but `lid` (`p:Plate`) sits there", help, 5)]
+    assert said(other) == [("EXPECTATION", "`board.cap_seat` is cut for `p:Cap`, but `lid` (`p:Plate`) is attached there", help, 5)]
     assert notes(other) == [("`board` is here", "/robots/robot.yaml", 3)]
     turned = warnings(*board(component("cap", "p:Cap", attach("cap.top", "board.cap_seat"), line=5)))
     assert said(turned) == [
-        ("EXPECTATION", "`board.cap_seat` was cut for `p:Cap` by its mount `foot`, but `cap` sits there by `top`", help, 5)
+        ("EXPECTATION", "`board.cap_seat` was cut for `p:Cap` by its mount `foot`, but `cap` is attached there by `top`", help, 5)
     ]
 
 
@@ -193,7 +193,7 @@ def test_other_parameters_are_another_part() -> None:
     )
     assert (
         said(warnings(model, BOARD, wide))[0][1]
-        == "`board.cap_seat` was cut for `p:Cap`, but `cap` (`p:Cap(width=0.2)`) sits there"
+        == "`board.cap_seat` is cut for `p:Cap`, but `cap` (`p:Cap(width=0.2)`) is attached there"
     )
 
 
@@ -211,7 +211,7 @@ def test_a_mirror_image_was_cut_for_a_mirror_image_or_for_the_part_itself() -> N
     cap_x = component("cap", part("p:Cap").mirrored("x"), attach("cap.foot", "board.cap_seat"))
     model = assembly("a", [component("board", "p:Board"), cap_x])
     assert said(warnings(model, BOARD, replace(CAP, text="p:Cap(mirror=x)")))[0][1] == (
-        "`board.cap_seat` was cut for `p:Cap`, but `cap` (`p:Cap(mirror=x)`) sits there"
+        "`board.cap_seat` is cut for `p:Cap`, but `cap` (`p:Cap(mirror=x)`) is attached there"
     )
 
 
@@ -224,9 +224,11 @@ def test_mirror_images_that_nobody_sells_or_that_are_the_part_itself() -> None:
         found = said(warnings(assembly("a", list(components)), record))
         return [(code, message) for code, message, *_ in found]
 
-    assert words(*twice) == [("MIRRORED_BOUGHT", "`one` is the mirror image of `p:Plate`, which is bought: is there one to buy?")]
+    assert words(*twice) == [
+        ("MIRRORED_BOUGHT", "`one` is the mirror image of `p:Plate`, a purchased part: a mirrored version may not exist"),
+    ]
     assert words(twice[0], record=own) == [
-        ("OWN_IMAGE", "`one` is the mirror image of `p:Plate`, which is the same part, and counts as another")
+        ("OWN_IMAGE", "`one` is the mirror image of `p:Plate`, which has the same shape, but counts as a different part")
     ]
     by_process = component("one", left, process=Process(kind="bought"))
     assert [code for code, _ in words(by_process, record=box(left.text))] == ["MIRRORED_BOUGHT"]
@@ -247,7 +249,7 @@ def test_a_length_that_went_through_a_part_is_the_same_length() -> None:
             linked(model, board, cap)
         else:
             assert said(warnings(model, board, cap))[0][1] == (
-                "`board.seat` was cut for `p:Cap(width=0.187672239581141)`, but `cap` (`p:Cap(width=0.1876722395)`) sits there"
+                "`board.seat` is cut for `p:Cap(width=0.187672239581141)`, but `cap` (`p:Cap(width=0.1876722395)`) is attached there"
             ), "where labels are the same, the texts tell them apart"
 
 
@@ -256,5 +258,5 @@ def test_expectations_that_are_not_asked_for() -> None:
     linked(shown, BOARD)  # whoever nests this assembly puts the cap there
     nested = assembly("b", [component("plate", "p:Plate"), component("h", shown, attach("h.board.foot", "plate.foot"))])
     assert [d.message for d in warnings(nested, BOARD, PLATE).diagnostics] == [
-        "`board.cap_seat` was cut for `p:Cap`, and nothing sits there"
+        "`board.cap_seat` is cut for `p:Cap`, but nothing is attached there"
     ]

@@ -91,13 +91,13 @@ def heads(said: str) -> list[str]:
 def test_parts_that_follow_a_set_are_named_and_nothing_is_written(build: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
     code, said = build("Plain", "Hashed", "Holes", "Fails", options=("--twice",))
     hashed, holes, fails = heads(said)
-    volumes = re.fullmatch(r"`odd:Hashed` is not the same twice: its volume is 0\.(\d) cm\^3 and 0\.(\d) cm\^3", hashed)
+    volumes = re.fullmatch(r"two builds of `odd:Hashed` differ: its volume is 0\.(\d) cm\^3, then 0\.(\d) cm\^3", hashed)
     assert volumes is not None and volumes[1] != volumes[2]
-    assert holes.startswith("`odd:Holes` is not the same twice: its mounts come in another order: `hole_")
-    assert fails == "`odd:Fails` is not the same twice: the second time it fails: ValueError: not this time"
+    assert holes.startswith("two builds of `odd:Holes` differ: its mounts change order: `hole_")
+    assert fails == "two builds of `odd:Fails` differ: the second build failed: ValueError: not this time"
     assert (code, (tmp_path / "build").exists()) == (1, False)
-    assert re.search(r"--> robot\.yaml:7:3\n.*\n.*\n  note: `odd:Hashed` is written here\n    --> odd\.py:16:1\n", said)
-    assert "what differs, too: surface, inertia, bounding box, meshes" in said
+    assert re.search(r"--> robot\.yaml:7:3\n.*\n.*\n  note: `odd:Hashed` is defined here\n    --> odd\.py:16:1\n", said)
+    assert "also different: surface, inertia, bounding box, meshes" in said
     assert re.search(r"in the part file, here\n    --> odd\.py:34:1\n", said)
 
 
@@ -109,37 +109,37 @@ def test_a_part_that_the_store_has_from_something_else_is_named(build: Callable[
     assert (code, "is up to date" in said) == (0, True)
     before = {path: path.read_bytes() for path in (tmp_path / "build").rglob("*") if path.is_file()}
     code, said = build("Plain", "Asks", options=("--twice",))
-    assert (code, heads(said)) == (1, ["`odd:Asks` is not the same twice: its volume is 0.3 cm^3 and 0.4 cm^3"])
+    assert (code, heads(said)) == (1, ["two builds of `odd:Asks` differ: its volume is 0.3 cm^3, then 0.4 cm^3"])
     assert before == {path: path.read_bytes() for path in (tmp_path / "build").rglob("*") if path.is_file()}
     (tmp_path / "height.txt").write_text("3")
     code, said = build("Plain", "Asks", options=("--twice",))
-    assert (code, "2 parts modelled twice: equal\n" in said) == (0, True)
+    assert (code, "2 parts built twice: equal\n" in said) == (0, True)
     assert "0 parts modelled, 2 reused" in said
 
 
 A_MESH = Mesh(sha256="0" * 64, size=84, vertices=4, faces=4, closed=True, flat=False)
 TURNED = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 OTHERS: dict[str, tuple[Any, str]] = {
-    "material": ("steel", "its material is nothing and `steel`"),
-    "color": ("#ff0000", "its colour is nothing and `#ff0000`"),
-    "volume": (1.5e-6 * (1.0 + 1e-9), "its volume is 1.5 cm^3 and 1.5000000015 cm^3"),
-    "area": (2e-4, "its surface is 1 cm^2 and 2 cm^2"),
-    "centre": ((0.0, 0.0, 0.002), "its centre is [0, 0, 0] mm and [0, 0, 2] mm"),
+    "material": ("steel", "its material is nothing, then `steel`"),
+    "color": ("#ff0000", "its colour is nothing, then `#ff0000`"),
+    "volume": (1.5e-6 * (1.0 + 1e-9), "its volume is 1.5 cm^3, then 1.5000000015 cm^3"),
+    "area": (2e-4, "its surface is 1 cm^2, then 2 cm^2"),
+    "centre": ((0.0, 0.0, 0.002), "its centre is [0, 0, 0] mm, then [0, 0, 2] mm"),
     "inertia": (TURNED, "its inertia differs"),
-    "box": (((0.0, 0.0, 0.0), (0.01, 0.01, 0.03)), "its bounding box is nothing and [0, 0, 0] mm to [10, 10, 30] mm"),
-    "mass": (DeclaredValue(value=0.09), "its stated mass is 0.08 kg and 0.09 kg"),
+    "box": (((0.0, 0.0, 0.0), (0.01, 0.01, 0.03)), "its bounding box is nothing, then [0, 0, 0] mm to [10, 10, 30] mm"),
+    "mass": (DeclaredValue(value=0.09), "its stated mass is 0.08 kg, then 0.09 kg"),
     "com": (DeclaredValue(value=(0.0, 0.0, 0.0)), "its stated centre of mass differs"),
     "matrix": (DeclaredValue(value=TURNED), "its stated inertia differs"),
     "density": (DeclaredValue(value=7850.0), "its stated density differs"),
-    "mounts": (dict.fromkeys("ba", MountRecord(pose=NO_POSE)), "its mounts come in another order: `a`, `b`, and `b`, `a`"),
+    "mounts": (dict.fromkeys("ba", MountRecord(pose=NO_POSE)), "its mounts change order: `a`, `b`, then `b`, `a`"),
     "expectations": (
-        (MountExpectation(mount="a", text="t", label="t", child_mount="b"),), "its list of what its mounts were cut for differs"
+        (MountExpectation(mount="a", text="t", label="t", child_mount="b"),), "its expected parts of mounts differs"
     ),
-    "references": (("t",), "its list of parts that it was cut for differs"),
+    "references": (("t",), "its list of parts that it is cut for differs"),
     "actuator": (ActuatorRecord(kind="servo"), "its actuator differs"),
-    "bom": ({"supplier": "A"}, "its entries in the bill of materials differ: `supplier`"),
-    "up": ((0.0, 0.0, 1.0), "its way to lie on a printer differs"),
-    "apart": ((1e-6, 5e-7), "its number of bodies, or their volume differs"),
+    "bom": ({"supplier": "A"}, "its bill of materials entries differ: `supplier`"),
+    "up": ((0.0, 0.0, 1.0), "its print orientation differs"),
+    "apart": ((1e-6, 5e-7), "its number or volume of its solids differs"),
     "meshes": ({"hull": A_MESH}, "its meshes differ: `hull`"),
     "pieces": ((A_MESH,), "its collision geometry differs"),
     "fits": ({"box": Primitive(shape="box", size=(1.0, 1.0, 1.0), pose=NO_POSE)}, "its smallest enclosing shapes differ: `box`"),

@@ -57,19 +57,19 @@ def test_sensors_are_where_they_were(imported: Imported, tmp_path: Path) -> None
 def test_what_is_lost_has_its_line_and_its_reason(imported: Imported) -> None:
     lost = [(one["line"], one["what"], one["why"]) for one in json.loads(imported.files["import.json"])["losses"]]
     assert lost == [
-        (4, "`boundmass` of `<compiler>`", "masses and shapes are as the file has them"),
-        (5, "`<option>` of `<mujoco>`", "it is not read"),
-        (20, "`<safety_controller>` of `<joint>`", "it is not read"),
-        (31, '`<kp>` of `<gazebo reference="base">`', "how stiff a contact is, its simulator says"),
-        (32, '`<material>` of `<gazebo reference="base">`', "it names a colour of Gazebo"),
-        (34, "rate, noise and plugins of sensor `imu`", "a sensor here says what it is and where"),
-        (41, "sensor `laser`", "there is no sensor `ray`"),
+        (4, "`boundmass` of `<compiler>`", "masses and shapes are imported as they are in the file"),
+        (5, "`<option>` of `<mujoco>`", "it is not imported"),
+        (20, "`<safety_controller>` of `<joint>`", "it is not imported"),
+        (31, '`<kp>` of `<gazebo reference="base">`', "contact stiffness depends on the simulator"),
+        (32, '`<material>` of `<gazebo reference="base">`', "it refers to a Gazebo material"),
+        (34, "rate, noise and plugins of sensor `imu`", "sensors in a document only have a type and a mount"),
+        (41, "sensor `laser`", "sensors of type `ray` are not supported"),
         (44, '`<gazebo reference="hnad">`', "there is no such link or joint"),
-        (45, "`<plugin>` of `<gazebo>`", "it is a program of Gazebo"),
+        (45, "`<plugin>` of `<gazebo>`", "it is a Gazebo plugin"),
         (49, "`<mechanicalReduction>` -50", "drives are specified at the joint"),
-        (52, "`<hardware>` of `<ros2_control>`", "it is a program of ROS"),
-        (53, "that joint `wrist` is commanded by its position", "the gains are its controller's: it has a motor"),
-        (54, "the bounds of what is commanded of joint `wrist`", "its own limits hold"),
+        (52, "`<hardware>` of `<ros2_control>`", "it is a ROS plugin"),
+        (53, "the  command interface of joint `wrist`position", "the controller defines the gains; the joint gets a motor"),
+        (54, "the command limits of joint `wrist`", "its own limits apply"),
     ]
 
 
@@ -78,7 +78,7 @@ def test_frictions_that_are_none_are_said(tmp_path: Path) -> None:
     path.write_text(SOURCE.read_text().replace("<mu1>0.8", "<mu1>much").replace('value="0.8"', 'value="-1"'))
     assert import_robot(str(path), report) is None
     assert [(d.span.line, d.message) for d in report.ordered() if d.span is not None] == [
-        (29, "`<mu1>`: expected a number, found `much`"), (30, "`<mu2>`: expected a number at least 0, found -1"),
+        (29, "`<mu1>`: expected a number, found `much`"), (30, "`<mu2>`: expected a number of at least 0, found -1"),
     ]
 
 
@@ -106,7 +106,7 @@ def test_a_joint_that_mimics_none_moves_by_itself_and_is_a_warning(tmp_path: Pat
     imported = import_robot(str(path), report)
     assert imported is not None and [(one.code.code, one.span.line) for one in report.diagnostics if one.span] == [("TC955", line)]
     assert "it moves independently" in report.diagnostics[0].message and "did you mean" in (report.diagnostics[0].help or "")
-    assert [loss.why for loss in imported.losses if "mimics" in loss.what] == ["there is no such joint that moves: it moves by itself"]
+    assert [loss.why for loss in imported.losses if "mimics" in loss.what] == ["there is no such moving joint: it moves independently"]
     alone = [joint for one in imported.robot.hangings for joint in one.joints if joint.follows is None]
     assert len(alone) == len([joint for one in imported.robot.hangings for joint in one.joints]) - text.count("<mimic") + 1
 
@@ -127,4 +127,4 @@ def test_what_drives_a_joint_that_is_not_there_is_a_warning_and_a_loss(block: st
         warned = [(one.message, one.help, one.span and one.span.line) for one in report.diagnostics]
         found.append((joint.drive is not None, warned, [loss.what for loss in imported.losses if "drives" in loss.what]))
     said = ("this drives joint `yah`, which does not exist", "did you mean `yaw`?", 2)
-    assert found == [(True, [], []), (False, [said], ["what drives joint `yah`"])]
+    assert found == [(True, [], []), (False, [said], ["the drive of joint `yah`"])]

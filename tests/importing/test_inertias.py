@@ -51,7 +51,7 @@ def test_the_nearest_is_repaired_and_said(tmp_path: Path) -> None:
 def test_shapes_repair_what_has_shapes() -> None:
     imported, said = repaired(WRONG, "shapes")
     assert imported is None and len(said) == 2
-    assert "`arm` moves, and cannot" in said[0] and said[1] == "link `ghost` moves, and cannot: it weighs nothing"
+    assert "`arm` moves, but cannot be simulated" in said[0] and said[1] == "link `ghost` moves, but cannot be simulated: it has no mass"
 
 
 @pytest.mark.parametrize(("shape", "moments"), [
@@ -91,14 +91,14 @@ def test_links_behind_a_turned_link_count_where_they_are(place: str, sound: bool
     report = Report()
     imported = import_robot(str(written(tmp_path, links, joints)), report)
     assert (imported is not None, [d.message.partition(":")[0] for d in report.ordered()]) == (
-        (True, []) if sound else (False, ["link `arm` moves, and cannot"])
+        (True, []) if sound else (False, ["link `arm` moves, but cannot be simulated"])
     )
 
 
 def test_a_root_that_is_another_one_moves_the_old_one(tmp_path: Path) -> None:
     links = LINK.format(name="arm", mass=1, ixx=0.01) + '<link name="a"/>'
     path = written(tmp_path, links, '<joint name="j" type="continuous"><parent link="a"/><child link="arm"/></joint>')
-    for roots, said in (([], []), (["arm"], ["link `a` moves, and cannot: it weighs nothing"])):
+    for roots, said in (([], []), (["arm"], ["link `a` moves, but cannot be simulated: it has no mass"])):
         report = Report()
         import_robot(str(path), report, roots=roots)
         assert [d.message for d in report.ordered()] == said
@@ -113,7 +113,7 @@ def test_what_stands_still_may_weigh_nothing_but_not_just_anything(tmp_path: Pat
     path, report = written(tmp_path, links, joints), Report()
     assert import_robot(str(path), report) is None
     assert [d.message for d in report.ordered()] == [
-        "link `a` stands still, but its largest principal moment 0.03 kg m^2 is above the sum of the other two (0.01 + 0.01), which no "
+        "link `a` does not move, but its largest principal moment 0.03 kg m^2 is above the sum of the other two (0.01 + 0.01), which no "
         "solid can have",
     ]
     imported, said = repaired(path, "nearest")

@@ -139,8 +139,8 @@ def test_an_open_mesh_says_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("data", "said"), [
-    (b"", "`part.stl` is empty"), (b"x" * 50, "`part.stl` is cut off: it has 50 bytes, and a binary STL file begins with 84"),
-    (stl(1.0)[:-30], "`part.stl` is cut off: it says that it has 12 triangles, and there are bytes for 11.4"),
+    (b"", "`part.stl` is empty"), (b"x" * 50, "`part.stl` is truncated: it has 50 bytes, but a binary STL file has at least 84"),
+    (stl(1.0)[:-30], "`part.stl` is cut off: it declares 12 triangles, but has bytes for 11.4"),
 ])
 def test_files_that_are_cut_off_are_said_where_they_are_named(data: bytes, said: str, tmp_path: Path) -> None:
     path, report = arm(tmp_path, data, inertia='<inertia ixx="0.05" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/>')
@@ -150,7 +150,7 @@ def test_files_that_are_cut_off_are_said_where_they_are_named(data: bytes, said:
 
 def test_millimetres_that_are_read_as_metres_are_doubted(tmp_path: Path) -> None:
     inertia = '<inertia ixx="0.05" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/>'
-    for scale, said in ((1.0, []), (1000.0, ["`part.stl` reaches 250 m, and no joint is more than 0.1 m from the one before it"])):
+    for scale, said in ((1.0, []), (1000.0, ["`part.stl` reaches 250 m, but no joint is more than 0.1 m from the previous one"])):
         path, report = arm(tmp_path, stl(scale), inertia=inertia)
         assert import_robot(str(path), report) is not None
         assert [(d.code.code, d.message) for d in report.diagnostics] == [("TC955", message) for message in said]

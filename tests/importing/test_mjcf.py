@@ -29,8 +29,8 @@ LOST = {
     "cables": [
         "tendon `outside`", "tendon `within`",
     ],
-    "constructs": ["`<light>`", "how soft constraints are at the reference of joint `shoulder`, 0.174533"],
-    "cranks": [], "loops": ["how soft contacts of `mast` are"], "tendons": [],
+    "constructs": ["`<light>`", "the softness of constraints at the reference of joint `shoulder`, 0.174533"],
+    "cranks": [], "loops": ["the softness of contacts of `mast`"], "tendons": [],
     "two_arms": ["contacts of `one/arm` with `world`", "contacts of `two` with `world`"],
 }
 
@@ -131,9 +131,9 @@ def test_nothing_of_what_is_left_out_is_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("steps", "why"), [
-    ('<pulley divisor="2"/><site site="a"/><site site="b"/>', "it begins with a pulley"),
+    ('<pulley divisor="2"/><site site="a"/><site site="b"/>', "it starts with a pulley"),
     ('<site site="a"/><site site="b"/><pulley divisor="0"/><site site="a"/><site site="b"/>', "it has a pulley of divisor 0"),
-    ('<site site="a"/><site site="c"/>', "it goes over what is left out"),
+    ('<site site="a"/><site site="c"/>', "it uses elements that are not imported"),
 ])
 def test_paths_that_a_document_has_not_are_losses_and_so_are_their_drives(steps: str, why: str, tmp_path: Path) -> None:
     imported = _imported(tmp_path, f"""\
@@ -147,7 +147,7 @@ def test_paths_that_a_document_has_not_are_losses_and_so_are_their_drives(steps:
 </mujoco>
 """)
     lost = [(loss.what, loss.why) for loss in imported.losses]
-    assert lost[-2:] == [("tendon `cord`", why), ("actuator `pull`", "its tendon is left out")]
+    assert lost[-2:] == [("tendon `cord`", why), ("actuator `pull`", "its tendon is not imported")]
 
 
 COUPLED = """\
@@ -234,7 +234,9 @@ def test_names_of_the_source_and_names_made_up_are_others(tmp_path: Path) -> Non
     ]
     assert [name for name in imported.files if name.startswith("meshes/")] == ["meshes/a.obj", "meshes/a_2.obj"]
     assert imported.files["meshes/a_2.obj"] == (tmp_path / "a.obj").read_bytes() != imported.files["meshes/a.obj"]
-    assert [loss.what for loss in imported.losses] == ["a `timestep` of -1", "`<statistic>`", "`<extension>`", "mesh `a` as it is"]
+    assert [loss.what for loss in imported.losses] == [
+        "a `timestep` of -1", "`<statistic>`", "`<extension>`", "the original file of mesh `a`",
+    ]
 
 
 def test_a_mesh_of_several_objects_touches_as_a_whole(tmp_path: Path) -> None:
@@ -261,7 +263,7 @@ def test_a_mesh_of_several_objects_touches_as_a_whole(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("inside", "words"), [
-    ('<replicate count=" +2000000000"><geom size="0.1"/></replicate>', "this makes 2,000,000,000 of what is in it, and 10,000 are read"),
+    ('<replicate count=" +2000000000"><geom size="0.1"/></replicate>', "this makes 2,000,000,000 copies, but at most 10,000 are"),
     (f'<replicate count="9000">{"<site/>" * 12}</replicate>', "the model has more than 100,000 elements"),
 ])
 def test_models_are_read_within_bounds(inside: str, words: str, tmp_path: Path) -> None:
@@ -277,7 +279,7 @@ def test_lengths_of_muscles_are_not_looked_for_without_end(said: str, tmp_path: 
 <worldbody><body><joint name="j"/><geom size="1"/></body></worldbody><actuator><muscle joint="j"/></actuator></mujoco>""")
     report = Report()
     assert import_robot(str(tmp_path / "robot.xml"), report) is None
-    assert [one.message for one in report.diagnostics] == ["this takes more than 100,000 steps of simulation for every muscle"]
+    assert [one.message for one in report.diagnostics] == ["this requires more than 100,000 steps of simulation per muscle"]
 
 
 def test_what_mujoco_warns_of_is_judged_by_link(tmp_path: Path) -> None:
@@ -289,7 +291,7 @@ def test_what_mujoco_warns_of_is_judged_by_link(tmp_path: Path) -> None:
         assert import_robot(str(tmp_path / "robot.xml"), report) is None
     assert [
         one.message for one in report.diagnostics
-    ] == ["link `tip` moves, and cannot: its smallest moment of inertia is 4e-15 kg m^2, but simulators require 1e-14"]
+    ] == ["link `tip` moves, but cannot be simulated: its smallest moment of inertia is 4e-15 kg m^2, but simulators require 1e-14"]
 
 
 def test_thousands_of_things_take_no_longer_each_than_ten(tmp_path: Path) -> None:

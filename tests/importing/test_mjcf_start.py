@@ -36,7 +36,9 @@ def test_the_source_mode_starts_where_the_file_starts(keys: str, name: str, want
     """At `ref`, or the limit that is nearest to it; keyframes of the source stay the first ones."""
     text = LIFT.replace("KEYS", keys)
     imported, theirs = imported_from(text, tmp_path), mujoco.MjModel.from_xml_string(text)
-    assert [one.what for one in imported.losses if one.what.startswith("where")] == (["where joint `bent` starts, 0"] if wanted else [])
+    assert [one.what for one in imported.losses if one.what.startswith("the start")] == (
+        ["the start position of joint `bent`, 0"] if wanted else []
+    )
     mode = thingc.compile(tmp_path / imported.document).modes["source"]
     ours = mode.model()
     expected = theirs.key_qpos[0] if wanted is None else numpy.array([wanted[0], *numpy.radians(wanted[1:])])

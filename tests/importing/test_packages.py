@@ -88,7 +88,7 @@ def test_without_a_package_the_folder_of_the_robot_counts(tmp_path: Path, folder
         (tmp_path / name).touch()
     found = Packages(str(tmp_path / folder / "a.urdf"), {}, {})
     assert found.find(f"file://{tmp_path}/robot/meshes/a.stl")
-    with pytest.raises(NotFound, match="leads out of the robot's folder"):
+    with pytest.raises(NotFound, match="is outside the robot's folder"):
         found.find(f"file://{tmp_path}/secret.stl")
 
 
@@ -154,10 +154,10 @@ def test_mesh_root_of_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize(("uri", "said"), [
-    ("../../secret.stl", "`../../secret.stl` leads out of the robot's folder, `"),
+    ("../../secret.stl", "`../../secret.stl` is outside the robot's folder, `"),
     ("package://arm/meshes/none.stl", "the package `arm` has no `meshes/none.stl`; looked in"),
     ("package:///none.stl", "there is no file `package:///none.stl`; looked for"),
-    ("package://..", "`package://..` leads out of the robot's folder"),
+    ("package://..", "`package://..` is outside the robot's folder"),
     ("package://lamp/a.stl", "there is no package `lamp`; looked for"),
     ("../meshes", "`../meshes` is not a file"),
     ("../meshes/none.stl", "there is no file `../meshes/none.stl`; looked for"),
@@ -178,5 +178,5 @@ def test_what_is_given_goes_first_and_alone(ground: Path) -> None:
 
 def test_too_large(ground: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("thingc.tools.importing.packages.MOST_BYTES", 5)
-    with pytest.raises(NotFound, match="and 5 are read at most"):
+    with pytest.raises(NotFound, match="but at most 5 are supported"):
         packages(ground).find("../meshes/link.stl")

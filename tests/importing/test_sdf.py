@@ -144,7 +144,7 @@ def test_a_file_includes_only_so_many_models(count: int, allowed: bool, tmp_path
 def test_a_slide_without_ends_gets_some_that_are_listed(tmp_path: Path) -> None:
     found, report = read(tmp_path, sdf(joint("j", "a", "b", "prismatic") + REST))
     assert found is not None and not report.failed
-    assert [loss.what for loss in found.losses] == ["slide `j` without ends"]
+    assert [loss.what for loss in found.losses] == ["unlimited slide `j`"]
     (tmp_path / "m.yaml").write_bytes(found.files["m.yaml"])
     assert tuple(thingc.compile(tmp_path / "m.yaml").modes["source"].model().joint("j").range) == (-1000.0, 1000.0)
 
@@ -203,7 +203,7 @@ def test_what_is_usual_is_taken_and_said(tmp_path: Path) -> None:
     found, _ = read(tmp_path, "<sdf version='1.9'><model name='m'><link name='a'/></model></sdf>")
     assert found is not None and found.robot.links[0].weight is not None
     assert found.robot.links[0].weight.properties.mass == 1.0 and found.robot.links[0].weight.properties.inertia[2][2] == 1.0
-    assert [loss.what for loss in found.losses] == ["that link `a` has no `<inertial>`"]
+    assert [loss.what for loss in found.losses] == ["the missing `<inertial>` of link `a`"]
 
 
 def test_included_models_are_those_that_drake_reads(tmp_path: Path) -> None:
@@ -307,7 +307,7 @@ def test_what_is_built_of_screws_and_universal_joints_comes_in_again(tmp_path: P
 
 
 @pytest.mark.parametrize(("text", "code", "line", "message"), [
-    ("<robot/>", "TC951", 1, "an SDF file begins with `<sdf>`, but this one begins with `<robot>`"),
+    ("<robot/>", "TC951", 1, "an SDF file starts with `<sdf>`, but this one starts with `<robot>`"),
     (sdf(CHAIN, "2.0"), "TC952", 1, "`version` of `<sdf>`: expected 1.4 to 1.12, found `2.0`"),
     ("<sdf version='1.9'>\n</sdf>", "TC953", 1, "expected one model that is not static, found none"),
     ("<sdf version='1.9'><model name='a'/>\n<model name='b'/></sdf>", "TC953", 2, "expected one model that is not static, found `a`, `b`"),
@@ -322,12 +322,12 @@ def test_what_is_built_of_screws_and_universal_joints_comes_in_again(tmp_path: P
     (sdf(joint("j", "a", "b", "screw") + REST), "TC952", 6, "`<joint>` has no `screw_thread_pitch`"),
     (sdf(joint("j", "a", "b", "gearbox") + REST), "TC952", 6, "joints of type `gearbox` are not supported"),
     (sdf(CHAIN + joint("o", "a", "z")), "TC952", 9, "there is no link, joint, frame or model `z` here"),
-    (sdf(joint("j", "a", "b") + joint("k", "b", "c")), "TC953", 5, "the robot has 2 roots, links that hang on no other: `a`, `d`"),
+    (sdf(joint("j", "a", "b") + joint("k", "b", "c")), "TC953", 5, "the robot has 2 roots (links without a parent): `a`, `d`"),
     (sdf(CHAIN + "<frame name='f'><pose relative_to='g'/></frame>\n<frame name='g'><pose relative_to='f'/></frame>"), "TC953", 9,
      "poses are relative to each other in a cycle: `f` -> `g` -> `f`"),
-    (sdf(CHAIN + "<frame name='a'/>"), "TC953", 9, "two of this model are called `a`"),
+    (sdf(CHAIN + "<frame name='a'/>"), "TC953", 9, "two elements of this model are named `a`"),
     (sdf(CHAIN + "<frame name='f'><pose>0 0 nan 0 0 0</pose></frame>"), "TC952", 9,
-     "`pose` of `<frame>`: expected 6 numbers with spaces between, all of them finite, found `nan`"),
+     "`pose` of `<frame>`: expected 6 numbers separated by spaces, all finite, found `nan`"),
     (sdf(joint("j", "a", "b", "hinge") + REST), "TC952", 6, "SDF has no joint type `hinge`"),
     (sdf(joint("j", "a", "b", axis="<xyz>0 0 0</xyz>") + REST), "TC952", 6,
      "the axis of this joint is 0 0 0, which is not a direction"),

@@ -119,7 +119,7 @@ def test_what_both_have_changed_is_said_with_both_values(lamp: Path, capsys: Sai
     first = capsys.readouterr().err
     assert main(["import", "lamp.urdf", "--update"]) == 1
     said = capsys.readouterr().err
-    assert "error[TC957]: `components.foot.mass` is 2.5 kg here, and 3 kg in the source now: it stays as it is here\n" in said
+    assert "error[TC957]: `components.foot.mass` is 2.5 kg here, but now 3 kg in the source: your value as it is here\n" in said
     assert "--> lamp/lamp.yaml:8:11\n" in said and said == first
     assert "`joints.lift.limit.velocity` is nothing here, and 7 rad/s in the source now" in said
     text = lamp.read_text()
@@ -151,7 +151,8 @@ def test_meshes_are_merged_by_file(lamp: Path, capsys: Said) -> None:
     Path("arm.stl").write_text(MESH.format(2))
     assert main(["import", "lamp.urdf", "--update"]) == 1
     said = capsys.readouterr()
-    assert "`meshes/arm.stl` has changed both here and in the source: your version stays" in said.err and "changed nothing" not in said.out
+    assert "`meshes/arm.stl` has changed both here and in the source: your version is kept" in said.err
+    assert "changed nothing" not in said.out
     mesh.write_text(MESH.format(2))
     edit(Path("lamp.urdf"), ('<visual><geometry><mesh filename="arm.stl"/></geometry></visual>', ""))
     assert main(["import", "lamp.urdf", "--update"]) == 0
@@ -185,7 +186,7 @@ def test_without_a_record_nothing_is_updated(lamp: Path, capsys: Said, record: s
     if record is not None:
         (lamp.parent / "import.json").write_text(record)
     assert main(["import", "lamp.urdf", "--update"]) == 2
-    assert "--update: there is no import in that folder, or its `import.json` is not as it was written" in capsys.readouterr().err
+    assert "--update: there is no import in that folder, or its `import.json` has been modified" in capsys.readouterr().err
     assert main(["import", "lamp.urdf", "--root", "tip"]) == (0 if record is None else 2)
 
 

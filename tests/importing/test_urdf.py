@@ -88,7 +88,7 @@ def test_a_quaternion_is_the_rotation_of_its_angles(quaternion: str, tmp_path: P
 
 @pytest.mark.parametrize(("origin", "said"), [
     ('quat_xyzw="0 0 0 0"', "the quaternion of this pose is 0 0 0 0, which is not a rotation"),
-    ('quat_xyzw="0 0 1"', "`quat_xyzw` of `<origin>`: expected 4 numbers with spaces between, found 3 of them"),
+    ('quat_xyzw="0 0 1"', "`quat_xyzw` of `<origin>`: expected 4 numbers separated by spaces, found 3 of them"),
     ('rpy="0 0 0" quat_xyzw="0 0 0 1"', "this `<origin>` has both `rpy` and `quat_xyzw`"),
 ])
 def test_wrong_quaternions(origin: str, said: str, tmp_path: Path) -> None:

@@ -44,10 +44,10 @@ def test_files_are_read_within_bounds(tmp_path: Path, text: str, words: str) -> 
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    (["robots/constructs.urdf", "--root", "uper"], "--root uper: there is no such link\n  help: did you mean `upper`?"),
+    (["robots/constructs.urdf", "--root", "uper"], "--root: there is no link `uper`\n  help: did you mean `upper`?"),
     (["robots/none.urdf"], "cannot read `robots/none.urdf`: no such file or directory"),
-    (["test_wrong.py"], "`test_wrong.py` is of no kind that is read: `.urdf`, `.xml`, `.sdf`, `.xacro`"),
-    (["robots"], "`robots` is a folder, and a robot is a file: `.urdf`, `.xml`, `.sdf`, `.xacro`"),
+    (["test_wrong.py"], "`test_wrong.py` is not of a supported format: `.urdf`, `.xml`, `.sdf`, `.xacro`"),
+    (["robots"], "`robots` is a folder, not a file: `.urdf`, `.xml`, `.sdf`, `.xacro`"),
     (["xacro/bot/urdf/bot.urdf.xacro", "--arg", "armss=3"], "--arg armss: the file has no such argument\n  help: did you mean `arms`?"),
     (["arm.urdf.xacro"], "cannot read `arm.urdf.xacro`: no such file or directory"),
 ])
@@ -92,7 +92,7 @@ def test_check_writes_nothing_and_says_what_would_be_lost(
         "would import 3 links and 1 joint of shapes.urdf\nshapes.urdf:9: lost: a `<sphere>`: it has no volume\n"
     )
     assert main(["import", str(HERE / "wrong" / "inertias.urdf"), "--check", "--repair", "inertia=nearest"]) == 0
-    assert "inertias.urdf:3: repaired: the weight of link `arm` (nearest)\n" in capsys.readouterr().out
+    assert "inertias.urdf:3: repaired: mass and inertia of link `arm` (nearest)\n" in capsys.readouterr().out
     assert list(tmp_path.iterdir()) == []
 
 
@@ -113,7 +113,7 @@ def test_a_chain_of_which_muJoCo_reads_no_model_is_a_warning(count: int, tmp_pat
     imported = import_robot(str(path), report)
     assert imported is not None
     said = [(fault.code, fault.span and fault.span.line, fault.message) for fault in report.diagnostics]
-    message = "link `l496` is the 497th of a chain of links that move, and MuJoCo reads models of 496 at most"
+    message = "link `l496` is number 497 in a chain of moving links, but MuJoCo supports at most 496 at most"
     assert said == ([] if count == 496 else [(Code.SOURCE_DOUBT, 1 + 497 + 496, message)])
     (tmp_path / imported.document).write_bytes(imported.files[imported.document])
     refused = [fault.code for fault in thingc.family(tmp_path / imported.document).write({}, tmp_path / "out", emit=["mjcf"])]

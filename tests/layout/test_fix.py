@@ -97,7 +97,7 @@ def test_a_slip_is_mended_to_the_last_byte(tmp_path: Path, right: str, wrong: st
         slip = text.replace(right, wrong, 1)
         assert fixed(tmp_path, slip) == (0, text), capsys.readouterr().out
         said = capsys.readouterr().out
-        assert "fixed `" in said and "1 place fixed, no diagnostics left" in said
+        assert "fixed `" in said and "1 place fixed, no diagnostics remain" in said
 
 
 @pytest.mark.parametrize(("right", "wrong"), [
@@ -193,7 +193,7 @@ def test_diff_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert fixed(tmp_path, slip, "--diff") == (0, slip)
     said = capsys.readouterr().out
     assert "\n-  pusher: {frame: true, mass: 12 g, com: 0 0 1 mm, colision: hull, " in said and "\n+  pusher: " in said
-    assert said.endswith("1 place would be fixed, 0 diagnostics would be left\n")
+    assert said.endswith("1 placewould fix , 0 diagnostics would remain\n")
     assert main(["check", "--format", "json", "robot.yaml"]) == 1
     (diagnostic,) = json.loads(capsys.readouterr().out)["diagnostics"]
     assert diagnostic["fixes"] == [{

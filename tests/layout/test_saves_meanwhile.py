@@ -118,7 +118,7 @@ def test_no_save_is_lost(folder: Path, capsys: pytest.CaptureFixture[str], name:
             text = "".join(capsys.readouterr())
             now = files(folder)
             assert EDIT.strip() in now[victim] or not saved, f"save {number} was lost: {text}"
-            if f"`{victim}` has changed while this command ran" in text:
+            if f"`{victim}` changed while this command ran" in text:
                 refused += 1
                 assert code == 2 and now == {**before, victim: before[victim] + EDIT}, "nothing is half-written"
             else:
@@ -137,7 +137,7 @@ def test_an_undone_addition_leaves_the_save_of_an_editor(folder: Path) -> None:
     with provisional(changes):
         Path(part).write_bytes(b"saved")
     assert Path(part).read_bytes() == b"saved" and not (folder / "deep").exists()
-    with pytest.raises(ReplacementRefused, match="odd.py` has changed while this command ran"), provisional(changes):
+    with pytest.raises(ReplacementRefused, match="odd.py` changed while this command ran"), provisional(changes):
         raise AssertionError("what was saved must not be replaced")
     with provisional({new: (None, b"new")}) as keep:
         Path(new).write_bytes(b"saved")

@@ -150,7 +150,7 @@ def test_only_what_is_taken_out_goes(name: str, path: str, lines: list[str]) -> 
 
 
 def test_what_an_anchor_names_is_not_taken_out() -> None:
-    with pytest.raises(CannotSetValue, match="`a.x` cannot be taken out alone"):
+    with pytest.raises(CannotSetValue, match="`a.x` cannot be removed separately"):
         without(document("a: &it {x: 1, z: 2}\nb: *it\n", "a.yaml"), ("a", "x"))
 
 
@@ -201,8 +201,11 @@ def test_values_are_written_and_said(here: Path, capsys: pytest.CaptureFixture[s
     )
     lines = [line for line in shown.splitlines() if line.startswith(("+", "-")) and not line.startswith(("+++", "---"))]
     assert changed(DOCUMENT, (here / "arm.yaml").read_text()) == lines
-    assert main(["set", "arm.yaml", "load=3 kg", "--format", "json"]) == 0
-    assert json.loads(capsys.readouterr().out)["set"] == [{"path": "parameters.load", "before": "2 kg", "after": "3 kg"}]
+    before = (here / "arm.yaml").read_text()
+    for options, written in ((["--diff"], False), ([], True)):
+        assert main(["set", "arm.yaml", "load=3 kg", "--format", "json", *options]) == 0
+        assert json.loads(capsys.readouterr().out)["set"] == [{"path": "parameters.load", "before": "2 kg", "after": "3 kg"}]
+        assert ((here / "arm.yaml").read_text() != before) is written
 
 
 def test_a_mapping_and_a_list_are_set_as_a_whole(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -243,7 +246,7 @@ def test_a_value_of_a_vector_is_set_by_its_number(here: Path, capsys: pytest.Cap
     (["joints.lift.limit={lower: 1 deg, uper: 2 deg}"], ["unknown key `uper` in `joints.lift.limit`", "did you mean `upper`?"]),
     (["joints.lift.limit={lower: 1 deg"], ["`joints.lift.limit` cannot be read: the `{` opened here is not closed"]),
     (["joints.lift.limit=[1 deg, 2 deg]"], ["expected a mapping", "found a list of 2"]),
-    (["joints.lift.limit=1 deg"], ["is no value, but has values inside", "or set all of it: `joints.lift.limit={...}`"]),
+    (["joints.lift.limit=1 deg"], ["is not a value but a mapping", "or the whole mapping: `joints.lift.limit={...}`"]),
     (["rech=1 mm", "load=3 mm", "joints.lift.limits.upper=1 deg"], [
         "has no parameter `rech`", "found a length (`3 mm`)", "has no `limits`"]),
     (["reach=300 mm"], ["at most 200 mm"]),
@@ -312,8 +315,8 @@ def test_an_id_of_a_batch_is_the_variant_of_its_table(here: Path, capsys: pytest
     before = (here / "arm.yaml").read_text()
     assert main(["batch", "sweep.yaml", "--adopt", ids["sweep_1"]]) == 2
     assert (
-        f"error[TC923]: no variant of `sweep.yaml` has the settings any more that `{ids['sweep_1']}` has in `build/sweep`\n"
-        "  help: the documents have changed since that batch was built: build it anew, and take an id from its table\n"
+        f"error[TC923]: no variant of `sweep.yaml` has the settings of `{ids['sweep_1']}` in `build/sweep` any more\n"
+        "  help: the documents have changed since that batch was built: build it again, and use an id from its table\n"
     ) in capsys.readouterr().err
     assert (here / "arm.yaml").read_text() == before
 

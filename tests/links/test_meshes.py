@@ -235,19 +235,19 @@ def test_what_was_read_is_kept_by_content(here: Path, monkeypatch: pytest.Monkey
 
 
 BAD = {
-    "cut.stl": (lambda data: data[:-7], "says that it has 6 triangles, and there are bytes for 5.86"),
-    "words.stl": (lambda data: b"solid nothing\nendsolid", "holds no triangles"),
+    "cut.stl": (lambda data: data[:-7], "declares 6 triangles, but has bytes for 5.86"),
+    "words.stl": (lambda data: b"solid nothing\nendsolid", "contains no triangles"),
     "words.obj": (lambda data: b"v 0 0\nf 1 2 3\n", "is damaged, or is not OBJ"),
     "nan.stl": (lambda data: data[:96] + b"\xff\xff\xff\xff" + data[100:], "has a coordinate that is not finite"),
-    "far.obj": (lambda data: b"v 1e308 0 0\nv -1e308 0 0\nv 0 1e308 0\nf 1 2 3\n", "and 1e+06 m at most are read"),
-    "bomb.stl": (lambda data: data[:80] + (6_000_000).to_bytes(4, "little") + data[84:], "says that it has 6000000 triangles"),
+    "far.obj": (lambda data: b"v 1e308 0 0\nv -1e308 0 0\nv 0 1e308 0\nf 1 2 3\n", "but at most 1e+06 m is supported"),
+    "bomb.stl": (lambda data: data[:80] + (6_000_000).to_bytes(4, "little") + data[84:], "declares 6000000 triangles"),
     "bomb.ply": (lambda data: b"ply\nformat ascii 1.0\nelement vertex 3\nelement face 9000000\nend_header\n", "has 9000000 triangles"),
     "text.glb": (lambda data: b"no glTF", "is damaged, or is not GLB"),
     "text.dae": (lambda data: b"<COLLADA><oops></COLLADA>", "is damaged, or is not DAE (XML Parsing Error: "),
-    "page.dae": (lambda data: b"<!DOCTYPE html><html><body>404</body></html>", "is no COLLADA: it has no `<COLLADA xmlns=...>`"),
+    "page.dae": (lambda data: b"<!DOCTYPE html><html><body>404</body></html>", "is not COLLADA: it has no `<COLLADA xmlns=...>`"),
     "asset.dae": (
         lambda data: b'<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset/></COLLADA>',
-        "shows nothing: it has no `<scene>`",
+        "is empty: it has no `<scene>`",
     ),
 }
 

@@ -279,7 +279,7 @@ def test_builds_and_wrong_command_lines(
         assert code == 2 and f"{words[0]} applies to documents, but `build/robot` is a build" in said
     shutil.copytree(tmp_path / "build/robot", tmp_path / "build/again")
     code, said = run("view", "build", "--no-open")
-    assert code == 2 and "`build` contains 2 builds" in said and "name one of them: known builds: `build/again`, `build/robot`" in said
+    assert code == 2 and "`build` contains 2 builds" in said and "use one of them: known builds: `build/again`, `build/robot`" in said
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         code, said = run("view", "robot.yaml", "--no-open", "--port", str(port))

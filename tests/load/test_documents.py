@@ -14,7 +14,7 @@ from thingc.documents.workspace import Workspace
 
 HEAD = "thingc: assembly/1\nname: x\n"
 
-NO_FILE = "paths are relative to this document, and there is no such file in that folder"
+NO_FILE = "paths are relative to this document, and that folder has no such file"
 
 
 def write(folder: Path, files: dict[str, str]) -> None:
@@ -82,16 +82,16 @@ def test_paths_are_relative_to_the_document_that_names_them(tmp_path: Path) -> N
      "write it relative to this document, inside the workspace", (3, 28)),
     ("components: {x: {assembly: 'C:\\b.yaml'}}", Code.OUTSIDE_WORKSPACE, "`C:\\b.yaml` is an absolute path",
      "write it relative to this document, inside the workspace", (3, 28)),
-    ("components: {x: {assembly: ../b.yaml}}", Code.OUTSIDE_WORKSPACE, "`../b.yaml` leaves the workspace",
-     "move the file into the folder of `thingc.toml`, or put a `thingc.toml` into a folder above both", (3, 28)),
-    ("components: {x: {file: ../motor.step}}", Code.OUTSIDE_WORKSPACE, "`../motor.step` leaves the workspace",
-     "move the file into the folder of `thingc.toml`, or put a `thingc.toml` into a folder above both", (3, 24)),
-    ("components: {x: {file: link/motor.step}}", Code.OUTSIDE_WORKSPACE, "`link/motor.step` leaves the workspace",
-     "move the file into the folder of `thingc.toml`, or put a `thingc.toml` into a folder above both", (3, 24)),
+    ("components: {x: {assembly: ../b.yaml}}", Code.OUTSIDE_WORKSPACE, "`../b.yaml` is outside the workspace",
+     "move the file into the folder of `thingc.toml`, or create a `thingc.toml` in a folder above both", (3, 28)),
+    ("components: {x: {file: ../motor.step}}", Code.OUTSIDE_WORKSPACE, "`../motor.step` is outside the workspace",
+     "move the file into the folder of `thingc.toml`, or create a `thingc.toml` in a folder above both", (3, 24)),
+    ("components: {x: {file: link/motor.step}}", Code.OUTSIDE_WORKSPACE, "`link/motor.step` is outside the workspace",
+     "move the file into the folder of `thingc.toml`, or create a `thingc.toml` in a folder above both", (3, 24)),
     ("components: {x: {file: motr.step}}", Code.MISSING_FILE, "there is no file `motr.step`", "did you mean `motor.step`?",
      (3, 24)),
     ("components: {x: {file: motor.iges}}", Code.FILE_TYPE,
-     "expected a file of a part (.step, .stp, .brep, .stl, .3mf, .obj, .ply, .off, .glb, .gltf), found `motor.iges`", None, (3, 24)),
+     "expected a part file (.step, .stp, .brep, .stl, .3mf, .obj, .ply, .off, .glb, .gltf), found `motor.iges`", None, (3, 24)),
     ("components: {x: {assembly: motor.step}}", Code.FILE_TYPE,
      "expected an assembly document (.yaml, .yml, .toml), found `motor.step`", None, (3, 28)),
     ("components: {x: {assembly: folder.yaml}}", Code.MISSING_FILE, "`folder.yaml` is a folder, not a file", None, (3, 28)),
@@ -138,7 +138,7 @@ def test_a_cycle_is_the_whole_chain_with_every_hop(tmp_path: Path) -> None:
         "c.yaml": HEAD + "components:\n  z:\n    assembly: b.yaml\n",
     })
     assert said(report) == [
-        (Code.DOCUMENT_CYCLE, "`b.yaml` nests itself: b.yaml -> c.yaml -> b.yaml", "an assembly cannot be a part of itself",
+        (Code.DOCUMENT_CYCLE, "`b.yaml` nests itself: b.yaml -> c.yaml -> b.yaml", "an assembly cannot contain itself",
          ("b.yaml", 5, 17)),
     ]
     notes = report.diagnostics[0].notes
@@ -152,7 +152,7 @@ def test_a_cycle_is_the_whole_chain_with_every_hop(tmp_path: Path) -> None:
 
 def test_a_document_that_nests_itself(tmp_path: Path) -> None:
     documents, report = read(tmp_path, {"a.yaml": HEAD + "components: {x: {assembly: a.yaml}}\n"})
-    assert [entry[1] for entry in said(report)] == ["`a.yaml` nests itself: a.yaml -> a.yaml"]
+    assert [entry[1] for entry in said(report)] == ["`a.yaml` contains itself: a.yaml -> a.yaml"]
     assert documents is not None
     assert documents.broken == {"a.yaml"}
 
@@ -160,35 +160,36 @@ def test_a_document_that_nests_itself(tmp_path: Path) -> None:
 def test_a_chain_that_is_too_long(tmp_path: Path) -> None:
     files = {f"d{n}.yaml": HEAD + f"components: {{x: {{assembly: d{n + 1}.yaml}}}}\n" for n in range(110)}
     _, report = read(tmp_path, files, "d0.yaml")
-    assert [entry[:2] for entry in said(report)] == [(Code.TOO_LARGE, "more than 100 assemblies nest in one another")]
+    assert [entry[:2] for entry in said(report)] == [(Code.TOO_LARGE, "more than 100 levels of nested assemblies")]
 
 
 @pytest.mark.parametrize(("text", "code", "message", "help", "place"), [
     ("", Code.NOT_A_MAPPING, "the document is empty", "begin with `thingc: assembly/1`", (1, 1)),
     ("# nothing\n", Code.NOT_A_MAPPING, "the document is empty", "begin with `thingc: assembly/1`", (1, 1)),
     ("---\n", Code.NOT_A_MAPPING, "the document is empty", "begin with `thingc: assembly/1`", (1, 1)),
-    ("- a\n", Code.NOT_A_MAPPING, "a document is a mapping, found a list", "begin with `thingc: assembly/1`", (1, 1)),
-    ("words\n", Code.NOT_A_MAPPING, "a document is a mapping, found text", "begin with `thingc: assembly/1`", (1, 1)),
-    ('thingc = "assembly/1"\n[components]\n', Code.NOT_A_MAPPING, "a document is a mapping, found text",
-     "TOML lies in files called `.toml`: call it `a.toml`, or begin with `thingc: assembly/1`", (1, 1)),
-    ("thingc:assembly/1\n", Code.NOT_A_MAPPING, "a document is a mapping, found text",
+    ("- a\n", Code.NOT_A_MAPPING, "a document must be a mapping, found a list", "begin with `thingc: assembly/1`", (1, 1)),
+    ("words\n", Code.NOT_A_MAPPING, "a document must be a mapping, found text", "begin with `thingc: assembly/1`", (1, 1)),
+    ('thingc = "assembly/1"\n[components]\n', Code.NOT_A_MAPPING, "a document must be a mapping, found text",
+     "TOML needs the extension `.toml`: rename the file to `a.toml`, or start the document with `thingc: assembly/1`", (1, 1)),
+    ("thingc:assembly/1\n", Code.NOT_A_MAPPING, "a document must be a mapping, found text",
      "a space is missing after the `:`: `thingc: assembly/1`", (1, 1)),
-    ("name: x\n", Code.HEADER, "the key `thingc`, which says kind and version, is missing", "begin with `thingc: assembly/1`",
+    ("name: x\n", Code.HEADER, "the key `thingc`, which specifies kind and version, is missing", "begin with `thingc: assembly/1`",
      (1, 1)),
-    ("{}\n", Code.HEADER, "the key `thingc`, which says kind and version, is missing", "begin with `thingc: assembly/1`", (1, 1)),
+    ("{}\n", Code.HEADER, "the key `thingc`, which specifies kind and version, is missing", "begin with `thingc: assembly/1`", (1, 1)),
     ("thing: assembly/1\n", Code.HEADER, "expected the key `thingc`, found `thing`", "did you mean `thingc`?", (1, 1)),
     ("thingc: asembly/1\n", Code.HEADER, "unknown kind of document `asembly`", "did you mean `assembly`?", (1, 9)),
     ("thingc: foo/1\n", Code.HEADER, "unknown kind of document `foo`",
      "known kinds: `assembly`, `materials`, `variants`, `workspace`", (1, 9)),
     ("thingc: assembly\n", Code.HEADER, "the version of `assembly` is missing", "write `thingc: assembly/1`", (1, 9)),
     ("thingc: assembly/2\n", Code.HEADER, "unknown version `2` of `assembly`", "write `thingc: assembly/1`", (1, 9)),
-    ("thingc: 1\n", Code.HEADER, "`thingc` says kind and version, found `1`", "write for example `thingc: assembly/1`", (1, 9)),
-    ("thingc:\n", Code.HEADER, "`thingc` says kind and version, found nothing", "write for example `thingc: assembly/1`", (1, 1)),
+    ("thingc: 1\n", Code.HEADER, "`thingc` must specify kind and version, found `1`", "write for example `thingc: assembly/1`", (1, 9)),
+    ("thingc:\n", Code.HEADER, "`thingc` must specify kind and version, found nothing", "write for example `thingc: assembly/1`", (1, 1)),
     ("thingc: materials/1\nmaterials: {}\n", Code.WRONG_KIND, "expected a document of kind `assembly`, found `materials`",
-     "name the assembly that uses it", (1, 9)),
+     "use the assembly {'that lists it' if root.kind == 'materials' else 'itself; thingc finds this document automatically'}that uses it",
+     (1, 9)),
     ("thingc: variants/1\nassembly: b.yaml\n", Code.WRONG_KIND,
-     "this document is of many variants, and one assembly is wanted here",
-     "`thingc batch` builds them all; or name the assembly, with -p 'NAME=VALUE' for one of them", (1, 9)),
+     "this is a variants document, but a single assembly is required here",
+     "use `thingc batch` to build all variants, or use the assembly with -p 'NAME=VALUE' for one of them", (1, 9)),
 ])
 def test_heads(tmp_path: Path, text: str, code: Code, message: str, help: str | None, place: tuple[int, int]) -> None:
     documents, report = read(tmp_path, {"a.yaml": text})

@@ -56,8 +56,10 @@ def test_a_part_folder_goes_before_a_package(tmp_path: Path, installed: Path) ->
 
 
 @pytest.mark.parametrize(("text", "code", "message", "help"), [
-    ("nuts.metal", Code.MISSING_FILE, "there is no document `nuts.metal`: `nuts` has none of that name", "did you mean `nuts.metals`?"),
-    ("nuts.away", Code.MISSING_FILE, "there is no document `nuts.away`: `nuts` has none of that name",  # a link out of the package
+    ("nuts.metal", Code.MISSING_FILE, "there is no document `nuts.metal`: the package `nuts` has no document of that name",
+     "did you mean `nuts.metals`?"),
+    ("nuts.away", Code.MISSING_FILE, "there is no document `nuts.away`: the package `nuts` has no document of that name",
+     # a link out of the package
      "did you mean `nuts.metals`?"),
     ("missing.metals", Code.MISSING_FILE, "there is no document `missing.metals`: the package `missing` is not installed", "install it"),
     ("bolts.metals", Code.FILE_TYPE, "expected a materials document (.yaml, .yml, .toml), found `bolts.metals`",

@@ -134,11 +134,11 @@ def test_a_part_folder_that_nobody_names_may_not_be_a_link_out_of_the_workspace(
     (tmp_path / "in/thingc.toml").write_text(HEAD)
     workspace, report = find(tmp_path / "in/a.yaml")
     assert workspace is None
-    assert [(one.code, one.message) for one in report.diagnostics] == [(Code.OUTSIDE_WORKSPACE, "`parts` leaves the workspace")]
+    assert [(one.code, one.message) for one in report.diagnostics] == [(Code.OUTSIDE_WORKSPACE, "`parts` is outside the workspace")]
 
 
 @pytest.mark.parametrize(("text", "code", "message", "help", "place"), [
-    ("parts = []\n", Code.HEADER, "the key `thingc`, which says kind and version, is missing",
+    ("parts = []\n", Code.HEADER, "the key `thingc`, which specifies kind and version, is missing",
      'begin with `thingc = "workspace/1"`', (1, 1)),
     ('thingc = "workspace/2"\n', Code.HEADER, "unknown version `2` of `workspace`", 'write `thingc = "workspace/1"`', (1, 10)),
     ('thingc = "assembly/1"\n', Code.WRONG_KIND, "expected a document of kind `workspace`, found `assembly`",
@@ -147,7 +147,7 @@ def test_a_part_folder_that_nobody_names_may_not_be_a_link_out_of_the_workspace(
     (HEAD + 'parts = "parts"\n', Code.WRONG_TYPE, "expected a list, found text `parts`", "write `[parts]`", (2, 9)),
     (HEAD + "parts = [3]\n", Code.WRONG_TYPE, "expected text, found the number `3`", 'write `"3"`', (2, 10)),
     (HEAD + 'parts = ["prts"]\n', Code.WORKSPACE_FOLDER, "there is no folder `prts`", "did you mean `parts`?", (2, 10)),
-    (HEAD + 'parts = ["../x"]\n', Code.OUTSIDE_WORKSPACE, "`../x` leaves the workspace", "name a folder below this file",
+    (HEAD + 'parts = ["../x"]\n', Code.OUTSIDE_WORKSPACE, "`../x` is outside the workspace", "use a folder below this file",
      (2, 10)),
     (HEAD + 'parts = ["/x"]\n', Code.OUTSIDE_WORKSPACE, "`/x` is an absolute path", "write it relative to this file", (2, 10)),
     (HEAD + 'build = "/tmp/x"\n', Code.OUTSIDE_WORKSPACE, "`/tmp/x` is an absolute path", "write it relative to this file",
@@ -156,7 +156,7 @@ def test_a_part_folder_that_nobody_names_may_not_be_a_link_out_of_the_workspace(
     (HEAD + 'part_timeout = "2 mm"\n', Code.WRONG_DIMENSION, "expected a time (such as 2 ms), found a length (`2 mm`)", None,
      (2, 16)),
     (HEAD + 'part_timeout = "-2 s"\n', Code.BAD_QUANTITY, "expected a value above 0, found `-2 s`", None, (2, 16)),
-    (HEAD + 'part_timeout = "=2 s"\n', Code.BAD_EXPRESSION, "a workspace has no parameters: write the value", None, (2, 16)),
+    (HEAD + 'part_timeout = "=2 s"\n', Code.BAD_EXPRESSION, "a workspace has no parameters: write a plain value", None, (2, 16)),
     (HEAD + 'mesh = {liner = "1 mm"}\n', Code.UNKNOWN_KEY, "unknown key `liner` in `mesh`", "did you mean `linear`?", (2, 9)),
     (HEAD + 'mesh = {linear = "1 mmm"}\n', Code.BAD_UNIT, "unknown unit `mmm`; did you mean `mm`?", None, (2, 21)),
     (HEAD + "mesh = 3\n", Code.WRONG_TYPE, "expected a mapping with `linear`, `angular`, `simulation`, found the number `3`", None,

@@ -312,36 +312,36 @@ def only(report: Report) -> tuple[Code, str, str | None, tuple[int, int, int, in
 @pytest.mark.parametrize(("text", "code", "message", "help", "place"), [
     ("a: 1\nb: 2\na: 3\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of them", (3, 1, 3, 2)),
     ("a: {x: 1, x: 2}\n", Code.DUPLICATE_KEY, "the key `x` is written twice", "remove or rename one of them", (1, 11, 1, 12)),
-    ("1.5: x\n", Code.KEY_NOT_TEXT, "a key must be text, found the number `1.5`", 'write `"1.5"`', (1, 1, 1, 4)),
-    ("true: x\n", Code.KEY_NOT_TEXT, "a key must be text, found the word `true`", 'write `"true"`', (1, 1, 1, 5)),
+    ("1.5: x\n", Code.KEY_NOT_TEXT, "a key must be a string, found the number `1.5`", 'write `"1.5"`', (1, 1, 1, 4)),
+    ("true: x\n", Code.KEY_NOT_TEXT, "a key must be a string, found the word `true`", 'write `"true"`', (1, 1, 1, 5)),
     ("a: {: x}\n", Code.SYNTAX, "a key is missing before the `:`", None, (1, 5, 1, 6)),
     ("a:\n  : x\n", Code.SYNTAX, "a key is missing before the `:`", None, (2, 3, 2, 4)),
     ("?\n: x\n", Code.KEY_NOT_TEXT, "a key is missing before the `:`", None, (1, 2, 1, 2)),
-    ("? [a, b]\n: c\n", Code.KEY_NOT_TEXT, "a key must be text, found a list", "text that begins with `{` or `[` needs quotes",
+    ("? [a, b]\n: c\n", Code.KEY_NOT_TEXT, "a key must be a string, found a list", "a string that starts with `{` or `[` needs quotes",
      (1, 3, 1, 9)),
-    ("a: !!int 3\n", Code.TAG, "tags such as `!!int` have no meaning here", "remove it", (1, 4, 1, 9)),
-    ("a: !foo {b: c}\n", Code.TAG, "tags such as `!foo` have no meaning here", "remove it", (1, 4, 1, 8)),
-    ("a: &x {b: 1}\nc:\n  <<: *x\n", Code.ALIAS, "`<<` merges nothing: YAML 1.2 has no merge keys",
-     "write the keys out, or use `defaults:`", (3, 3, 3, 5)),
-    ("a: *b\n", Code.ALIAS, "`*b` is an alias of an unknown anchor", 'a value that begins with `*` needs quotes: `"*b..."`',
+    ("a: !!int 3\n", Code.TAG, "tags such as `!!int` are not supported", "remove it", (1, 4, 1, 9)),
+    ("a: !foo {b: c}\n", Code.TAG, "tags such as `!foo` are not supported", "remove it", (1, 4, 1, 8)),
+    ("a: &x {b: 1}\nc:\n  <<: *x\n", Code.ALIAS, "`<<` is not supported: YAML 1.2 has no merge keys",
+     "write all keys, or use `defaults:`", (3, 3, 3, 5)),
+    ("a: *b\n", Code.ALIAS, "`*b` refers to an unknown anchor", 'a value that starts with `*` needs quotes: `"*b..."`',
      (1, 4, 1, 6)),
-    ("a: &bed 1\nc: *bad\n", Code.ALIAS, "`*bad` is an alias of an unknown anchor", "did you mean `bed`?", (2, 4, 2, 8)),
-    ("a: &x [1, *x]\n", Code.ALIAS, "`*x` stands inside the value that it names", None, (1, 11, 1, 13)),
-    ("poses:\n  *_knee : 3 deg\n", Code.ALIAS, "`*_knee` is an alias of an unknown anchor",
-     'a key that begins with `*` needs quotes: `"*_knee"`', (2, 3, 2, 9)),
+    ("a: &bed 1\nc: *bad\n", Code.ALIAS, "`*bad` refers to an unknown anchor", "did you mean `bed`?", (2, 4, 2, 8)),
+    ("a: &x [1, *x]\n", Code.ALIAS, "`*x` is inside the value that it refers to", None, (1, 11, 1, 13)),
+    ("poses:\n  *_knee : 3 deg\n", Code.ALIAS, "`*_knee` refers to an unknown anchor",
+     'a key that starts with `*` needs quotes: `"*_knee"`', (2, 3, 2, 9)),
     ("a: .inf\n", Code.NOT_FINITE, "expected a finite number, found `.inf`", None, (1, 4, 1, 8)),
     ("a: -.INF\n", Code.NOT_FINITE, "expected a finite number, found `-.INF`", None, (1, 4, 1, 9)),
     ("a: .nan\n", Code.NOT_FINITE, "expected a finite number, found `.nan`", None, (1, 4, 1, 8)),
     ("a: 1e999\n", Code.NOT_FINITE, "expected a finite number, found `1e999`", None, (1, 4, 1, 9)),
     ("a: " + "9" * 5000 + "\n", Code.NOT_FINITE, "expected a finite number, found `" + "9" * 57 + "...`", None, (1, 4, 1, 5004)),
-    ("a: 1\n---\nb: 2\n", Code.SEVERAL_DOCUMENTS, "a second document begins here; a file holds one",
+    ("a: 1\n---\nb: 2\n", Code.SEVERAL_DOCUMENTS, "a second document starts here; a file must contain only one",
      "move it to a file of its own", (2, 1, 2, 4)),
     ("%YAML 1.1\n---\na: 1\n", Code.SYNTAX, "documents are YAML 1.2, found `%YAML 1.1`", "remove the line", (1, 1, 1, 6)),
     ("{length: =min(a, 80 mm)}\n", Code.EXPRESSION_COMMA,
-     "the comma ends the expression: inside `{}` and `[]` an expression with a comma needs quotes", 'write `"=min(a, 80 mm)"`',
+     "the comma ends the expression: quote an expression with a comma inside `{}` and `[]`", 'write `"=min(a, 80 mm)"`',
      (1, 10, 1, 24)),
     ("xyz: [0, =max(a, min(b, c), 1), 3 mm]\n", Code.EXPRESSION_COMMA,
-     "the comma ends the expression: inside `{}` and `[]` an expression with a comma needs quotes",
+     "the comma ends the expression: quote an expression with a comma inside `{}` and `[]`",
      'write `"=max(a, min(b, c), 1)"`', (1, 10, 1, 31)),
 ])
 def test_what_is_said(text: str, code: Code, message: str, help: str | None, place: tuple[int, int, int, int]) -> None:
@@ -352,7 +352,7 @@ def test_what_is_said(text: str, code: Code, message: str, help: str | None, pla
 def test_a_second_key_is_shown_with_the_first() -> None:
     _, report = read("a: 1\nb: 2\na: 3\n")
     note = report.diagnostics[0].notes[0]
-    assert note.message == "first written here"
+    assert note.message == "first defined here"
     assert note.span is not None
     assert (note.span.line, note.span.column) == (1, 1)
 
@@ -379,46 +379,46 @@ def test_expressions_that_are_whole(text: str) -> None:
 
 
 @pytest.mark.parametrize(("text", "message", "help", "place"), [
-    ("a:\n\tb: 1\n", "a tab in the indentation; YAML indents with spaces", "replace the tab by spaces", (2, 1, 2, 2)),
-    ("a:\n  b: 1\n\tc: 2\n", "a tab in the indentation; YAML indents with spaces", "replace the tab by spaces", (3, 1, 3, 2)),
+    ("a:\n\tb: 1\n", "found a tab in the indentation; YAML requires spaces", "replace the tab with spaces", (2, 1, 2, 2)),
+    ("a:\n  b: 1\n\tc: 2\n", "found a tab in the indentation; YAML requires spaces", "replace the tab with spaces", (3, 1, 3, 2)),
     ("name:arm\nparts: x\n", "a space is missing after `name:`", "write `name: arm`", (1, 1, 1, 9)),
     ("limit:\n  lower:0\n  upper: 3\n", "a space is missing after `lower:`", "write `lower: 0`", (2, 3, 2, 10)),
-    ("name: \"arm\nb: 2\n", "the quote opened here is never closed", 'add `"` at the end of the text', (1, 7, 1, 8)),
-    ("name: 'arm\nb: 2\n", "the quote opened here is never closed", "add `'` at the end of the text", (1, 7, 1, 8)),
+    ("name: \"arm\nb: 2\n", "the quote opened here is not closed", 'add `"` at the end of the string', (1, 7, 1, 8)),
+    ("name: 'arm\nb: 2\n", "the quote opened here is not closed", "add `'` at the end of the string", (1, 7, 1, 8)),
     ("a: {b: 1\nc: 2\n", "the `{` opened here is not closed with `}`", "add `}`", (1, 4, 1, 5)),
     ("a: [1, 2\nc: 2\n", "the `[` opened here is not closed with `]`", "add `]`", (1, 4, 1, 5)),
     ("a: [1, 2}\n", "the `[` opened here is not closed with `]`", "add `]`", (1, 4, 1, 5)),
     ("a: {b: 1", "the `{` opened here is not closed with `}`", "add `}`", (1, 4, 1, 5)),
-    ("a: {b: \"x\" y}\n", "expected `,` or `}`, found `y`", "text with `,`, `:` or quotes inside needs quotes around it",
+    ("a: {b: \"x\" y}\n", "expected `,` or `}`, found `y`", "a string with `,`, `:` or quotes in it must be quoted",
      (1, 12, 1, 13)),
-    ("a: {b {c: 1}}\n", "expected `,` or `}`, found `{`", "a `:` and a space come after a key: `b: {`", (1, 7, 1, 8)),
-    ("a: {b: 1, c [1]}\n", "expected `,` or `}`, found `[`", "a `:` and a space come after a key: `c: [`", (1, 13, 1, 14)),
-    ("a: {b: x {c: 1}}\n", "expected `,` or `}`, found `{`", "text with `,`, `:` or quotes inside needs quotes around it",
+    ("a: {b {c: 1}}\n", "expected `,` or `}`, found `{`", "write `: ` after a key: `b: {`", (1, 7, 1, 8)),
+    ("a: {b: 1, c [1]}\n", "expected `,` or `}`, found `[`", "write `: ` after a key: `c: [`", (1, 13, 1, 14)),
+    ("a: {b: x {c: 1}}\n", "expected `,` or `}`, found `{`", "a string with `,`, `:` or quotes in it must be quoted",
      (1, 10, 1, 11)),
     (f"a: [{'x' * 300_000}, y z {{c: 1}}]\n", "expected `,` or `]`, found `{`",
-     "text with `,`, `:` or quotes inside needs quotes around it", (1, 300_011, 1, 300_012)),
+     "a string with `,`, `:` or quotes in it must be quoted", (1, 300_011, 1, 300_012)),
     ("doc: axis: to axis\n", "a second `:` in one value",
-     "text that holds `: ` needs quotes; a nested mapping begins on a line of its own", (1, 10, 1, 11)),
-    ("a: 1\nwords\nb: 2\n", "expected `key: value`, found `words`", "a `:` and a space come after a key", (2, 1, 2, 6)),
-    ("a: @x\n", "`@` cannot begin a value", "put the value in quotes", (1, 4, 1, 5)),
-    ("a: `x`\n", "``` cannot begin a value", "put the value in quotes", (1, 4, 1, 5)),
-    ("a: %x\n", "`%` cannot begin a value", "put the value in quotes", (1, 4, 1, 5)),
-    ("poses: {?_knee: 3 deg}\n", "`?` cannot begin a name here", "put the name in quotes", (1, 9, 1, 10)),
-    ("poses: [?_knee]\n", "`?` cannot begin a name here", "put the name in quotes", (1, 9, 1, 10)),
-    ("poses: {*: 3 deg}\n", "`*` cannot begin a value", 'a name that begins with `*` or `&` needs quotes: `"*_knee"`',
+     "a string with `: ` in it needs quotes; a nested mapping starts on its own line", (1, 10, 1, 11)),
+    ("a: 1\nwords\nb: 2\n", "expected `key: value`, found `words`", "write `: ` after a key", (2, 1, 2, 6)),
+    ("a: @x\n", "a value cannot start with `@`", "quote the value", (1, 4, 1, 5)),
+    ("a: a value cannot start with `x`\n", "```", "quote the value", (1, 4, 1, 5)),
+    ("a: %x\n", "a value cannot start with `%`", "quote the value", (1, 4, 1, 5)),
+    ("poses: {?_knee: 3 deg}\n", "a name cannot start with `?` here", "quote the name", (1, 9, 1, 10)),
+    ("poses: [?_knee]\n", "a name cannot start with `?` here", "quote the name", (1, 9, 1, 10)),
+    ("poses: {*: 3 deg}\n", "a value cannot start with `*`", 'a name that starts with `*` or `&` needs quotes: `"*_knee"`',
      (1, 9, 1, 10)),
     ("a: 1\n  b: 2\n", "a second `:` in one value",
-     "text that holds `: ` needs quotes; a nested mapping begins on a line of its own", (2, 4, 2, 5)),
+     "a string with `: ` in it needs quotes; a nested mapping starts on its own line", (2, 4, 2, 5)),
     ("a:\n    b: 1\n  c: 2\n", "this line does not continue the mapping above it",
-     "keys of one mapping begin in one column: here 5 or 1", (3, 3, 3, 4)),
+     "keys of a mapping must start in the same column, here 5 or 1", (3, 3, 3, 4)),
     ("a:\n  b:\n      c: 1\n    d: 2\n", "this line does not continue the mapping above it",
-     "keys of one mapping begin in one column: here 7 or 3", (4, 5, 4, 6)),
+     "keys of a mapping must start in the same column, here 7 or 3", (4, 5, 4, 6)),
     ("a: \"x\" y\n", "this line does not continue the mapping above it",
-     "keys of one mapping begin in one column, and text with quotes inside is quoted whole", (1, 8, 1, 9)),
-    ("a: - 1\n", "a list item `-` cannot stand here", "begin the list on the line after its key", (1, 4, 1, 5)),
+     "keys of a mapping must start in the same column; quote a string with quotes in it as a whole", (1, 8, 1, 9)),
+    ("a: - 1\n", "a list item `-` is not allowed here", "start the list on the line after its key", (1, 4, 1, 5)),
     ("a:\n- 1\n  - 2\nb\n", None, None, None),
     ("a: \"\\q\"\n", "an unknown escape in double quotes", "write `\\\\` for a backslash, or use single quotes", (1, 5, 1, 6)),
-    ("a: | text\n  b\n", "text after `|` or `>` begins on the next line", "write the text below it, indented", (1, 6, 1, 10)),
+    ("a: | text\n  b\n", "text after `|` or `>` must start on the next line", "write the text below it, indented", (1, 6, 1, 10)),
 ])
 def test_syntax_errors_in_the_words_of_a_person(text: str, message: str | None, help: str | None, place: Any) -> None:
     node, report = read(text)
@@ -442,7 +442,7 @@ def test_bounds() -> None:
     )
     node, report = read(laughs)
     assert node is None
-    assert only(report)[:2] == (Code.TOO_LARGE, "aliases stand for more than 10000 values")
+    assert only(report)[:2] == (Code.TOO_LARGE, "aliases expand to more than 10000 values")
     many = "".join(f"a: {n}\n" for n in range(500))
     assert [d.code for d in read(many)[1].diagnostics] == [Code.DUPLICATE_KEY] * 201 + [Code.TOO_LARGE]
     deep = "a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}]\n" for n in range(1, 120))
@@ -453,11 +453,11 @@ def test_bounds() -> None:
     (b"a: \xff\n", Code.NOT_UTF8, "expected UTF-8, found the byte 0xff", (1, 4)),
     (b"a: 1\n\xc3\xa9: \xe9\n", Code.NOT_UTF8, "expected UTF-8, found the byte 0xe9", (2, 4)),
     ("a: 1".encode("utf-16"), Code.NOT_UTF8, "expected UTF-8, found UTF-16", (1, 1)),
-    (b"a: 1\nb: \x07\n", Code.SYNTAX, "a control character (U+0007) cannot stand in a document", (2, 4)),
-    ("a: x\u2028y\n".encode(), Code.SYNTAX, "a line separator (U+2028) cannot stand in a document", (1, 5)),
-    ("a: \x85\n".encode(), Code.SYNTAX, "a next-line character (U+0085) cannot stand in a document", (1, 4)),
-    (b"a: \x00\n", Code.SYNTAX, "a zero byte (U+0000) cannot stand in a document", (1, 4)),
-    (b"#" * 10_000_001, Code.TOO_LARGE, "the file has more than 10000000 bytes, which is the bound", (1, 1)),
+    (b"a: 1\nb: \x07\n", Code.SYNTAX, "a control character (U+0007) is not allowed in a document", (2, 4)),
+    ("a: x\u2028y\n".encode(), Code.SYNTAX, "a line separator (U+2028) is not allowed in a document", (1, 5)),
+    ("a: \x85\n".encode(), Code.SYNTAX, "a next-line character (U+0085) is not allowed in a document", (1, 4)),
+    (b"a: \x00\n", Code.SYNTAX, "a zero byte (U+0000) is not allowed in a document", (1, 4)),
+    (b"#" * 10_000_001, Code.TOO_LARGE, "the file has more than 10000000 bytes", (1, 1)),
 ])
 def test_bytes_that_are_no_text(data: bytes, code: Code, message: str, place: tuple[int, int]) -> None:
     report = Report()

@@ -187,7 +187,7 @@ def test_modes_json_and_info_say_what_a_hold_carries(worm: Built) -> None:
     assembly = worm.compilation.assembly
     assert assembly is not None
     text = "\n".join(info.as_text(assembly, worm.compilation.robots))
-    assert "\n  rear is held at rear/sole, about which it may turn\n" in text.partition("mode pinned:")[2].partition("\nmode ")[0]
+    assert "\n  rear is held at rear/sole, free to rotate\n" in text.partition("mode pinned:")[2].partition("\nmode ")[0]
 
 
 def test_values_that_had_to_move_are_a_loss(worm: Built) -> None:
@@ -196,7 +196,7 @@ def test_values_that_had_to_move_are_a_loss(worm: Built) -> None:
     joint = max(JOINTS, key=lambda one: abs(q[one] - HOME[one]))
     far = np.degrees(abs(q[joint] - HOME[joint]))
     assert loss.how == "approximated"
-    assert loss.what == f"its values as written: the loops close with `{joint}` and 5 more moved, by {far:.3g} deg at most"
+    assert loss.what == f"its values: the loops close with `{joint}` and 5 more changed by at most {far:.3g} deg"
     assert [loss.path for loss in worm.losses("front")] == []
 
 
@@ -214,7 +214,7 @@ def test_joints_that_the_pose_names_stay_if_the_others_suffice(tmp_path: Path) -
     assert frame.q["ankle_r"] == pytest.approx(0.4, abs=1e-9)
     far = np.degrees(0.4)
     assert [(loss.path, loss.what, loss.how) for loss in found.losses("m")] == [
-        ("bent", f"its values as written: the loops close with `ankle_r` moved, by {far:.3g} deg at most", "approximated")
+        ("bent", f"its values: the loops close with `ankle_r` changed by at most {far:.3g} deg", "approximated")
     ]
 
 
@@ -222,7 +222,7 @@ def test_a_pose_that_closes_only_as_another_one_is_a_loss(worm: Built) -> None:
     """From `straight` Newton's method ends in the arch; a keyframe of that name would be a lie."""
     (loss,) = [loss for loss in worm.losses("stay") if loss.path == "straight"]
     assert (loss.what, loss.how) == (
-        "its keyframe: the loops close only with `knee_f` and 5 more moved, by 75 deg at most", "omitted",
+        "its keyframe: the loops close only with `knee_f` and 5 more changed by at most 75 deg", "omitted",
     )
     assert "straight" not in worm.modes["stay"]["poses"]
 
@@ -232,7 +232,7 @@ def test_a_mode_must_close_where_it_starts(tmp_path: Path) -> None:
         poses=POSES, modes=f"  m: {{root: front.sole, pose: lifted, hold: {{rear.sole: {written(AWAY @ MATE)}}}}}\n",
     ))
     assert found.said == [(
-        "TC604", "mode `m` cannot hold `rear/sole` there from pose `lifted`: at best it is 26.8 mm and 23.4 deg away",
+        "TC604", "mode `m` cannot hold `rear/sole` in place from pose `lifted`: at best it is 26.8 mm and 23.4 deg away",
         "start from `arched`, which closes", 23,
     )]
 
@@ -344,7 +344,7 @@ def test_a_hold_out_of_reach_is_said_with_what_is_left(tmp_path: Path) -> None:
     mode = f"  m:\n    root: post\n    pose: up\n    hold:\n      arm.tip: {written(beyond @ MATE)}\n"
     found = compiled(tmp_path, LEVER + mode)
     assert found.said == [(
-        "TC604", "mode `m` cannot hold `arm/tip` there: at best it is 100 mm and 0 deg away",
+        "TC604", "mode `m` cannot hold `arm/tip` in place: at best it is 100 mm and 0 deg away",
         "move the hold, or widen the limits of the joints", 16,
     )]
 
@@ -355,7 +355,7 @@ def test_limits_are_kept(tmp_path: Path) -> None:
     found = compiled(tmp_path, LEVER + f"  m: {{root: post, pose: up, hold: {{arm.tip: {written(held @ MATE)}}}}}\n")
     chord = 400 * np.sin(np.radians(7.5))
     assert [line[1] for line in found.said] == [
-        f"mode `m` cannot hold `arm/tip` there: at best it is {chord:.3g} mm and 15 deg away"
+        f"mode `m` cannot hold `arm/tip` in place: at best it is {chord:.3g} mm and 15 deg away"
     ]
 
 
@@ -389,8 +389,8 @@ def test_a_component_is_held_by_its_origin_laid_plainly(tmp_path: Path) -> None:
 def test_the_root_stands_still_already(tmp_path: Path) -> None:
     found = compiled(tmp_path, LEVER + "  m: {root: arm.tip, hold: {arm.hub: here, post: here}}\n")
     assert found.said == [(
-        "TC603", "mode `m` holds `arm/hub`, which is on its root `arm`: that stands still already",
-        "hold a mount of another link, or take it out", 12,
+        "TC603", "mode `m` holds `arm/hub`, which is on its root `arm`: it does not move anyway",
+        "hold a mount of another link, or remove it", 12,
     )]
 
 
@@ -398,7 +398,7 @@ def test_a_mount_is_held_once_under_all_its_names(tmp_path: Path) -> None:
     found = compiled(
         tmp_path, LEVER + "  m: {root: post, hold: {arm.tip: here, end: here}}\nmounts: {end: arm.tip}\n",
     )
-    assert found.said == [("TC603", "mode `m` holds `arm/tip` twice", "keep one of the two", 12)]
+    assert found.said == [("TC603", "mode `m` holds `arm/tip` twice", "remove one of the two", 12)]
 
 
 @pytest.mark.parametrize(
@@ -408,12 +408,12 @@ def test_a_mount_is_held_once_under_all_its_names(tmp_path: Path) -> None:
         ("{arn.tip: here}", ("TC302", "this document has no component `arn`", "did you mean `arm`?", 12)),
         ("{arm.tip: there}", ("TC204", "expected `here`, found text `there`", "did you mean `here`?", 12)),
         ("{arm.tip: {xyz: 0 0 3 kg}}", ("TC207", None, None, 12)),
-        ("{arm.tip: {}}", ("TC212", "a hold says where: `at: here`, or `xyz` and `rpy`", "write for example `at: here`", 12)),
-        ("{arm.tip: {carries: force}}", ("TC212", "a hold says where: `at: here`, or `xyz` and `rpy`", "write for example `at: here`", 12)),
+        ("{arm.tip: {}}", ("TC212", "a hold needs `at: here`, or `xyz` and `rpy`", "write for example `at: here`", 12)),
+        ("{arm.tip: {carries: force}}", ("TC212", "a hold needs `at: here`, or `xyz` and `rpy`", "write for example `at: here`", 12)),
         ("{arm.tip: {at: here, xyz: 0 0 0}}",
-         ("TC212", "a hold is `here` or at a place of its own; here are `at` and `xyz`", "keep one of them", 12)),
+         ("TC212", "a hold cannot have both `at` and `xyz`", "remove one of them", 12)),
         ("{arm.tip: {xyz: 0 0 0, rpy: 0 0 90 deg, carries: force}}",
-         ("TC212", "a hold that carries force alone holds a point: `rpy` turns nothing", "take `rpy` out", 12)),
+         ("TC212", "a hold that carries only force fixes a point: `rpy` has no effect", "remove `rpy`)", 12)),
         ("{arm.tip: {at: here, carries: torque}}", ("TC204", None, None, 12)),
     ],
 )

@@ -179,13 +179,13 @@ def test_where_a_force_is_read_elsewhere_is_a_loss(walker: Built) -> None:
         return [(loss.path, loss.what, loss.how) for loss in walker.losses(mode)]
 
     assert lost("bench") == [
-        ("imu", "gravity in its accelerometer: MuJoCo gives no acceleration of a body that stands still", "approximated"),
-        ("hip", "the force at its mount: it reads what passes between its link and the world at `body/origin`", "approximated"),
+        ("imu", "gravity in its accelerometer: MuJoCo reports no acceleration for a body at rest", "approximated"),
+        ("hip", "the force at its mount: it measures the force between its link and the world at `body/origin`", "approximated"),
     ]
-    assert lost("adrift") == [("hip", "it: nothing carries the root of a free base", "omitted")]
+    assert lost("adrift") == [("hip", "it: no link carries the root of a free base", "omitted")]
     assert lost("stand") == [
         (
-            "leg/load", "the force at its mount: it reads what passes between its link and the world at `leg/sole`",
+            "leg/load", "the force at its mount: it measures the force between its link and the world at `leg/sole`",
             "approximated",
         ),
     ]
@@ -201,7 +201,7 @@ def test_a_force_in_the_middle_of_a_chain(tmp_path: Path) -> None:
     })
     assert found.said == []
     assert [(loss.path, loss.what) for loss in found.losses("bench") if loss.path == "leg/skin"] == [
-        ("leg/skin", "the force at its mount: it reads what passes through joint `hip`")
+        ("leg/skin", "the force at its mount: it measures the force through joint `hip`")
     ]
 
 
@@ -234,32 +234,32 @@ SENSORS = BODY.partition("sensors:")[0] + "sensors:\n"
     [
         ("a: {type: imu, at: body.imo}", "TC303", "frame `body` has no mount `imo`", "did you mean `imu`?"),
         ("a: {type: imu, at: bady.imu}", "TC302", "this document has no component `bady`", "did you mean `body`?"),
-        ("a: {type: imu, at: body}", "TC310", "`body` is a component, and a mount is wanted here",
-         "name one of its mounts, as in `body.origin`"),
-        ("a: {type: imu}", "TC212", "a sensor of type `imu` needs `at`; none is here", "write for example `at: body.top`"),
+        ("a: {type: imu, at: body}", "TC310", "`body` is a component, but a mount is required here",
+         "use one of its mounts, for example `body.origin`"),
+        ("a: {type: imu}", "TC212", "a sensor of type `imu` needs `at`, found none", "write for example `at: body.top`"),
         ("a: {type: joint, joint: leg.ankel}", "TC304", "there is no joint `leg.ankel`", "did you mean `leg.ankle`?"),
-        ("hop: {type: joint}", "TC304", "there is no joint `hop`", "did you mean `hip`?; name it with `joint: ...`"),
-        ("a: {type: clock, volume: {sphere: {radius: 9 mm}}}", "TC212", "a sensor of type `clock` has no `volume`",
-         "take it out, or choose another `type`: `touch`"),
-        ("a: {type: force, at: body.imu, joint: hip}", "TC212", "a sensor of type `force` has no `joint`",
-         "take it out, or choose another `type`: `joint` or `drive`"),
-        ("a: {type: force, at: body.imu, fovy: 40 deg}", "TC212", "a sensor of type `force` has no `fovy`",
-         "take it out, or choose another `type`: `camera`"),
-        ("a: {type: drive}", "TC212", "a sensor of type `drive` needs `joint` or `tendon`; none is here",
+        ("hop: {type: joint}", "TC304", "there is no joint `hop`", "did you mean `hip`?; set `joint: ...`"),
+        ("a: {type: clock, volume: {sphere: {radius: 9 mm}}}", "TC212", "a sensor of type `clock` cannot have `volume`",
+         "remove it, or choose another `type`: `touch`"),
+        ("a: {type: force, at: body.imu, joint: hip}", "TC212", "a sensor of type `force` cannot have `joint`",
+         "remove it, or choose another `type`: `joint` or `drive`"),
+        ("a: {type: force, at: body.imu, fovy: 40 deg}", "TC212", "a sensor of type `force` cannot have `fovy`",
+         "remove it, or choose another `type`: `camera`"),
+        ("a: {type: drive}", "TC212", "a sensor of type `drive` needs `joint` or `tendon`, found none",
          "write for example `joint: knee`"),
         ("a: {type: drive, joint: leg.ankle}", "TC338", "joint `leg.ankle` has no drive to measure",
          "give it a `drive`, or measure the joint"),
         ("a: {type: tendon, tendon: cord}", "TC363", "this document has no tendon `cord`", "there are no tendons here"),
-        ("a: {type: contact, of: leg}", "TC310", "`leg` is an assembly: sensor `a` is touched at one link",
-         "name one of its components, as in `hand.finger`"),
+        ("a: {type: contact, of: leg}", "TC310", "`leg` is an assembly: the touch sensor `a` must be on one link",
+         "use one of its components, for example `hand.finger`"),
         ("a: {type: imu, at: body.imu, noise: 0.1 rad/s}", "TC212",
-         "a sensor of type `imu` reads several things: `noise` says of which it is",
+         "a sensor of type `imu` measures several quantities: `noise` must specify which one",
          "write for example `noise: {accelerometer: ...}`"),
         ("a: {type: pose, at: body.imu, noise: {quat: 1 deg}}", "TC212",
-         "a sensor of type `pose` reads no `quat` that could have a `noise`",
+         "a sensor of type `pose` does not measure `quat`, so it has no `noise`",
          "known readings: `position`"),
         ("a: {type: gyro, at: body.imu, cutoff: 3 mm}", "TC314",
-         "`cutoff` of sensor `a` is an angular velocity (such as 46 rpm), found a length (`3 mm`)", None),
+         "`cutoff` of sensor `a` must be an angular velocity (such as 46 rpm), found a length (`3 mm`)", None),
         ("a: {type: rangefinder, at: body.imu, range: 0}", "TC315", "`range` of sensor `a` must be above 0, found `0`", None),
         ("a: {type: camera, at: body.imu, fovy: 180 deg}", "TC315",
          "`fovy` of camera `a` must be below 180 deg, found `180 deg`", None),
@@ -284,6 +284,6 @@ def test_a_joint_that_does_not_move_cannot_be_measured(tmp_path: Path) -> None:
     ).replace("joints:\n", "joints:\n  neck: {type: fixed, parent: body.imu, child: head.origin}\n")
     found = compiled(tmp_path, {"walker.yaml": text, "leg.yaml": LEG})
     assert [line[:3] for line in found.said] == [(
-        "TC338", "joint `neck` is fixed and does not move: there is nothing to measure",
-        "measure a joint that moves, or a `force` at one of its mounts",
+        "TC338", "joint `neck` is fixed and does not move: it has nothing to measure",
+        "use a joint that moves, or a `force` sensor at one of its mounts",
     )]

@@ -46,11 +46,11 @@ def said(analysis: Analysis, text: str, marked: str) -> str:
 
 
 @pytest.mark.parametrize(("marked", "words"), [
-    ("par│ameters:\n", "What a variant or a parent assembly may set."),
+    ("par│ameters:\n", "Values that a variant or a parent assembly may set."),
     ("re│ach: {value", "**reach** = 120 mm; at least `50 mm`"),
     ("half: =re│ach / 2", "`=reach / 2` = **60 mm**\n\n**reach** = 120 mm; at least `50 mm`"),
     ("120│ deg}", "`120 deg` = 2.0944 rad"),
-    ("mass: 1 k│g", "Mass, over what the part and its material say."),
+    ("mass: 1 k│g", "Mass, instead of the mass from the part and its material."),
     ("child: finger_$i.s│eat",
      "**finger_0.seat**: Shown by `finger.yaml`: `bone.seat`.\n\nAt (0, 0, 0) mm, z along +z of `finger_0.bone`."),
     ("=(i + 1) * 5│0 g", "`=(i + 1) * 50 g` = **50 g ... 100 g**"),
@@ -60,10 +60,10 @@ def said(analysis: Analysis, text: str, marked: str) -> str:
     ("palm.se│at", "**palm.seat**: Shown by `palm.yaml`: `plate.seat`.\n\nAt (0, 0, 0) mm, z along +z of `palm.plate`."),
     ("li│ft: {type", "**lift**: Fixed, from `base.top` to `palm.seat`."),
     ("out: {ya│w_0", "**yaw_0**: Revolute, from `base.top` to `finger_0.seat`; -90 deg to 120 deg.\n\n"
-     "Turns about z of the parent mount.\n\nNothing drives it."),
+     "Turns about z of the parent mount.\n\nNot driven."),
     ("ou│t: {yaw_0", "**out**: yaw_0 30 deg; all other joints at 0.\n\nModes that begin in it: `bench`."),
     ("pose: o│ut", "**out**: yaw_0 30 deg; all other joints at 0.\n\nModes that begin in it: `bench`."),
-    ("be│nch: {root", "**bench**: `base` is the root, fixed to the world; begins in pose `out`."),
+    ("be│nch: {root", "**bench**: `base` is the root, fixed to the world; starts in pose `out`."),
     ("# a com│ment", ""),
 ])
 def test_what_is_said(analysis: Analysis, marked: str, words: str) -> None:

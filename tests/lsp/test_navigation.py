@@ -177,24 +177,24 @@ def test_a_rename_goes_through_unsaved_documents_and_python(editor: Editor, user
 
 
 REFUSED = {
-    ("walker.yaml", "  bo|dy:\n", "leg_1"): "there is a component `leg_1` already",
-    ("walker.yaml", "  bo|dy:\n", "Nose"): "there is an exported mount `nose` already, which differs from `Nose` only in case",
-    ("walker.yaml", "  bo|dy:\n", "origin"): "`origin` is reserved and cannot name a component",
-    ("walker.yaml", "  bo|dy:\n", "a b"): "`a b` is no name: a letter, then letters, digits and `_`",
-    ("walker.yaml", "  bo|dy:\n", "true"): "`true` is a value where it stands without quotes: choose another name",
-    ("walker.yaml", "  stan|ce: 20", "sin"): "`sin` means something in expressions and cannot name a parameter",
-    ("walker.yaml", "  stan|ce: 20", "k"): "there is an index `k` already",
-    ("walker.yaml", "as: |k}", "half"): "there is a parameter `half` already",
+    ("walker.yaml", "  bo|dy:\n", "leg_1"): "there is already a component `leg_1`",
+    ("walker.yaml", "  bo|dy:\n", "Nose"): "there is already an exported mount `nose`, which differs from `Nose` only in case",
+    ("walker.yaml", "  bo|dy:\n", "origin"): "`origin` is reserved and cannot be the name of a component",
+    ("walker.yaml", "  bo|dy:\n", "a b"): "`a b` is not a valid name: use a letter, then letters, digits and `_`",
+    ("walker.yaml", "  bo|dy:\n", "true"): "`true` is a value if it is not quoted: choose another name",
+    ("walker.yaml", "  stan|ce: 20", "sin"): "`sin` is reserved in expressions and cannot be the name of a parameter",
+    ("walker.yaml", "  stan|ce: 20", "k"): "there is already an index `k`",
+    ("walker.yaml", "as: |k}", "half"): "there is already a parameter `half`",
     ("walker.yaml", "  w|ag:\n", "leg_knee"):  # the pattern `*knee` would fit it
-        "`wag` cannot be called `leg_knee`: what is written at walker.yaml:59 would mean something else then",
-    ("walker.yaml", '"str|*"', "x"): "`stretch` only matches the pattern here: rename it where it is defined",
-    ("walker.yaml", "assembly: hea|d.toml", "x"): "`head.toml` is a file: rename it where it is",
+        "`wag` cannot be renamed to `leg_knee`: the text at walker.yaml:59 would change its meaning",
+    ("walker.yaml", '"str|*"', "x"): "`stretch` only matches the pattern here: rename it in place defined",
+    ("walker.yaml", "assembly: hea|d.toml", "x"): "`head.toml` is a file: rename it in place",
     ("walker.yaml", "  wag: {t|ype: joint}", "x"): "there is no name here",
-    ("user.yaml", "brackets:W|ide", "x"): "`Wide` is a class: rename it where it is",
-    ("user.yaml", "two.ri|m", "x"): "where the mount of a part `rim` of `brackets:Wide` is made cannot be seen without running its code",
-    ("user.yaml", "one.se|at", "rest"): "`Bracket` has a `rest` already",
-    ("user.yaml", "one.se|at", "for"): "`for` is a word of Python and cannot name a mount of a part",
-    ("user.yaml", "materials: {re|d:", "blue"): "`parts/brackets.py` has the material `red`, too: rename it in Python",
+    ("user.yaml", "brackets:W|ide", "x"): "`Wide` is a class: rename it in place",
+    ("user.yaml", "two.ri|m", "x"): "cannot find the definition of the mount of a part `rim` of `brackets:Wide` without running its code",
+    ("user.yaml", "one.se|at", "rest"): "`Bracket` already has a `rest`",
+    ("user.yaml", "one.se|at", "for"): "`for` is a Python keyword and cannot be the name of a mount of a part",
+    ("user.yaml", "materials: {re|d:", "blue"): "`parts/brackets.py` also uses the material `red`: rename it in Python",
 }
 
 
@@ -228,10 +228,10 @@ def test_broken_text_is_read_as_it_was_where_it_is_still_the_same(editor: Editor
     assert ask(editor, "definition", path, "ta|il: {frame: [") == []
     assert ask(editor, "semanticTokens/full", path).data
     assert "tail" not in [one.name for one in ask(editor, "documentSymbol", path)[4].children]
-    with pytest.raises(JsonRpcException, match="`walker.yaml` cannot be read at the moment, and has `leg` in it: mend it first"):
+    with pytest.raises(JsonRpcException, match="`walker.yaml` contains `leg` but cannot be parsed: fix it first"):
         ask(editor, "rename", path, "child: l|eg_$n", newName="limb")
     editor.open(folder / "leg.yaml")
-    with pytest.raises(JsonRpcException, match="`walker.yaml` cannot be read at the moment, and has `socket` in it"):
+    with pytest.raises(JsonRpcException, match="`walker.yaml` contains `socket` but cannot be parsed"):
         ask(editor, "rename", folder / "leg.yaml", "{so|cket", newName="cup")
     assert applied(ask(editor, "rename", folder / "leg.yaml", "  thi|gh:", newName="femur")) == {"leg.yaml": LEG.replace("thigh", "femur")}
 

@@ -26,11 +26,11 @@ from thingc.tools.diff.take_snapshot import take_snapshot
 
 ROOT = Path(__file__).parents[2]
 REFUSED = {
-    "mode bench": "`bench` cannot be called `x_bench`: what is written at walker.yaml:{ben*} would mean something else then",
-    "pose stretch": "`stretch` cannot be called `x_stretch`: what is written at walker.yaml:{str*} would mean something else then",
-    "mount hip_0": "`hip_0` cannot be called `x_hip_0`: what is written at walker.yaml:{hip_$n} would mean something else then",
-    "mount hip_1": "`hip_1` cannot be called `x_hip_1`: what is written at walker.yaml:{hip_$n} would mean something else then",
-    "index i": "the index `i` is not written: write `as: i` under `repeat` first",
+    "mode bench": "`bench` cannot be renamed to `x_bench`: the text at walker.yaml:{ben*} would change its meaning",
+    "pose stretch": "`stretch` cannot be renamed to `x_stretch`: the text at walker.yaml:{str*} would change its meaning",
+    "mount hip_0": "`hip_0` cannot be renamed to `x_hip_0`: the text at walker.yaml:{hip_$n} would change its meaning",
+    "mount hip_1": "`hip_1` cannot be renamed to `x_hip_1`: the text at walker.yaml:{hip_$n} would change its meaning",
+    "index i": "the index `i` is the default: first add `as: i` under `repeat`",
 }
 """What of the walker keeps its name, and why; braces stand for the line on which a text is first."""
 
@@ -134,7 +134,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
     for words, said in {
         ("joints.kne", "x"): "`leg.yaml` has no `joints.kne`\n  help: did you mean `knee`?",
         ("joints.knee.limit", "x"): "`joints.knee.limit` cannot be renamed",
-        ("joints.knee", "origin"): "`origin` is reserved and cannot name a joint",
+        ("joints.knee", "origin"): "`origin` is reserved and cannot be the name of a joint",
     }.items():
         assert main(["rename", "leg.yaml", *words]) == 2
         assert said in capsys.readouterr().out

@@ -166,7 +166,7 @@ joints:
     }
 
 
-STRAIGHT = ": straight, as it is near q = 0 of that one: approximated"
+STRAIGHT = ": linear, as near q = 0 of that joint: approximated"
 
 
 def test_what_other_formats_lose(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -181,9 +181,9 @@ tendons: {grip: {joints: {shoulder: 20 mm/rad}}}
 """)
     assert main(["why", "--losses", str(document), "--emit", "urdf", "--emit", "sdf", "--emit", "usd", "--store", shared_store]) == 0
     said = [line.partition("chain.yaml:")[2] for line in capsys.readouterr().out.splitlines()]
-    bent = "the polynomial by which it follows `shoulder`"
+    bent = "the polynomial of its mimic of `shoulder`"
     assert {line.partition(": ")[2] for line in said if "polynomial" in line or "stiffness" in line or "tendon" in line} == {
-        *(f"{target}: grip: this tendon, and what acts along it: omitted" for target in ("urdf", "sdf", "usd")),
+        *(f"{target}: grip: this tendon and its dynamics: omitted" for target in ("urdf", "sdf", "usd")),
         *(f"{target}: elbow: {bent}{STRAIGHT}" for target in ("urdf", "sdf", "usd")),
         *(f"{target}: slide: its stiffness of 1 N/m: omitted" for target in ("urdf", "usd")),
     }

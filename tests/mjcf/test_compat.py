@@ -1,6 +1,6 @@
 """MJCF for readers besides MuJoCo: what each refuses is said, and what can be said otherwise without harm is.
 
-What the readers lack is written here again, from their sources; that they then read the files is asked of themselves by `make
+What the readers lack is defined here again, from their sources; that they then read the files is asked of themselves by `make
 conformance`. Which geoms may touch MuJoCo itself says: with a margin larger than the robot there is a contact for every pair it looks at.
 """
 
@@ -114,7 +114,7 @@ def test_pairs_that_may_touch_are_those_that_mujoco_looks_at(store: Store, base:
 
 def test_cylinders_that_meet_boxes_are_prisms_for_mjx(store: Store) -> None:
     """And those that then meet a prism; what meets nothing but the floor, its like and its neighbours stays."""
-    what = f"its cylinder, of which MJX has no contacts with boxes and meshes: it is a prism of {SIDES} sides"
+    what = f"its cylinder, which MJX cannot collide with boxes and meshes: a prism of {SIDES} sides is used"
     for shapes, prisms in (
         (("box", "box", "cylinder"), [2]), (("box", "cylinder", "box", "cylinder"), [1, 3]), (("box", "cylinder", "box"), []),
         (("cylinder", "cylinder", "cylinder", "cylinder"), []),
@@ -163,19 +163,19 @@ def test_mjx_has_no_adhesion(store: Store) -> None:
     request, models = magnet(store, "free")
     (said,) = request.report.diagnostics
     assert (said.code, said.severity.value) == (Code.COMPAT, "warning")
-    assert said.message == "MJX will refuse mode `bench`: it has no adhesion, and that at `arm/sole` carries the robot"
+    assert said.message == "MJX cannot load mode `bench`: it has no adhesion, but the adhesion at `arm/sole` carries the robot"
     assert said.span is not None and said.span.line == at(50)[0].line
-    assert said.help is not None and said.help.startswith("leave the mode out with `--mode`, or root it at what holds; ")
+    assert said.help is not None and said.help.startswith("exclude the mode with `--mode`, or use another root; ")
     assert compiled(request, models).nu == 3
 
 
 @pytest.mark.parametrize(("compat", "path", "value", "message"), [
-    ("mjx", "option solver", "PGS", "MJX will refuse mode `bench`: it has no `solver` `PGS`"),
-    ("warp", "option solver", "PGS", "MuJoCo Warp will refuse mode `bench`: it has no `solver` `PGS`"),
-    ("mjx", "option flag energy", "enable", "MJX will refuse mode `bench`: it has no `energy` that is enabled"),
-    ("warp", "option flag midphase", "disable", "MuJoCo Warp will refuse mode `bench`: it has no `midphase` that is disabled"),
-    ("mjx", "geom arm/part_2:collision margin", "0.001", "MJX will refuse mode `bench`: it has no `margin` for contacts of meshes"),
-    ("mjx", "geom arm/part_2:collision type", "ellipsoid", "MJX will refuse mode `bench`: it has no contacts of a ellipsoid and a mesh"),
+    ("mjx", "option solver", "PGS", "MJX cannot load mode `bench`: it has no `solver` `PGS`"),
+    ("warp", "option solver", "PGS", "MuJoCo Warp cannot load mode `bench`: it has no `solver` `PGS`"),
+    ("mjx", "option flag energy", "enable", "MJX cannot load mode `bench`: it has no `energy` that is enabled"),
+    ("warp", "option flag midphase", "disable", "MuJoCo Warp cannot load mode `bench`: it has no `midphase` that is disabled"),
+    ("mjx", "geom arm/part_2:collision margin", "0.001", "MJX cannot load mode `bench`: it has no `margin` for contacts of meshes"),
+    ("mjx", "geom arm/part_2:collision type", "ellipsoid", "MJX cannot load mode `bench`: it has no contacts between ellipsoid and mesh"),
 ])
 def test_what_is_refused_is_said_where_raw_attributes_say_it(store: Store, compat: str, path: str, value: str, message: str) -> None:
     made = robot(store, "hull", "box", "box", raw=(raw(5, path, value), raw(6, "option viscosity", "0")))
@@ -189,16 +189,16 @@ def test_what_is_refused_is_said_where_raw_attributes_say_it(store: Store, compa
 def test_mjx_takes_no_fluid_with_implicitfast_nor_the_integrator_implicit(store: Store) -> None:
     made = robot(store, "box", "box", simulation={"integrator": "implicit"}, raw=(raw(5, "option density", "1.2"),))
     request, models = emitted(made, store, ["mjx"])
-    assert ("bench", "its integrator `implicit`, which MJX lacks: it is `implicitfast`", "approximated") in lost(models)
+    assert ("bench", "its integrator `implicit`, which MJX lacks: `implicitfast` is used", "approximated") in lost(models)
     assert compiled(request, models).opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    assert [one.message for one in request.report.diagnostics] == ["MJX will refuse mode `bench`: it has no `density` with `implicitfast`"]
+    assert [one.message for one in request.report.diagnostics] == ["MJX cannot load mode `bench`: it has no `density` with `implicitfast`"]
 
 
 def test_mjx_takes_elliptic_cones_beside_contacts_only(store: Store) -> None:
     """Where nothing can touch the cones are left out, which changes nothing; where only the floor of the scene is touched, it is said that
     the model alone is refused."""
-    why = "without the floor of the scene it has no contacts, and it steps elliptic cones beside contacts only"
-    refused = f"MJX will refuse mode `bench`: {why}"
+    why = "without the floor of the scene it has no contacts, but it supports elliptic cones only with contacts"
+    refused = f"MJX cannot load mode `bench`: {why}"
     for shapes, base, said, elliptic in (
         (("none", "none"), "fixed", [], False), (("box", "box"), "fixed", [], True), (("box", "box"), "free", [refused], True),
     ):
@@ -216,7 +216,7 @@ def test_names_for_pymjcf_have_no_slash(store: Store) -> None:
     made = robot(store, "box", "cylinder", "hull")
     (_, before), (request, after) = (emitted(made, store, compat) for compat in ((), ("pymjcf",)))
     assert [one for one in lost(after) if one not in lost(before)] == [
-        ("arm", "`/` in names, which PyMJCF refuses: they have `.` in its place", "approximated"),
+        ("arm", "`/` in names, which PyMJCF rejects: `.` is used", "approximated"),
     ]
     old, new = compiled(request, before), compiled(request, after)
     for kind, count in (("body", "nbody"), ("joint", "njnt"), ("geom", "ngeom"), ("actuator", "nu"), ("site", "nsite")):
@@ -243,9 +243,9 @@ def test_drake_takes_all_and_leaves_some_out(store: Store) -> None:
     assert texts[0] == texts[1]
     more: list[Loss] = [one for one in after.losses if one not in before.losses]
     assert {(one.path, one.what) for one in more} == {
-        ("arm/turn_1", "its dry friction: Drake leaves it out"), ("arm/link_0", "that it is moved at run time: Drake leaves it out"),
-        ("arm/sole", "its adhesion: Drake leaves it out"), ("rest", "its keyframe: Drake leaves it out"),
-        ("arm/turn_1", "the range of its commands: Drake takes it for that of its force"),
+        ("arm/turn_1", "its dry friction: not supported by Drake"), ("arm/link_0", "its motion at run time: not supported by Drake"),
+        ("arm/sole", "its adhesion: not supported by Drake"), ("rest", "its keyframe: not supported by Drake"),
+        ("arm/turn_1", "the range of its commands: Drake uses it as the range of the force"),
     }
 
 
@@ -272,7 +272,7 @@ def test_for_drake_no_range_of_commands_stands_where_it_looks_for_that_of_the_fo
     assert main(["why", "--losses", str(tmp_path / "arm.yaml"), "--emit", "mjcf", "--compat", "drake"]) == 0
     said = [line for line in capsys.readouterr().out.splitlines() if "commands" in line]
     assert [line.partition(": ")[2] for line in said] == [
-        "mjcf: bend, spin: the range of its commands: Drake takes it for that of its force: omitted",
+        "mjcf: bend, spin: the range of its commands: Drake uses it as the range of the force: omitted",
     ]
 
 
@@ -319,4 +319,4 @@ def test_without_being_asked_nothing_is_changed(store: Store) -> None:
 def test_mjx_moves_no_held_base_and_that_is_a_loss(store: Store, base: str, lost: bool) -> None:
     """MJX gives the children of a mocap body the place that the body has in the model."""
     _, models = emitted(robot(store, "box", "box"), store, ["mjx"], ("bench", base))
-    assert [loss.what.partition(":")[0] for loss in models.losses if "MJX moves" in loss.what] == ["that its base can be moved"] * lost
+    assert [loss.what.partition(":")[0] for loss in models.losses if "MJX moves" in loss.what] == ["moving its base"] * lost

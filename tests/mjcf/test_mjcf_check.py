@@ -96,14 +96,14 @@ def test_raw_attributes_that_mujoco_refuses(store: Store) -> None:
         raw(109, "geom plate:collision mesh", "nothing"),
     )
     assert said(made, store, ("bench", "fixed"), ("adrift", "free")) == [
-        ("TC702", "error", 101, "MuJoCo refuses `solreflimt` of joint `yaw`: unrecognized attribute: 'solreflimt'"),
-        ("TC702", "error", 102, "MuJoCo refuses `range` of joint `hand/pitch`: bad format in attribute 'range'"),
-        ("TC702", "error", 103, "MuJoCo refuses `limited` of joint `yaw`: invalid keyword: 'perhaps'"),
-        ("TC702", "error", 104, "MuJoCo refuses `iterations` of `option`: bad format in attribute 'iterations'"),
-        ("TC702", "error", 105, "MuJoCo refuses `sleep` of body `bracket`: invalid keyword: '1 2'"),
-        ("TC702", "error", 107, "MuJoCo refuses `solref` of `geom`: bad format in attribute 'solref'"),
-        ("TC702", "error", 108, "MuJoCo refuses `contract` of `flag`: unrecognized attribute: 'contract'"),
-        ("TC702", "error", 109, "MuJoCo refuses `mesh` of geom `plate:collision`: mesh 'nothing' not found in geom 1"),
+        ("TC702", "error", 101, "MuJoCo rejects `solreflimt` of joint `yaw`: unrecognized attribute: 'solreflimt'"),
+        ("TC702", "error", 102, "MuJoCo rejects `range` of joint `hand/pitch`: bad format in attribute 'range'"),
+        ("TC702", "error", 103, "MuJoCo rejects `limited` of joint `yaw`: invalid keyword: 'perhaps'"),
+        ("TC702", "error", 104, "MuJoCo rejects `iterations` of `option`: bad format in attribute 'iterations'"),
+        ("TC702", "error", 105, "MuJoCo rejects `sleep` of body `bracket`: invalid keyword: '1 2'"),
+        ("TC702", "error", 107, "MuJoCo rejects `solref` of `geom`: bad format in attribute 'solref'"),
+        ("TC702", "error", 108, "MuJoCo rejects `contract` of `flag`: unrecognized attribute: 'contract'"),
+        ("TC702", "error", 109, "MuJoCo rejects `mesh` of geom `plate:collision`: mesh 'nothing' not found in geom 1"),
     ]
 
 
@@ -111,7 +111,7 @@ def test_a_raw_value_that_only_the_compiler_refuses(store: Store) -> None:
     """MuJoCo's words name the joint, not the attribute: of three raw attributes there, the one to blame is found."""
     made = arm(store)
     made.raw = (raw(101, "joint yaw damping", "1"), raw(102, "joint yaw axis", "0 0 0"), raw(103, "joint yaw margin", "0.1"))
-    assert said(made, store) == [("TC702", "error", 102, "MuJoCo refuses `axis` of joint `yaw`: axis too small in joint")]
+    assert said(made, store) == [("TC702", "error", 102, "MuJoCo rejects `axis` of joint `yaw`: axis too small in joint")]
 
 
 def test_unknown_and_refused_in_one_run(store: Store) -> None:
@@ -119,7 +119,7 @@ def test_unknown_and_refused_in_one_run(store: Store) -> None:
     made.raw = (raw(101, "joint yow damping", "1"), raw(102, "joint yaw damping", "much"))
     assert said(made, store) == [
         ("TC701", "error", 101, "`mjcf` has no joint `yow`"),
-        ("TC702", "error", 102, "MuJoCo refuses `damping` of joint `yaw`: bad format in attribute 'damping'"),
+        ("TC702", "error", 102, "MuJoCo rejects `damping` of joint `yaw`: bad format in attribute 'damping'"),
     ]
 
 
@@ -128,7 +128,7 @@ def test_a_keyframe_that_does_not_fit(store: Store) -> None:
     made = arm(store)
     made.raw = (raw(101, "key home qpos", "1 2 3 4"),)
     assert said(made, store) == [
-        ("TC702", "error", 101, "MuJoCo refuses `qpos` of key `home`: keyframe 'home': invalid qpos size, expected 3, got 4"),
+        ("TC702", "error", 101, "MuJoCo rejects `qpos` of key `home`: keyframe 'home': invalid qpos size, expected 3, got 4"),
     ]
 
 
@@ -144,7 +144,7 @@ def test_what_no_raw_attribute_caused(store: Store) -> None:
     )
     found = said(made, store)
     assert [(code, severity, line) for code, severity, line, _ in found] == [("TC702", "error", 24)]
-    assert found[0][3].startswith("MuJoCo refuses mesh `boxes.Box-")
+    assert found[0][3].startswith("MuJoCo rejects mesh `boxes.Box-")
 
 
 def test_innocent_raw_attributes_are_not_blamed(store: Store) -> None:
@@ -152,7 +152,7 @@ def test_innocent_raw_attributes_are_not_blamed(store: Store) -> None:
     made.segments[1].axis = (0.0, 0.0, 0.0)
     made.raw = (raw(101, "joint yaw margin", "0.1"), raw(102, "option iterations", "20"))
     found = said(made, store)
-    assert found == [("TC702", "error", 31, "MuJoCo refuses joint `yaw`: axis too small in joint")]
+    assert found == [("TC702", "error", 31, "MuJoCo rejects joint `yaw`: axis too small in joint")]
 
 
 def test_an_inertia_that_mujoco_refuses_is_at_the_link(store: Store) -> None:
@@ -162,7 +162,7 @@ def test_an_inertia_that_mujoco_refuses_is_at_the_link(store: Store) -> None:
     msgspec.structs.force_setattr(request.assembly.links[2], "properties", replace(properties, mass=1e-20))
     emit(request)
     assert [(d.span.line if d.span else None, d.path, d.message) for d in request.report.ordered()] == [
-        (12, "forearm", "MuJoCo refuses body `forearm`: mass and inertia of moving bodies must be larger than mjMINVAL"),
+        (12, "forearm", "MuJoCo rejects body `forearm`: mass and inertia of moving bodies must be larger than mjMINVAL"),
     ]
 
 
@@ -199,19 +199,19 @@ def test_the_users_warning_handler_stays(store: Store) -> None:
 UNKNOWN = [
     ("joint yow damping", "`mjcf` has no joint `yow`", "did you mean `yaw`?"),
     ("joint hand/pich damping", "`mjcf` has no joint `hand/pich`", "did you mean `hand/pitch`?"),
-    ("jiont yaw damping", "raw attributes of `jiont` are not known", "did you mean `joint`?"),
+    ("jiont yaw damping", "there are no raw attributes of `jiont`", "did you mean `joint`?"),
     ("geom hand/cap:colision solref", "`mjcf` has no geom `hand/cap:colision`", "did you mean `hand/cap:collision`?"),
     ("body q gravcomp", "`mjcf` has no body `q`", "known bodies: `bracket`, `forearm`, `plate`, `tip`"),
     ("default colision geom solref", "`mjcf` has no class `colision`", "did you mean `collision`?"),
     (
         "joint damping",
-        "`raw.mjcf.joint.damping` should name an attribute of one joint",
+        "`raw.mjcf.joint.damping` must be the path of an attribute of one joint",
         "write `joint: {NAME: {ATTRIBUTE: VALUE}}`",
     ),
-    ("option", "`raw.mjcf.option` should name an attribute of `option`", "write `option: {ATTRIBUTE: VALUE}`"),
+    ("option", "`raw.mjcf.option` must be the path of an attribute of `option`", "write `option: {ATTRIBUTE: VALUE}`"),
     (
         "default collision solref",
-        "`raw.mjcf.default.collision.solref` should name an attribute in a default class",
+        "`raw.mjcf.default.collision.solref` must be the path of an attribute in a default class",
         "write `default: {CLASS: {ELEMENT: {ATTRIBUTE: VALUE}}}`",
     ),
 ]
@@ -495,7 +495,7 @@ def test_a_chain_longer_than_mujoco_reads(store: Store) -> None:
         (
             "TC702",
             "error",
-            "MuJoCo refuses body `s496`: its XML reader says XML_ELEMENT_DEPTH_EXCEEDED (it reads 500 levels: a chain of links "
+            "MuJoCo rejects body `s496`: its XML parser reports XML_ELEMENT_DEPTH_EXCEEDED (it supports 500 levels: a chain of links "
             "is too long)",
         )
     ]

@@ -77,8 +77,8 @@ def test_a_document_becomes_models(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("attribute", "message"),
     [
-        ("limitted: true", "MuJoCo refuses `limitted` of joint `hook`: unrecognized attribute: 'limitted'"),
-        ("solreflimit: 1 abc", "MuJoCo refuses `solreflimit` of joint `hook`: bad format in attribute 'solreflimit'"),
+        ("limitted: true", "MuJoCo rejects `limitted` of joint `hook`: unrecognized attribute: 'limitted'"),
+        ("solreflimit: 1 abc", "MuJoCo rejects `solreflimit` of joint `hook`: bad format in attribute 'solreflimit'"),
     ],
 )
 def test_what_mujoco_refuses_is_shown_in_the_document(tmp_path: Path, attribute: str, message: str) -> None:

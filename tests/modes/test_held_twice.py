@@ -93,7 +93,7 @@ def test_a_hold_that_moves_is_said(made: Made) -> None:
     """The root rests, the other foot does not."""
     one, other = stir(np.random.default_rng(3), made.data("near")), made.data("bridge")
     before = other.mocap_pos.copy()
-    with pytest.raises(BaseMoves, match="^mode `bridge` holds `c8` still, and it moves at "):
+    with pytest.raises(BaseMoves, match="^mode `bridge` holds `c8` still, but it moves at "):
         made.modes.switch(("near", one), ("bridge", other))
     assert (other.mocap_pos == before).all()
     dropped = made.modes.switch(("near", one), ("bridge", other), on_motion="drop")
@@ -140,7 +140,7 @@ def test_of_a_bolted_robot_both_feet_must_be_where_they_stand(made: Made) -> Non
     assert stretched_weld(other) < 1e-9
     before = other.mocap_pos.copy()
     source.joint("j8").qpos += 0.25
-    with pytest.raises(BaseElsewhere, match="^mode `bolted` has `c8` bolted to the world, and it is ") as refused:
+    with pytest.raises(BaseElsewhere, match="^mode `bolted` fixes `c8` to the world, but it is ") as refused:
         robot.switch(("near", source), ("bolted", other))
     assert refused.value.angle == pytest.approx(0.25, abs=1e-9)
     assert (other.mocap_pos == before).all()
@@ -182,7 +182,7 @@ def test_a_model_with_something_in_another_place_is_refused(made: Made, name: st
     with pytest.raises(WrongData, match=f"its {kind} `{thing}` is 0.0[01][0-9]* m"):
         made.modes.read("bridge", data)
     start = made.data("near")
-    with pytest.raises(WrongData, match="of another variant"):
+    with pytest.raises(WrongData, match="belongs to another variant"):
         made.modes.switch(("near", start), ("bridge", data))
 
 

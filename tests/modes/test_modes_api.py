@@ -201,29 +201,29 @@ WRONG: dict[str, tuple[Callable[[Made], object], type[Exception], str]] = {
     ),
     "data of another mode": (
         lambda made: made.modes.read("front", made.data("crawl")), WrongData,
-        "the data given for mode `front` is of another mode's model: expected a held `front`, found `body` under the world",
+        "the data for mode `front` belongs to the model of another mode: expected a held `front`, found `body` under the world",
     ),
     "data of a mode that holds another link": (
         lambda made: made.modes.switch(("crawl", made.data("crawl")), ("front", made.data("rear"))), WrongData,
-        "the data given for mode `front` is of another mode's model: expected a held `front`, found `rear` under the world",
+        "the data for mode `front` belongs to the model of another mode: expected a held `front`, found `rear` under the world",
     ),
     "a base of another kind": (
         lambda made: made.modes.read("bolted", made.data("front")), WrongData,
-        "the data given for mode `bolted` is of another mode's model: expected a fixed `front`, found `front` under the world",
+        "the data for mode `bolted` belongs to the model of another mode: expected a fixed `front`, found `front` under the world",
     ),
     "data of another robot": (
         lambda made: made.modes.read("front", mujoco.MjData(mujoco.MjModel.from_xml_string("<mujoco/>"))), WrongData,
-        "the data given for mode `front` is of a model without a link `front`",
+        "the data for mode `front` belongs to a model without a link `front`",
     ),
     "a base that moves": (
         lambda made: made.modes.switch(made.modes["crawl"].state(base_twist=[0.3, 0.4, 0, 0, 0, 0]), "front"), ModesError,
-        "mode `front` holds `front` still, and it moves at 0.5 m/s and 0 rad/s: choose on_motion=\"drop\" (the joints' "
+        "mode `front` holds `front` still, but it moves at 0.5 m/s and 0 rad/s: choose on_motion=\"drop\" (the joints' "
         "velocities stay as they are) or on_motion=\"impact\" (a perfectly inelastic catch)",
     ),
     "a base that is elsewhere": (
         lambda made: made.modes.switch(made.modes["front"].state(base_pose=t(0, 0, 0.25) @ rx(0.5)), "bolted"), ModesError,
-        "mode `bolted` has `front` bolted to the world, and it is 0.25 m and 0.5 rad away from there (tolerance 1e-06): bring it "
-        "there first, or give the mode `base: held`, which stands anywhere",
+        "mode `bolted` fixes `front` to the world, but it is 0.25 m and 0.5 rad away from there (tolerance 1e-06): move it "
+        "there first, or use `base: held` for the mode `base: held`, which stands for the mode",
     ),
     "an unknown choice": (
         lambda made: made.modes.switch(made.modes["front"].state(), "rear", on_motion="stop"), ModesError,  # type: ignore[arg-type]
@@ -251,15 +251,15 @@ WRONG: dict[str, tuple[Callable[[Made], object], type[Exception], str]] = {
         lambda made: made.modes["front"].state(q={"knee": float("nan")}), ModesError, "`q` has numbers that are not finite",
     ),
     "no file": (
-        lambda made: Modes.load("nowhere"), FileNotFoundError, "there is no `nowhere`: `thingc build` writes it",
+        lambda made: Modes.load("nowhere"), FileNotFoundError, "there is no `nowhere`: run `thingc build` to create it",
     ),
     "no JSON": (
         lambda made: Modes.parse("{"), ModesError,
-        "`modes.json` is no modes.json of thingc: Expecting property name enclosed in double quotes: line 1 column 2 (char 1)",
+        "`modes.json` is not a modes.json of thingc: Expecting property name enclosed in double quotes: line 1 column 2 (char 1)",
     ),
     "something else": (
         lambda made: Modes.parse("[1]"), ModesError,
-        "`modes.json` is no modes.json of thingc: 'list' object has no attribute 'items'",
+        "`modes.json` is not a modes.json of thingc: 'list' object has no attribute 'items'",
     ),
 }
 
@@ -277,7 +277,7 @@ def test_a_file_of_another_version(made: Made) -> None:
     del described["crawl"]["links"][0]["mass"]
     with pytest.raises(ModesError) as found:
         Modes.parse(json.dumps(described))
-    assert str(found.value) == "`modes.json` has no 'mass' where this version of thingc has one: build the robot again"
+    assert str(found.value) == "`modes.json` has no 'mass', which this version of thingc needs: build the robot again"
     described = json.loads(made.described)
     described["crawl"]["version"] = 1
     with pytest.raises(ModesError) as found:

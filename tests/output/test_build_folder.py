@@ -210,13 +210,13 @@ class TestStrangers:
         assert said.code is Code.UNEXPECTED
         assert said.span is None
         names = ", ".join(f"`note_{number}`" for number in range(8))
-        assert said.message == f"`arm` holds files that no build of `arm.yaml` wrote ({names} and 2 more), and is left as it is"
-        assert said.help == "move these files away, or build into another folder with -o, or give them up with --force"
+        assert said.message == f"`arm` contains files that no build of `arm.yaml` wrote ({names} and 2 more) and is unchanged"
+        assert said.help == "move these files, or build into another folder with -o, or overwrite them with --force"
 
     def test_the_build_of_another_document(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         folder = build(tmp_path, with_manifest({"bom.csv": b"one"}, "other.yaml"), store, "other.yaml")
-        words = "^`arm` holds the build of another document, `other.yaml` and not `arm.yaml`, and is left as it is$"
+        words = "^`arm` contains the build of another document (`other.yaml`, not `arm.yaml`) and is unchanged$"
         with pytest.raises(UnexpectedFilesError, match=words):
             build(tmp_path, FIRST, store)
         assert (folder / "bom.csv").read_bytes() == b"one"
@@ -241,7 +241,7 @@ class TestStrangers:
     def test_a_file_where_the_folder_should_be(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         (tmp_path / "arm").write_text("mine")
-        with pytest.raises(OutputError, match="^`arm` is a file, and the build needs a folder there$"):
+        with pytest.raises(OutputError, match="^`arm` is a file, but the build needs a folder there$"):
             build(tmp_path, FIRST, store)
         assert (tmp_path / "arm").read_text() == "mine"
 
@@ -254,14 +254,14 @@ class TestStrangers:
         before = content(folder)
         with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
-        assert raised.value.message == "`arm` holds files that were changed since they were built (`bom.csv`), and is left as it is"
+        assert raised.value.message == "`arm` contains files that have changed since the build (`bom.csv`) and is unchanged"
         assert raised.value.names == ("bom.csv",) and content(folder) == before
         (folder / "notes.txt").touch()
         with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
         assert raised.value.message == (
-            "`arm` holds files that no build of `arm.yaml` wrote (`notes.txt`) and files that were changed since they were built "
-            "(`bom.csv`), and is left as it is"
+            "`arm` holds files that no build of `arm.yaml` wrote (`notes.txt`) and files that have changed since the build "
+            "(`bom.csv`) and is unchanged"
         )
         build(tmp_path, SECOND, store, force=True)
         assert content(folder) == SECOND and os.listdir(tmp_path) == ["arm"]
@@ -426,16 +426,16 @@ class TestRefused:
         (tmp_path / "build").write_text("mine")
         with pytest.raises(OutputError) as raised:
             build(tmp_path / "build", FIRST, store)
-        assert raised.value.message == "the build cannot be written to `build/arm`: File exists"
-        assert raised.value.hint == "move the file that is in its place away, or build into another folder with -o"
+        assert raised.value.message == "cannot write the build to `build/arm`: File exists"
+        assert raised.value.hint == "move the file in its place, or build into another folder with -o"
 
     def test_a_name_that_is_too_long(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         with pytest.raises(OutputError) as raised:
             build(tmp_path, with_manifest({f"{'a' * 300}.stl": b"x"}), store)
-        assert raised.value.message == "the build cannot be written to `arm`: File name too long"
+        assert raised.value.message == "cannot write the build to `arm`: File name too long"
         assert raised.value.hint == (
-            "shorten the `name` of the document or of what its files are called by, or build into another folder with -o"
+            "shorten the `name` of the document or the names in it, or build into another folder with -o"
         )
 
     def test_a_system_that_takes_no_folders(self, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -446,7 +446,7 @@ class TestRefused:
         raised.value.diagnose(report)
         (said,) = report.diagnostics
         assert said.code is Code.OUTPUT
-        assert said.message.startswith("the build cannot be written to `proc/self/arm`: ")
+        assert said.message.startswith("cannot write the build to `proc/self/arm`: ")
         assert said.help is not None and said.help.endswith(", or build into another folder with -o")
         assert "space" not in said.help
 
@@ -461,7 +461,7 @@ class TestRefused:
             try:
                 build(tmp_path, big, store)
             except OutputError as fault:
-                os._exit(7 if fault.message.startswith("there is no room for the build in `") else 8)
+                os._exit(7 if fault.message.startswith("there is not enough space for the build in `") else 8)
             os._exit(9)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
         assert content(folder) == FIRST

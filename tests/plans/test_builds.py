@@ -179,7 +179,7 @@ def test_a_plan_that_gives_other_files_is_given_up(session: Session, monkeypatch
     monkeypatch.setattr(build_templates._Template, "files", lambda self, numbers, settings: {MANIFEST: b"{}"})
     assert own.planned(given(4)) is None  # the first after three others: time to look
     (form,) = own._forms.kept.values()
-    assert form.plans == [] and (form.refused or "").startswith("a plan gave other files for {'joints.lift.limit.upper': 1.29")
+    assert form.plans == [] and (form.refused or "").startswith("a plan gave different files for {'joints.lift.limit.upper': 1.29")
     monkeypatch.undo()
     assert own.planned(given(5)) is None
 

@@ -187,7 +187,7 @@ def test_it_is_said_by_every_build_that_takes_the_part_from_the_store(robot: Cal
         code, answer = robot(*words)
         assert code == 0
         said.append([(one["code"], one["message"], [note["line"] for note in one["notes"]]) for one in answer["diagnostics"]])
-    wanted = "asks the environment for `SIZE`, which no part is given"
+    wanted = "reads the environment variable `SIZE`, which parts do not have"
     first = [("TC408", f"`arm:Block` {wanted}", [4]), ("TC408", f"`arm:Other` {wanted}", [10])]
     assert said == [first, first, first]
     assert answer["modelled"] == []
@@ -216,4 +216,4 @@ def test_a_variable_that_is_missed_is_named(place: Any, define: Callable[..., An
     """))
     with place.service() as service:
         failure = service.realize([define("arm:part")])["arm:part"]
-    assert failure.message == "KeyError: 'WIDTH'; the environment of a part is fixed, and has no `WIDTH`"
+    assert failure.message == "KeyError: 'WIDTH'; the environment of a part is fixed and does not contain `WIDTH`"

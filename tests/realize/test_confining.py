@@ -183,10 +183,10 @@ def test_what_a_part_leaves_behind_is_ended_and_named(place: Any, define: Callab
     assert marked(place) == []
     for name, words in (("child", f"`{sys.executable}"), ("daemon", f"`{LONE}`"), ("copy", "a copy of itself")):
         (left,) = [warning for warning in found[f"leaving:{name}"].warnings if warning.asked is ImpureInputs.LEFT]
-        assert left.message.startswith(f"leaves {words}") and left.message.endswith(" running, which was ended")
+        assert left.message.startswith(f"leaves {words}") and left.message.endswith(" running, which was terminated")
     assert [one for one in found["leaving:polite"].warnings if one.asked is ImpureInputs.LEFT] == []
     failures = [found[f"leaving:{name}"] for name in ("crashing", "hanging")]
-    assert [(one.kind, one.message) for one in failures] == [("crashed", "killed by SIGSEGV"), ("hung", "it was not done after 2 s")]
+    assert [(one.kind, one.message) for one in failures] == [("crashed", "killed by SIGSEGV"), ("hung", "it took longer than 2 s")]
 
 
 BOMBS = HEAD + """
@@ -206,7 +206,7 @@ def test_a_fork_bomb_is_one_diagnostic(place: Any, define: Callable[..., Any], n
     place.write("parts/bombs.py", BOMBS.format(victim="", beside=""))
     with place.service(timeout=60.0) as service:
         bomb, good = service.realize([define(f"bombs:{name}"), define("bombs:made")]).values()
-    assert (bomb.kind, bomb.message) == ("swarmed", "more than 256 of its processes were alive at once")
+    assert (bomb.kind, bomb.message) == ("swarmed", "it had more than 256 processes at once")
     assert (os.path.basename(bomb.file), bomb.line is not None) == ("bombs.py", True)
     assert isinstance(good, PartRecord)
     assert [one.pid for one in psutil.process_iter(["cwd"]) if one.info["cwd"] == str(place.root)] == []

@@ -133,24 +133,24 @@ def inflating_3mf() -> bytes:
     return zipped(box_3mf().replace(b"<build>", b" " * LARGEST + b"<build>"))
 
 
-OBJECTS = f"has {2**40 - 1 + 1} objects, each counted as often as it is placed, and {INSTANCES} at most are read"
+OBJECTS = f"has {2**40 - 1 + 1} objects, counted once per placement, but at most {INSTANCES} are supported"
 CYCLE = '<object id="1"><components><component objectid="1"/></components></object>'
 
 
 @pytest.mark.parametrize(("name", "data", "words"), [
     ("nested.3mf", nested_3mf(), OBJECTS),
     ("cycle.3mf", zipped(model_3mf(CYCLE, "1")), "has objects that contain themselves, or are nested deeper than 100 levels"),
-    ("nested.dae", nested_dae(), f"and {INSTANCES} at most are read"),
-    ("nested.dae", nested_dae().decode().replace("utf-8", "utf-16").encode("utf-16"), f"and {INSTANCES} at most are read"),
+    ("nested.dae", nested_dae(), f"but at most {INSTANCES} are supported"),
+    ("nested.dae", nested_dae().decode().replace("utf-8", "utf-16").encode("utf-16"), f"but at most {INSTANCES} are supported"),
     ("often.dae", content("box.dae").replace(b"<instance_geometry", INSTANCES * b"<instance_geometry url='#x'/>" + b"<instance_geometry"),
      f"has {INSTANCES + 3} objects"),
     ("sparse.glb", glb(15_000_003), "has 5000001 triangles, and"),
     ("negative.glb", glb(-3_000_000_000), "has 9000000000 numbers, and"),
-    ("shared.glb", glb(1_000_000, accessors=20, kind="MAT4"), "has 320000000 numbers, and 200000000 at most are read"),
-    ("primitives.glb", glb(3, primitives=INSTANCES), f"has {INSTANCES + 1} nodes and what they place"),
-    ("nodes.glb", glb(3, nodes=101, primitives=99), "has 10100 nodes and what they place"),
+    ("shared.glb", glb(1_000_000, accessors=20, kind="MAT4"), "has 320000000 numbers, but at most 200000000 are supported"),
+    ("primitives.glb", glb(3, primitives=INSTANCES), f"has {INSTANCES + 1} nodes and placed objects"),
+    ("nodes.glb", glb(3, nodes=101, primitives=99), "has 10100 nodes and placed objects"),
     ("empty.glb", b"", "is empty"),
-    ("inflating.3mf", inflating_3mf, "bytes of XML, and 200000000 at most are read"),
+    ("inflating.3mf", inflating_3mf, "bytes of XML, but at most 200000000 are supported"),
 ])
 def test_what_is_declared_is_bounded_before_it_is_read(
     name: str, data: bytes | Callable[[], bytes], words: str, tmp_path: Path,
@@ -167,7 +167,7 @@ def test_what_is_declared_is_bounded_before_it_is_read(
 ])
 def test_triangles_are_counted_before_they_are_read(suffix: str, data: bytes) -> None:
     bounded(suffix, data, 11)
-    with pytest.raises(BadMesh, match="has 11 triangles, and 10 at most are read"):
+    with pytest.raises(BadMesh, match="has 11 triangles, but at most 10 are supported"):
         bounded(suffix, data, 10)
 
 
@@ -188,7 +188,7 @@ def test_a_mesh_placed_often_counts_as_often(tmp_path: Path) -> None:
         scene.graph.update(f"n{k}", geometry="ball", matrix=trimesh.transformations.translation_matrix((3.0 * k, 0.0, 0.0)))
     path = tmp_path / "often.glb"
     path.write_bytes(scene.export(file_type="glb"))
-    with pytest.raises(BadPartFile, match=f"triangles, and {MOST} at most are read"):
+    with pytest.raises(BadPartFile, match=f"triangles, but at most {MOST} are supported"):
         read_mesh(str(path), ".glb", 1.0)
 
 
@@ -206,6 +206,6 @@ def test_files_that_the_kernel_cannot_use_are_not_valid(place: Any, define_file:
         found = service.realize([define_file(name) for name in files])
     assert all(isinstance(failure, PartFailure) and failure.kind == "invalid" for failure in found.values()), found
     assert [found[name].message for name in files] == [
-        "the file is cut off, or is not BREP", "the STEP file holds no shape",
+        "the file is truncated, or is not BREP", "the STEP file contains no shape",
         "the file is damaged, or the CAD kernel cannot read it (killed by SIGSEGV)",
     ]

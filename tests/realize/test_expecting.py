@@ -71,7 +71,7 @@ def test_what_is_as_it_was_is_not_begun(place: Any, sent: list[str]) -> None:
 
 
 def test_what_nobody_asks_for_in_the_end_is_ended(place: Any, define: Any, sent: list[str]) -> None:
-    """It may hang, and it may be what takes a parameter that is not there any more."""
+    """It may hang, and it may be what takes a parameter that does not exist any more."""
     place.write("parts/blocks.py", BLOCK)
     before = place.service()
     made(before, like=define("blocks:Block", width=0.02, height=0.005))

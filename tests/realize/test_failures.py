@@ -106,7 +106,7 @@ EXPECTED = {
     "Raises": ("raised", "ValueError: 3.0 mm is too wide", "helper.py", 3),
     "RaisesInResult": ("raised", "AssertionError: one is not above two", "bad.py", 16),
     "Segfaults": ("crashed", "killed by SIGSEGV", "bad.py", 28),
-    "Leaves": ("crashed", "it ended the interpreter with exit status 0", None, None),
+    "Leaves": ("crashed", "it exited the interpreter with status 0", None, None),
     "Exits": ("raised", "SystemExit: 3", "bad.py", 39),
     "Flat": ("empty", "result() holds no solid, only faces", None, None),
     "Nothing": ("empty", "result() returned an empty Part", None, None),
@@ -181,7 +181,7 @@ def test_a_hang_ends_one_child_only(module_place: Any, define: Callable[..., Any
         found = service.realize([define("bad:Hangs"), define("bad:Good")])
     failure = found["bad:Hangs"]
     assert isinstance(failure, PartFailure)
-    assert (failure.kind, failure.message) == ("hung", "it was not done after 1.5 s")
+    assert (failure.kind, failure.message) == ("hung", "it took longer than 1.5 s")
     assert failure.file == str(module_place.parts / "bad.py")
     assert failure.line in (21, 22)
     assert isinstance(found["bad:Good"], PartRecord)

@@ -360,7 +360,7 @@ def test_facts_kept_in_a_store_give_the_same_key(tmp_path: Path) -> None:
         ("shapes.py", "THICKNESS = 2", "THICKNESS = 3", "module `shapes` changed"),
         ("arm.py", "SIZE = 30", "import alone", "module `arm` changed"),
         ("arm.py", "from shapes import plate", "", "module `arm` changed"),
-        ("alone.py", "class", "class", "nothing that it depends on changed"),
+        ("alone.py", "class", "class", "no dependency changed"),
     ],
 )
 def test_what_changed_in_words(tmp_path: Path, file: str, old: str, new: str, words: str) -> None:

@@ -139,11 +139,11 @@ def written(path: Path, faces: list[list[tuple[float, ...]]]) -> None:
     ("name", "change", "words"),
     [
         ("whole", lambda faces: faces, None),
-        ("hole", lambda faces: faces[1:], "triangles put into holes: 1"),
-        ("side", lambda faces: faces[2:], "triangles put into holes: 2"),
-        ("turned", lambda faces: [faces[0][::-1], *faces[1:]], "triangles turned round: 1"),
+        ("hole", lambda faces: faces[1:], "triangles added to fill holes: 1"),
+        ("side", lambda faces: faces[2:], "triangles added to fill holes: 2"),
+        ("turned", lambda faces: [faces[0][::-1], *faces[1:]], "triangles flipped: 1"),
         ("apart", lambda faces: [[(x + 1e-6, y, z) for x, y, z in faces[0]], *faces[1:]],
-         "corners joined within 1e-05 mm: 3"),
+         "vertices merged within 1e-05 mm: 3"),
         ("inside_out", lambda faces: [face[::-1] for face in faces], None),
     ],
 )
@@ -188,7 +188,7 @@ def test_a_triangle_that_stands_there_twice_counts_once(name: str, change: Any, 
         record = service.realize([filed(f"{name}.stl", None)])[f"{name}.stl"]
     assert isinstance(record, PartRecord), record
     assert record.volume == pytest.approx(24e-6, rel=1e-6)
-    assert [warning.message for warning in record.warnings] == [f"triangles that stand in it more than once, left out: {count}"]
+    assert [warning.message for warning in record.warnings] == [f"duplicate triangles removed: {count}"]
 
 
 @pytest.mark.parametrize("change", [
@@ -201,7 +201,7 @@ def test_a_surface_with_two_sides_is_one(change: Any, module_place: Any) -> None
         record = service.realize([filed("sides.stl", None)])["sides.stl"]
     assert isinstance(record, PartRecord), record
     assert record.volume == pytest.approx(24e-6, rel=1e-6)
-    assert [warning.message for warning in record.warnings] == ["triangles that are the other side of one that it has, left out: 12"]
+    assert [warning.message for warning in record.warnings] == ["back sides of other triangles removed: 12"]
 
 
 def test_solids_of_a_file_that_overlap_are_united_where_it_is_made(module_place: Any) -> None:
@@ -210,7 +210,7 @@ def test_solids_of_a_file_that_overlap_are_united_where_it_is_made(module_place:
         record = service.realize([filed("two.stl", None)])["two.stl"]
     assert isinstance(record, PartRecord), record
     assert [warning.message for warning in record.warnings] == [
-        "its 2 solids overlap: 13120 of 48000 mm^3 are counted twice, in volume and mass; unite them where the file is made"
+        "its 2 solids overlap: 13120 of 48000 mm^3 are counted twice in volume and mass; unite them in the CAD program"
     ]
 
 
@@ -225,19 +225,19 @@ def binary(faces: list[list[tuple[float, ...]]], count: int) -> bytes:
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("open.stl", None, "its surface is not closed: 6 edges have no neighbour, so that it has no volume"),
+        ("open.stl", None, "its surface is not closed: 6 edges have no neighbour, so it has no volume"),
         ("words.stl", b"no triangles at all", "the file is cut off: it has 19 bytes"),
         ("words.ply", b"no triangles at all", "the file is damaged, or is not PLY"),
         ("words.glb", b"no triangles at all", "the file is damaged, or is not GLB"),
         ("beyond.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "the file is damaged, or is not OBJ"),
-        ("short.stl", binary(BOX, 50), "the file is cut off: it says that it has 50 triangles, and there are bytes for 12"),
-        ("long.stl", binary(BOX, 5), "the file goes on behind its end: it says that it has 5 triangles, and there are"),
-        ("cut.stl", binary(BOX, 12)[:-80], "the file is cut off: it says that it has 12 triangles, and there are bytes for 10.4"),
-        ("head.stl", bytes(50), "the file is cut off: it has 50 bytes, and a binary STL file begins with 84"),
-        ("text.stl", b"solid box\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\n", "the file is cut off: it has no `endsolid`"),
-        ("far.stl", binary([[(1e38, 0.0, 0.0), *BOX[0][1:]], *BOX[1:]], 12), "a coordinate is 1e+38 mm: no part is so large"),
-        ("words.brep", b"no shape at all", "the file is cut off, or is not BREP"),
-        ("words.step", b"no shape at all", "the STEP file holds no shape"),
+        ("short.stl", binary(BOX, 50), "the file is cut off: it declares 50 triangles, but has bytes for 12"),
+        ("long.stl", binary(BOX, 5), "the file has data after its end: it says that it has 5 triangles, and there are"),
+        ("cut.stl", binary(BOX, 12)[:-80], "the file is cut off: it declares 12 triangles, but has bytes for 10.4"),
+        ("head.stl", bytes(50), "the file is truncated: it has 50 bytes, but a binary STL file has at least 84"),
+        ("text.stl", b"solid box\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\n", "the file is truncated: it has no `endsolid`"),
+        ("far.stl", binary([[(1e38, 0.0, 0.0), *BOX[0][1:]], *BOX[1:]], 12), "a coordinate is 1e+38 mm, which is too large for a part"),
+        ("words.brep", b"no shape at all", "the file is truncated, or is not BREP"),
+        ("words.step", b"no shape at all", "the STEP file contains no shape"),
         ("gone.gltf", b'{"asset": {"version": "2.0"}, "buffers": [{"uri": "gone", "byteLength": 9}]}', "the file is damaged, or is not G"),
         ("endless.off", b"OFF\n3 1 0\n0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n", "a coordinate is not finite"),
     ],

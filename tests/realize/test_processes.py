@@ -212,7 +212,7 @@ def test_workers_that_are_closed_meanwhile_are_not_started_again(place: Any, def
             time.sleep(0.05)
         workers.close()
         failure = waiting.result()["parts_:Slow"]
-    assert (failure.kind, failure.message) == ("crashed", "the workers have been ended") and not workers.running
+    assert (failure.kind, failure.message) == ("crashed", "the workers have been shut down") and not workers.running
 
 
 @pytest.mark.parametrize("damage", ["gone", "truncated", "overwritten", "document"])
@@ -236,7 +236,7 @@ def test_damage_is_mended_by_the_next_run(place: Any, define: Callable[..., Any]
     with place.service() as service:
         after = service.realize(definitions)
         assert service.modelled == ["parts_:Block(width=0.03)"]
-        assert service.decisions["parts_:Block(width=0.03)"].reason == "its files were missing from the store"
+        assert service.decisions["parts_:Block(width=0.03)"].reason == "its files were missing from the cache"
     assert after == before
     assert place.store.has(record.meshes["print"].sha256, record.meshes["print"].size)
 

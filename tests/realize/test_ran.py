@@ -1,4 +1,4 @@
-"""After an edit those parts are modelled again for which something ran that is another now, however they got there, and no others."""
+"""After an edit those parts are modelled again for which something ran that has changed, however they got there, and no others."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def test_edits_of_code(
     again, after, reasons = realize(place, definitions)
     assert again == modelled
     for text in TEXTS:
-        unchanged = "nothing that it depends on changed since it was modelled (first time)"
+        unchanged = "no dependency changed since it was built (first time)"
         assert reasons[text] == (f"module `{file}` changed" if text in modelled else unchanged)
         same = (after[text].volume, after[text].meshes, after[text].material) == (
             before[text].volume, before[text].meshes, before[text].material
@@ -346,7 +346,7 @@ def test_a_file_part_that_is_none(place: Any, define_file: Callable[[str], Any])
     assert {text: failure.kind for text, failure in found.items()} == {
         "open.obj": "invalid", "text.step": "invalid", "gone.step": "missing", "../outside.step": "refused",
     }
-    assert found["open.obj"].message == "its surface is not closed: 3 edges have no neighbour, so that it has no volume"
+    assert found["open.obj"].message == "its surface is not closed: 3 edges have no neighbour, so it has no volume"
     assert found["gone.step"].candidates == ("open.obj", "text.step")
 
 

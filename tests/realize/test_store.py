@@ -89,7 +89,7 @@ def test_an_unusable_store_says_so(tmp_path: Path) -> None:
     with pytest.raises(StoreUnusable) as caught:
         store.check()
     assert caught.value.root == str(tmp_path / "file" / "store")
-    assert str(caught.value) == f"the store {store.root} cannot be used: Not a directory"
+    assert str(caught.value) == f"the cache {store.root} cannot be used: Not a directory"
     with pytest.raises(StoreUnusable):
         store.put(b"x")
     assert store.get_json("kind", "key") is None

@@ -139,7 +139,7 @@ def test_a_hundred_thousand_occurrences_and_no_more(tmp_path: Path) -> None:
     good = run(tmp_path, files(9998))
     assert good.said == []
     bad = run(tmp_path, files(9999))
-    assert bad.said == ["TC331 big.yaml:5:3 with `base` this assembly has 100001 occurrences; at most 100000 are possible"]
+    assert bad.said == ["TC331 big.yaml:5:3 with `base`, this assembly has 100001 occurrences; at most 100000 are allowed"]
 
 
 def test_doubling_documents_are_counted_without_unrolling(tmp_path: Path) -> None:
@@ -155,7 +155,7 @@ def test_doubling_documents_are_counted_without_unrolling(tmp_path: Path) -> Non
             """
     outcome = run(tmp_path, files)
     # 2**16 fit, so the first document in which 2**17 would stand is the 17th from the end, at its second component.
-    assert outcome.said == ["TC331 d43.yaml:5:3 with `b` this assembly has 131072 occurrences; at most 100000 are possible"]
+    assert outcome.said == ["TC331 d43.yaml:5:3 with `b`, this assembly has 131072 occurrences; at most 100000 are allowed"]
 
 
 @settings(max_examples=200)

@@ -183,9 +183,9 @@ def test_one_warning_names_the_modes_that_start_alike_and_the_first_joints() -> 
     check_starts(tuple(robots(linked(model, BASE, ARM)).values()), None, report, Memo())
     [(code, message, _, line)] = said(report)
     assert (code, line) == ("START_LIMITS", 200)
-    assert message == "mode `m` starts without a pose, so with `j0` at 0, outside its limits 10 deg to 90 deg"
-    more = [(f"so it is with `{name}`", None, None) for name in ("j1", "j2", "j3")]
-    assert notes(report) == [("`j0` is here", FILE, 20), *more, ("so it is in `n`", None, None)]
+    assert message == "mode `m` starts without a pose, which puts `j0` at 0, outside its limits 10 deg to 90 deg"
+    more = [(f"also `{name}`", None, None) for name in ("j1", "j2", "j3")]
+    assert notes(report) == [("`j0` is here", FILE, 20), *more, ("also in `n`", None, None)]
 
 
 @pytest.mark.parametrize("number", [1, 3, 4])
@@ -213,7 +213,7 @@ def test_one_warning_names_the_modes_that_do_not_stand_on_their_feet(number: int
     assert (code, line) == ("OFF_FEET", 200)
     names = ", ".join(f"`leg{k}/tip`" for k in range(min(number, 3))) + (" and others" if number == 4 else "")
     assert message == f"mode `m` stands on {names}, and `hub` is at least 50 mm lower with all joints at 0"
-    assert notes(report) == [("`hub` is here", FILE, 10), ("so it is in `n`, `o`", None, None)]
+    assert notes(report) == [("`hub` is here", FILE, 10), ("also in `n`, `o`", None, None)]
 
 
 @pytest.mark.parametrize(("z", "base", "others", "depth"), [
@@ -229,10 +229,10 @@ def test_one_warning_names_the_modes_that_start_under_the_plane(z: float, base: 
     model, report = assembly("one", [component("b", "p:Block", line=10)], modes=modes), Report()
     check_starts(tuple(robots(linked(model, block)).values()), None, report, Memo())
     assert [(code, line, message) for code, message, _, line in said(report)] == [
-        ("START_BELOW", 200, f"mode `m` starts with `b` at least {depth} under the plane z = 0 of its scene") for _ in [depth] if depth
+        ("START_BELOW", 200, f"mode `m` starts with `b` at least {depth} below the plane z = 0 of its scene") for _ in [depth] if depth
     ]
     if depth:
-        more = ["", "so does mode `n`", "so do modes `n`, `o`"][others]
+        more = ["", "also in mode `n`", "also in modes `n`, `o`"][others]
         assert notes(report) == [("`b` is here", FILE, 10), *((text, None, None) for text in [more] if text)]
         [help] = [one.help or "" for one in report.diagnostics]
         assert help.startswith("`at` is at z = -70 mm" if z < 0 else "write for example `at: {xyz: 0 0 50 mm}`")
@@ -439,4 +439,4 @@ def test_a_link_out_of_reach_is_a_diagnostic() -> None:
     found = replace(hinge(), mates=())
     report = Report()
     assert root(found, found.modes[0], report) is None
-    assert [d.message for d in report.diagnostics] == ["link `arm` does not hang together with the root of mode `bench`"]
+    assert [d.message for d in report.diagnostics] == ["link `arm` is not connected to the root of mode `bench`"]

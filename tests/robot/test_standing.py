@@ -278,12 +278,12 @@ def said(compilation: Compilation) -> list[tuple[str, str, str | None]]:
 def test_a_height_is_said_once(compiled: Compiled) -> None:
     found = said(compiled(ARM.replace("xyz: [10 mm, 0, 0]", "xyz: [10 mm, 0, 5 mm]")))
     assert found == [(
-        "TC606", "mode `afloat` is `on: floor` and 5 mm above it: both say how high it is", "write `0` for z, or take `on` out",
+        "TC606", "mode `afloat` is `on: floor` and also at a height of 5 mm: both determine its height", "set z to `0`, or remove `on`",
     )]
     found = said(compiled(ARM + "  held: {extends: afloat, hold: {lower.tip: {xyz: 100 0 0 mm}}}\n"))
     assert found == [(
-        "TC606", "mode `held` is `on: floor` and holds `lower.tip` at a place: both say how high it is",
-        "write `lower.tip: here`, or a height in `at`",
+        "TC606", "mode `held` is `on: floor` and also holds `lower.tip` at a fixed place: both determine its height",
+        "write `lower.tip: here`, or set a height in `at`",
     )]
 
 
@@ -303,6 +303,6 @@ def test_nothing_is_said_of_the_floor_while_a_part_is_unknown(compiled: Compiled
 def test_something_has_to_touch(compiled: Compiled) -> None:
     found = said(compiled(LAMP.replace("KIND", "none")))
     assert found == [
-        ("TC607", f"mode `{mode}` is `on: floor`, and no part of `robot` could touch it",
-         "give a part a `collision` other than `none`, or write `at: {xyz: ...}`") for mode in ("flat", "askew", "hung")
+        ("TC607", f"mode `{mode}` is `on: floor`, but no part of `robot` can touch it",
+         "set `collision` of a part to a value other than `none`, or write `at: {xyz: ...}`") for mode in ("flat", "askew", "hung")
     ]

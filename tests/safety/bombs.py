@@ -101,7 +101,7 @@ def many_keys(folder: Path) -> str:
 
 
 def many_components(folder: Path) -> str:
-    """Ten megabytes of components, all on one that is not there."""
+    """Ten megabytes of components, all on one that does not exist."""
     lines = "".join(f"  c{n}: {{frame: true, at: {{in: bodi.origin}}}}\n" for n in range(200_000))
     return _document(folder, HEAD + FRAME + lines)
 
@@ -297,7 +297,7 @@ def unicode_surprises(folder: Path) -> str:
 
 
 def bad_bytes(folder: Path) -> str:
-    """Nine megabytes that are no UTF-8 at the very end."""
+    """Nine megabytes that are not UTF-8 at the very end."""
     return _document(folder, (HEAD + "description: " + "x" * 9_000_000).encode() + b"\xff")
 
 

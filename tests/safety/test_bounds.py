@@ -91,4 +91,4 @@ def test_who_waits_for_ever_is_ended_and_who_computes_slowly_is_not(monkeypatch:
 
     assert bounds.confined(slowly, 5.0) == "done"
     hung = bounds.confined(lambda: select.select([], [], []), 1.0)
-    assert isinstance(hung, Diagnostic) and hung.message == "the check was stopped: it did nothing for 0.3 s"
+    assert isinstance(hung, Diagnostic) and hung.message == "the check was stopped: it made no progress for 0.3 s"

@@ -22,7 +22,7 @@ TETRAHEDRON = "solid t\n" + "".join(
     for face in _FACES
 ) + "endsolid t\n"
 
-UNKNOWN = "note[TC345]: 1 part has parameters or a process that `parts.lock.json` does not hold: its geometry was not looked at"
+UNKNOWN = "note[TC345]: 1 part has parameters or a process that `parts.lock.json` does not contain: its geometry was not checked"
 pytestmark = pytest.mark.usefixtures("one_kernel")
 
 ARM, MINCHW = "assemblies/arm.yaml", "assemblies/minchw/minchw.yaml"
@@ -125,8 +125,8 @@ def test_lock_check_says_what_changed(workspace: Path, shared_store: str) -> Non
     assert done.code == 1
     assert "the part `arm:PenDummy` is not in it" in done.out
     assert "there is no part `arm:Ghost` any more" in done.out
-    assert "`parameters.size.maximum` of `arm:BasePlate` is another now" in done.out
-    assert "`volume` of `arm:BasePlate` is another now" in done.out and "`centre`" not in done.out
+    assert "`parameters.size.maximum` of `arm:BasePlate` has changed" in done.out
+    assert "`volume` of `arm:BasePlate` has changed" in done.out and "`centre`" not in done.out
     assert done.out.count("error[TC341]") == 4
 
 

@@ -311,7 +311,7 @@ def test_the_test_of_a_document_says_it(tmp_path: Path, shared_store: str, capsy
     second, first = answer["diagnostics"]
     assert first["code"] == second["code"] == "TC660" and "(mode `three`, pose `stand`)" in second["message"]
     words = re.fullmatch(
-        r"test `stands` \(mode `three`, pose `tripod`\): in this pose the robot falls over: its centre of mass is (\S+) mm outside of the "
+        r"test `stands` \(mode `three`, pose `tripod`\): in this pose the robot falls over: its centre of mass is (\S+) mm outside the "
         r"polygon of its feet", first["message"],
     )
     assert words is not None and float(words[1]) == pytest.approx(1000.0 * far, rel=1e-3)
@@ -362,7 +362,7 @@ def test_a_leg_without_a_drive_gives_way(tmp_path: Path, shared_store: str, caps
     with changed(tmp_path / "w", shared_store, *changes) as document:
         assert main(["test", str(document), "--store", shared_store, "--format", "json"]) == 1
     (said,) = json.loads(capsys.readouterr().out)["diagnostics"]
-    assert said["code"] == "TC656" and "no effort of the drives holds this pose: joint `leg_" in said["message"]
+    assert said["code"] == "TC656" and "the drives cannot hold this pose: joint `leg_" in said["message"]
 
 
 # --- what else knows of it ---------------------------------------------------------------------------------------------------
@@ -404,11 +404,11 @@ def test_friction_is_that_of_the_material_as_mujoco_has_it(hexapod: Hexapod, tmp
 @pytest.mark.parametrize(
     ("mode", "said"),
     [
-        ("{extends: three, base: held}", ("TC608", "mode `m` stands on mounts, and its base is `held`: that carries it already")),
+        ("{extends: three, base: held}", ("TC608", "mode `m` has `standing_on`, but its base is `held`, which already supports the robot")),
         ("{extends: three, standing_on: [leg_0.sole, \"leg_*.sole\"], hold: {left: here}}",
-         ("TC608", "mode `m` stands on `leg_0/sole` and holds it")),
-        ("{extends: three, hold: {leg_2.sole: here}}", ("TC608", "mode `m` stands on `leg_2/sole` and holds it")),
-        ("{extends: three, standing_on: [\"leg_[6-9].sole\"]}", ("TC309", "pattern `leg_[6-9].sole` fits no mount")),
+         ("TC608", "`leg_0/sole` is in both `hold` and `standing_on` of mode `m`")),
+        ("{extends: three, hold: {leg_2.sole: here}}", ("TC608", "`leg_2/sole` is in both `hold` and `standing_on` of mode `m`")),
+        ("{extends: three, standing_on: [\"leg_[6-9].sole\"]}", ("TC309", "pattern `leg_[6-9].sole` matches no mount")),
         ("{extends: three, standing_on: [leg_0.soul]}", ("TC303", "assembly `leg_0` (`leg.yaml`) exports no mount `soul`")),
         ("{extends: three, standing_on: {mounts: [leg_0.sole], friction: -1}}", ("TC315", None)),
         ("{extends: three, standing_on: {mounts: []}}", ("TC214", None)),

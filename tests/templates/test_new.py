@@ -141,9 +141,9 @@ def test_words_of_python_and_names_of_modules_are_names_of_robots(name: str, her
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    (["3d"], "is not a valid name: a letter (a to z), then letters, digits and `_`\n  help: write for example `thingc new robot_3d`"),
+    (["3d"], "is not a valid name: use a letter (a to z), then letters, digits and `_`\n  help: write for example `thingc new robot_3d`"),
     (["機械"], "`機械` is not a valid name"),
-    (["--", "-x"], "`-x` would be read as an option\n  help: choose a name that begins with a letter"),
+    (["--", "-x"], "`-x` would be read as an option\n  help: choose a name that starts with a letter"),
     (["a/rover.YAML"], "expected a folder, found the name of a document `rover.YAML`\n  help: write `thingc new a/rover`, which"),
     ([".."], "cannot create a folder `..`"),
     (["/"], "cannot create a folder `/`"),
@@ -153,14 +153,14 @@ def test_words_of_python_and_names_of_modules_are_names_of_robots(name: str, her
     (["scene"], "`scene` is reserved"),
     (["true"], "`true` is reserved in the files of a robot\n  help: write for example `thingc new true_robot`"),
     (["Null"], "`Null` is reserved"),
-    (["."], "error[TC805]: the folder `.` has something in it already: `full`\n  help: choose another name, or move that away"),
+    (["."], "error[TC805]: the folder `.` has something in it already: `full`\n  help: choose another name, or move its content"),
     ([""], "cannot create a folder ``"),
-    (["Leg", "--template", "legged"], "invalid name of a robot: `Leg` is another document of the template `legged`"),
+    (["Leg", "--template", "legged"], "invalid name of a robot: `Leg` is the name of another document of the template `legged`"),
     (["x", "--template", "leged"], "expected `arm`, `legged`, `gripper` or `empty`, found `leged` (did you mean `legged`?)"),
     (["x", "--template", "rocket"], "expected `arm`, `legged`, `gripper` or `empty`, found `rocket`\n"),
-    (["full"], "error[TC805]: the folder `full` has something in it already: `file`\n  help: choose another name, or move that away"),
-    (["full/file"], "error[TC805]: `full/file` is there already: a file"),
-    (["full/file/rover"], "error[TC805]: `full/file/rover` cannot be made: file exists (`full/file`)"),
+    (["full"], "error[TC805]: the folder `full` has something in it already: `file`\n  help: choose another name, or move its content"),
+    (["full/file"], "error[TC805]: `full/file` already exists and is a file"),
+    (["full/file/rover"], "error[TC805]: cannot create `full/file/rover`: file exists (`full/file`)"),
     ([], "missing: NAME"),
 ])
 def test_what_cannot_be_made_is_said_and_nothing_is_written(

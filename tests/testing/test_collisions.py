@@ -48,8 +48,8 @@ def test_a_clearance_that_is_not_kept_is_said_with_the_gap(rig: Workspace) -> No
     assert [result["passed"] for result in answer["tests"]] == [True, False]
     said = answer["diagnostics"][0]
     assert said["code"] == "TC655" and said["line"] == (rig.folder / "rig.yaml").read_text().count("\n")
-    assert said["message"] == "test `free` (mode `bench`, pose `close`): `left` and `right` are 0.4 mm apart, and 1 mm were asked for"
-    assert said["help"] == 'if that is right, write `allow: [{pair: [left, right], reason: "..."}]`'
+    assert said["message"] == "test `free` (mode `bench`, pose `close`): `left` and `right` are 0.4 mm apart, but at least 1 mm is required"
+    assert said["help"] == 'if this is intended, add `allow: [{pair: [left, right], reason: "..."}]`'
 
 
 def test_a_box_within_a_box_is_found(rig: Workspace) -> None:

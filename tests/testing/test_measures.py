@@ -55,7 +55,7 @@ def test_centre_of_two_bars(rig: Workspace) -> None:
 
 def test_what_weighs_nothing_has_no_centre(rig: Workspace) -> None:
     answer = rig.test(two_links(), "  none: {centre: {of: ground, within: {x: [-1 m, 1 m]}}}\n")
-    assert not answer["by_name"]["none"]["passed"] and "weighs nothing" in answer["diagnostics"][0]["message"]
+    assert not answer["by_name"]["none"]["passed"] and "have no mass" in answer["diagnostics"][0]["message"]
 
 
 @pytest.mark.parametrize(("lower", "upper", "nearest"), [(-150, 150, 0), (60, 120, 60), (-120, -90, 90)])
@@ -91,7 +91,7 @@ def test_points_of_two_links(rig: Workspace) -> None:
     tip = [0.1 * math.cos(shoulder) + 0.06 * math.cos(shoulder + elbow), -0.1 * math.sin(shoulder) - 0.06 * math.sin(shoulder + elbow)]
     assert tip == pytest.approx([0.06, -0.07], abs=1e-6)
     message = answer["diagnostics"][0]["message"]
-    assert "`tip` comes no nearer to the point than 90 mm, and 1 mm were asked for" in message.replace("lower.tip", "tip")
+    assert "`tip` gets at best within 90 mm of the point, but 1 mm is required" in message.replace("lower.tip", "tip")
 
 
 def test_a_point_only_outside_the_limits_is_out_of_reach(rig: Workspace) -> None:
@@ -131,7 +131,7 @@ def test_static_torques_of_two_level_bars(rig: Workspace) -> None:
     assert {name: abs(value) for name, value in efforts.items()} == pytest.approx({"shoulder": shoulder, "elbow": elbow}, rel=1e-12)
     assert answer["by_name"]["hold"]["measured"]["margin"] == pytest.approx(1 / shoulder, rel=1e-12)
     assert answer["diagnostics"][0]["message"].endswith(
-        f"drive `shoulder` has to hold {shoulder:.4g} N*m of its 1 N*m: a margin of {1 / shoulder:.3g}, below 50"
+        f"drive `shoulder` needs {shoulder:.4g} N*m of its 1 N*m: a margin of {1 / shoulder:.3g}, below 50"
     )
 
 
@@ -258,6 +258,6 @@ def test_the_lowest_corner_of_a_bar_that_hangs_down(rig: Workspace) -> None:
     assert found["under"]["measured"] == {"clearance": pytest.approx(-corner, abs=1e-7), "part": "lower"}
     assert found["spared"]["passed"] and found["spared"]["measured"] == {"clearance": pytest.approx(0.01, abs=1e-7), "part": "upper"}
     under, nothing = answer["diagnostics"]
-    assert f"the lowest point of `lower` is {1000 * corner:.4g} mm below the plane, and 1 mm were asked for" in under["message"]
-    assert [note["message"] for note in under["notes"]] == ["`upper` is 10 mm below the plane, too"]
-    assert under["help"] == "if that is right, write `except: [lower]`" and "no part that is looked at has a shape" in nothing["message"]
+    assert f"the lowest point of `lower` is {1000 * corner:.4g} mm below the plane, but at least 1 mm is required" in under["message"]
+    assert [note["message"] for note in under["notes"]] == ["`upper` is also 10 mm below the plane"]
+    assert under["help"] == "if this is intended, add `except: [lower]`" and "no checked part has a shape" in nothing["message"]

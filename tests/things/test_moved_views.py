@@ -280,11 +280,11 @@ def test_what_cannot_be_moved_says_so() -> None:
             self.body = Box(1, 1, 1)
             self.joint = RigidJoint("tip", self.body, Pos(0, 0, 1))
 
-    with pytest.raises(TypeError, match="^a RigidJoint cannot be seen through a moved view: keep a Location or a Shape instead$"):
+    with pytest.raises(TypeError, match="^a RigidJoint cannot be used through a moved view: use a Location or a Shape instead$"):
         _ = Jointed().move(VIEW).joint
     moved = Jointed().move(VIEW).body
     assert tuple(moved.joints["tip"].location.position) == close(at(X_VIEW, (0, 0, 1)))
-    with pytest.raises(TypeError, match=r"^move\(\) takes a Location, found 3$"):
+    with pytest.raises(TypeError, match=r"^move\(\) expects a Location, found 3$"):
         Jointed().move(3)  # type: ignore[arg-type]
 
 
@@ -327,9 +327,9 @@ def test_align_to_a_mount_of_a_moved_view_and_of_a_moved_view() -> None:
 
 
 def test_align_refuses_what_is_no_mount_of_a_finished_thing() -> None:
-    with pytest.raises(TypeError, match=r"^align\(\) takes a mount of the other Thing, such as `PenCap\(\).seat`; found PenCap"):
+    with pytest.raises(TypeError, match=r"^align\(\) expects a mount of another Thing, such as `PenCap\(\).seat`, found PenCap"):
         MountPoint(SEAT).align(PenCap())  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="this one belongs to no Thing$"):
+    with pytest.raises(ValueError, match="this mount does not belong to a Thing$"):
         MountPoint(SEAT).align(MountPoint(SEAT))
 
     class Loop(Thing):
@@ -337,7 +337,7 @@ def test_align_refuses_what_is_no_mount_of_a_finished_thing() -> None:
             self.a, self.b = MountPoint(SEAT), MountPoint(SEAT)
             self.a.align(self.b)
 
-    with pytest.raises(ValueError, match="`b` belongs to the Thing that is being made$"):
+    with pytest.raises(ValueError, match="`b` belongs to the Thing under construction$"):
         Loop()
 
 
@@ -428,7 +428,7 @@ def test_mount_names_that_cannot_be() -> None:
 
     with pytest.raises(ValueError, match="^`root` of `Named` cannot be a mount: the name is reserved$"):
         Named()
-    with pytest.raises(ValueError, match="^`hüfte` of `Named` cannot be a mount: a name is letters, digits and _$"):
+    with pytest.raises(ValueError, match="^`hüfte` of `Named` cannot be a mount: use letters, digits and _$"):
         Named("hüfte")
 
 

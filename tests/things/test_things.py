@@ -100,7 +100,7 @@ def test_a_whole_number_may_be_negative_and_a_count_may_not() -> None:
 
     assert given(steps=-3, least=-4.0) == (-3, -4, 2) and all(type(one) is int for one in given(steps=-3.0))
     for wrong, message in (
-        ({"steps": -2.5}, "`steps` of `Turned` must be a whole number, found -2.5"),
+        ({"steps": -2.5}, "`steps` of `Turned` is a whole number, found -2.5"),
         ({"least": -5}, "`least` of `Turned` must be at least -4, found -5"),
         ({"holes": -1}, "`holes` of `Turned` must be at least 0, found -1"),
     ):
@@ -145,15 +145,15 @@ def test_docstrings_of_three_styles() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"length": "long"}, "`length` of `Block` must be a length in mm, found 'long'"),
-        ({"length": None}, "`length` of `Block` must be a length in mm, found None"),
-        ({"length": True}, "`length` of `Block` must be a length in mm, found True"),
+        ({"length": "long"}, "`length` of `Block` is a length in mm, found 'long'"),
+        ({"length": None}, "`length` of `Block` is a length in mm, found None"),
+        ({"length": True}, "`length` of `Block` is a length in mm, found True"),
         ({"tilt": [1]}, "`tilt` of `Block` must be an angle in deg, found [1]"),
-        ({"load": "1 kg"}, "`load` of `Block` must be a mass in kg, found '1 kg'"),
-        ({"infill": "15 %"}, "`infill` of `Block` must be a ratio, found '15 %'"),
-        ({"holes": 2.5}, "`holes` of `Block` must be a whole number, found 2.5"),
+        ({"load": "1 kg"}, "`load` of `Block` is a mass in kg, found '1 kg'"),
+        ({"infill": "15 %"}, "`infill` of `Block` is a ratio, found '15 %'"),
+        ({"holes": 2.5}, "`holes` of `Block` is a whole number, found 2.5"),
         ({"solid": 1}, "`solid` of `Block` must be True or False, found 1"),
-        ({"label": 3}, "`label` of `Block` must be a text, found 3"),
+        ({"label": 3}, "`label` of `Block` is a text, found 3"),
         ({"side": "middle"}, "`side` of `Block` must be one of 'left', 'right', found 'middle'"),
         ({"length": math.nan}, "`length` of `Block` must be finite, found nan"),
         ({"holes": math.inf}, "`holes` of `Block` must be finite, found inf"),
@@ -187,8 +187,8 @@ class Peg(Thing):
         (lambda: Peg(1, lenght=2), "`Peg` has no parameter `lenght`; did you mean `length`?", "lenght"),
         (lambda: Peg(1, zz=2), "`Peg` has no parameter `zz`; there are `length`, `side`", "zz"),
         (lambda: Peg(1, length=2), "`length` of `Peg` is given twice", "length"),
-        (lambda: Peg(1, 2, 3), "`Peg` takes 2 arguments by place, found 3", "length"),
-        (lambda: Block(60, 0, 1, 2, 0.1, "left", False), "`Block` takes 6 arguments by place, found 7", "length"),
+        (lambda: Peg(1, 2, 3), "`Peg` expects 2 positional arguments, found 3", "length"),
+        (lambda: Block(60, 0, 1, 2, 0.1, "left", False), "`Block` expects 6 positional arguments, found 7", "length"),
         (lambda: Frame(material="steel"), "`Frame` has no parameter `material`", "material"),
     ],
 )
@@ -216,10 +216,10 @@ def test_choices_are_told_apart_by_type() -> None:
 @pytest.mark.parametrize(
     ("definition", "message"),
     [
-        ("self, *sizes", "`*sizes` of `Bad` cannot be a parameter: give every parameter a name of its own"),
-        ("self, **sizes", "`**sizes` of `Bad` cannot be a parameter: give every parameter a name of its own"),
-        ("self, size, /", "`size` of `Bad` cannot be a parameter: documents give parameters by name: take the `/` away"),
-        ("self, size=None", "`size` of `Bad` cannot be a parameter: its default is None, not a number, a text or a flag"),
+        ("self, *sizes", "`*sizes` of `Bad` cannot be a parameter: name every parameter explicitly"),
+        ("self, **sizes", "`**sizes` of `Bad` cannot be a parameter: name every parameter explicitly"),
+        ("self, size, /", "`size` of `Bad` cannot be a parameter: documents set parameters by name: remove the `/`"),
+        ("self, size=None", "`size` of `Bad` cannot be a parameter: its default is None, not a number, a string or a boolean"),
         (
             "self, size: Vector",
             "`size` of `Bad` cannot be a parameter: its annotation is `Vector`, not Length, Angle, Mass, Count, Ratio, "
@@ -229,12 +229,12 @@ def test_choices_are_told_apart_by_type() -> None:
             "self, size: 'Lenth' = 3",
             "`size` of `Bad` cannot be a parameter: its annotation `Lenth` cannot be read: name 'Lenth' is not defined",
         ),
-        ("self, size: Length = 'x'", "the default of `size` of `Bad` must be a length in mm, found 'x'"),
+        ("self, size: Length = 'x'", "the default of `size` of `Bad` is a length in mm, found 'x'"),
         ("self, size: Annotated[Length, Range(5, 9)] = 4", "the default of `size` of `Bad` must be at least 5 mm, found 4 mm"),
         ("self, size: Annotated[str, Range(5, 9)] = 'x'", "`size` of `Bad` cannot have a Range: it is a text"),
         (
             "self, size: Literal['a', None] = 'a'",
-            "`size` of `Bad` cannot be a parameter: a choice is a text, a whole number or a flag",
+            "`size` of `Bad` cannot be a parameter: a choice is a string, an integer or a boolean",
         ),
     ],
 )
@@ -262,9 +262,9 @@ def test_ranges_combine_and_are_checked() -> None:
             pass
 
     assert [(p.minimum, p.maximum) for p in parameters_of(Ranged)] == [(0, 8), (2, 9)]
-    with pytest.raises(SignatureError, match=r"^Range\(9, 1\) leaves nothing between its bounds$"):
+    with pytest.raises(SignatureError, match=r"^Range\(9, 1\) is empty$"):
         Range(9, 1)
-    with pytest.raises(SignatureError, match="^a bound of Range must be a number, found '1'$"):
+    with pytest.raises(SignatureError, match="^a bound of Range is a number, found '1'$"):
         Range("1")  # type: ignore[arg-type]
 
 
@@ -307,8 +307,8 @@ def test_a_finished_thing_is_immutable() -> None:
         with pytest.raises(AttributeError) as caught:
             setattr(block, name, 3)
         assert str(caught.value) == (
-            f"`Block` is immutable: `{name}` can be assigned in `__init__` only; "
-            "adjust() gives the same family with other parameters"
+            f"`Block` is immutable: `{name}` can only be assigned in `__init__`; "
+            "use adjust() to change parameters"
         )
     with pytest.raises(AttributeError, match="^`Block` is immutable: `body` cannot be deleted$"):
         del block.body
@@ -342,7 +342,7 @@ def test_names_that_have_a_meaning_cannot_be_assigned() -> None:
 
     with pytest.raises(AttributeError, match=r"^`mass` of a Thing is a method: write `def mass\(self\)` in the class$"):
         Heavy("mass")
-    with pytest.raises(AttributeError, match="^`origin` has a meaning for every Thing: choose another name$"):
+    with pytest.raises(AttributeError, match="^`origin` is reserved in every Thing: choose another name$"):
         Heavy("origin")
 
 
@@ -367,14 +367,14 @@ def test_a_thing_that_needs_itself_says_so() -> None:
         def __init__(self, size: Length = 1):
             self.other = Mirror(size)
 
-    with pytest.raises(RecursionError, match=r"^making `Mirror\(size=1.0\)` needs itself$"):
+    with pytest.raises(RecursionError, match=r"^`Mirror\(size=1.0\)` depends on itself$"):
         Mirror()
 
     class Restless(Thing):
         def __init__(self, size: Length = 1):
             self.bigger = self.adjust(size=2)
 
-    with pytest.raises(RuntimeError, match=r"^`Restless` cannot use its own adjust\(\) in `__init__`: it is being made$"):
+    with pytest.raises(RuntimeError, match=r"^`Restless` cannot use its own adjust\(\) in `__init__`, before it is complete$"):
         Restless()
 
 
@@ -509,9 +509,9 @@ def test_adjust_through_two_levels() -> None:
         ({"width": 3, "width__add": 1}, "`width` of `Servo` is changed twice"),
         ({"width": 101}, "`width` of `Servo` must be at most 100 mm, found 101 mm"),
         ({"width__mul": 4}, "`width` of `Servo` must be at most 100 mm, found 112 mm"),
-        ({"height": "x"}, "`height` of `Servo` must be a length in mm, found 'x'"),
-        ({"height__add": "x"}, "`height__add` of `Servo` must be a number, found 'x'"),
-        ({"holes__mul": 0.5}, "`holes` of `Servo` must be a whole number, found 1.5"),
+        ({"height": "x"}, "`height` of `Servo` is a length in mm, found 'x'"),
+        ({"height__add": "x"}, "`height__add` of `Servo` is a number, found 'x'"),
+        ({"holes__mul": 0.5}, "`holes` of `Servo` is a whole number, found 1.5"),
         ({"lid__add": 1}, "`lid__add` of `Servo` needs a number to change, but `lid` is True or False"),
     ],
 )

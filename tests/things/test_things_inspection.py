@@ -98,7 +98,7 @@ def test_build_makes_things_shapes_and_functions() -> None:
         build(Box, {"length": "x", "width": 2, "height": 3})
     with pytest.raises(CallError, match="^`peg` needs `length`, a number$"):
         build(peg, {})
-    with pytest.raises(TypeError, match="^`bare` must return a build123d shape, it returned 'long'$"):
+    with pytest.raises(TypeError, match="^`bare` must return a build123d shape, but returned 'long'$"):
         build(bare, {"length": 6})
 
 
@@ -153,7 +153,7 @@ def test_statements_carry_their_source() -> None:
         ("negative", "mass() of `Told` must be positive, found -1"),
         ("text", "mass() of `Told` must return a number, found 'x'"),
         ("nan", "mass() of `Told` must be finite, found nan"),
-        ("source", "the source of mass() of `Told` is one of 'measured', 'vendor', 'estimated', 'stated', found 'guess'"),
+        ("source", "the source of mass() of `Told` must be one of 'measured', 'vendor', 'estimated', 'stated', found 'guess'"),
         ("two", "centre() of `Told` must return three numbers, found [1, 2]"),
         ("skew", "matrix_of_inertia() of `Told` must be symmetric, found [[1, 1, 0], [0, 1, 0], [0, 0, 1]]"),
         ("flat", "matrix_of_inertia() of `Told` must return three numbers, found 1"),
@@ -186,7 +186,7 @@ def test_class_attributes_of_the_wrong_type() -> None:
         bom = {"number": 3}  # type: ignore[dict-item]
         actuator = "strong"  # type: ignore[assignment]
 
-    with pytest.raises(TypeError, match=r"^`bom` of `Wrong` must map texts to texts, found \{'number': 3\}$"):
+    with pytest.raises(TypeError, match=r"^`bom` of `Wrong` must map strings to strings, found \{'number': 3\}$"):
         inspection.bom_of(Wrong())
     for part in (Wrong, Wrong()):
         with pytest.raises(TypeError, match="^`actuator` must be an Actuator, found 'strong'$"):
@@ -213,7 +213,7 @@ def test_an_actuator_knows_its_numbers_and_sources() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"kind": "stepper"}, "the kind of an Actuator is 'position', 'velocity' or 'motor', found 'stepper'"),
+        ({"kind": "stepper"}, "the kind of an Actuator must be 'position', 'velocity' or 'motor', found 'stepper'"),
         ({"kind": "motor", "stall_torque": 0}, "`stall_torque` of an Actuator must be positive, found 0"),
         ({"kind": "motor", "kp": -1}, "`kp` of an Actuator must be at least 0, found -1"),
         ({"kind": "motor", "kv": "x"}, "`kv` of an Actuator must be a finite number, found 'x'"),
@@ -221,7 +221,7 @@ def test_an_actuator_knows_its_numbers_and_sources() -> None:
         ({"kind": "motor", "gear_ratio": None}, "`gear_ratio` of an Actuator must be a finite number, found None"),
         (
             {"kind": "motor", "kp": (1, "guess")},
-            "the source of `kp` of an Actuator is one of 'measured', 'vendor', 'estimated', 'stated', found 'guess'",
+            "the source of `kp` of an Actuator must be one of 'measured', 'vendor', 'estimated', 'stated', found 'guess'",
         ),
         ({"kind": "motor", "kp": (1, 2, 3)}, "`kp` of an Actuator must be a number or (number, source), found (1, 2, 3)"),
     ],
@@ -265,7 +265,7 @@ def test_assets_are_found_beside_the_part_then_in_the_workspace(recorded: list[s
     assert scope["Curve"]("near.txt").points == "near"
     assert scope["Curve"]("../curve.txt").points == "outer"
     assert recorded == [str(workspace / "parts" / "near.txt"), str(workspace / "curve.txt")]
-    with pytest.raises(FileNotFoundError, match="^there is no data file `far.txt` beside the part's module or in the workspace$"):
+    with pytest.raises(FileNotFoundError, match="^there is no data file `far.txt` next to the part's module or in the workspace$"):
         scope["Curve"]("far.txt")
     assert recorded[-2:] == [str(workspace / "parts" / "far.txt"), str(workspace / "far.txt")]
 
@@ -288,7 +288,7 @@ def test_assets_beside_a_given_file_and_outside_of_init(recorded: list[str], tmp
 
 def test_assets_stay_inside(recorded: list[str], tmp_path: Path) -> None:
     (tmp_path / "secret.txt").write_text("secret")
-    with pytest.raises(ValueError, match="^asset.. cannot leave the part's folder and the workspace, as `../secret.txt` does$"):
+    with pytest.raises(ValueError, match="^`../secret.txt` is outside the part's folder and the workspace, which asset.. does not allow$"):
         asset("../secret.txt")
     (tmp_path / "workspace" / "link.txt").symlink_to(tmp_path / "secret.txt")
     with pytest.raises(ValueError, match="cannot leave"):

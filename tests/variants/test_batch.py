@@ -468,8 +468,8 @@ def test_resume_does_not_mind_what_else_was_built_in_the_workspace(tmp_path: Pat
 @pytest.mark.parametrize(("given", "words"), [
     ({"limit": 0}, "expected `limit` to be a whole number of at least 1, found `0`"),
     ({"jobs": -1}, "expected `jobs` to be a whole number of at least 0, found `-1`"),
-    ({"timeout": float("nan")}, "expected `timeout` to be some seconds, at most 1000000, found `nan`"),
-    ({"timeout": 1e10}, "expected `timeout` to be some seconds, at most 1000000, found `10000000000.0`"),
+    ({"timeout": float("nan")}, "expected `timeout` to be a number of seconds, at most 1000000, found `nan`"),
+    ({"timeout": 1e10}, "expected `timeout` to be a number of seconds, at most 1000000, found `10000000000.0`"),
     ({"verify": "all"}, "expected `verify` to be a whole number of at least 0, found `all`"),
     ({"pictures": "all"}, "expected `pictures` to be a whole number of at least 0, found `all`"),
     ({"layout": "zipped"}, "there is no layout `zipped`: `folders`, `packed`"),
@@ -516,7 +516,7 @@ def test_a_table_or_page_that_somebody_edited_is_not_overwritten(tmp_path: Path,
     with pytest.raises(BatchFault) as fault:
         batch(here, shared_store, "few", pictures=0)
     said = fault.value.diagnostic
-    assert said.code is Code.UNEXPECTED and said.message.endswith(f"or that were changed since, and is left as it is: `{name}`")
+    assert said.code is Code.UNEXPECTED and said.message.endswith(f"or that have changed since, and is unchanged: `{name}`")
     assert (folder / name).read_bytes() == before + b"mine"
     (folder / name).write_bytes(before)
     assert batch(here, shared_store, "few", pictures=0).statuses == {"built": 2}
@@ -546,7 +546,7 @@ def test_a_dry_run_counts_what_limits_and_poses_will_refuse(tmp_path: Path, shar
         assert (told["count"], told["failing"], told["looked_at"], told["unsound"]) == (18, {"steps < 5": 6}, 12, {"TC601": 10})
     assert batch(here, shared_store, "stops", pictures=0).statuses == {"built": 2, "kept_out": 6, "refused": 10}
     said = thingc("batch", "plates.yaml", "--dry-run", cwd=here, env=env).stdout
-    assert "\n10 would be refused: TC601 (pose outside joint limits), first `stops_03`: pose `tilted` does not set `twist`" in said
+    assert "\n10 would be rejected: TC601 (pose outside joint limits), first `stops_03`: pose `tilted` does not set `twist`" in said
     assert "models 1 part," in said and "drawn from" not in said
 
 

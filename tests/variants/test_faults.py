@@ -174,7 +174,7 @@ def test_what_failed_is_built_again_when_it_is_asked_for(tmp_path: Path, shared_
     assert thingc("batch", "faults.yaml", *ALONE, "--resume", cwd=here, env=env).returncode == 1
     assert len(journal(here)) == 9  # they stay failed
     alone = thingc("batch", "faults.yaml", *ALONE, "--retry", cwd=here, env=env)
-    assert alone.returncode == 2 and "--retry is about a batch that has been begun" in alone.stderr and "add --resume" in alone.stderr
+    assert alone.returncode == 2 and "--retry requires --resume" in alone.stderr and "add --resume" in alone.stderr
     done = thingc("batch", "faults.yaml", *ALONE, "--resume", "--retry", cwd=here, env=env)
     assert done.returncode == 1
     assert sorted(str(line["index"]) for line in journal(here)[9:]) == ["3", "5", "7"]

@@ -168,19 +168,19 @@ def test_what_is_not_there_is_said_in_words(some: Path, tmp_path: Path, shared_s
     out = next(row for row in family.rows if row["status"] == "kept_out")
     for wrong, words in (
         (lambda: family["some_99"], "has no variant `some_99`: did you mean"),
-        (lambda: family[out["name"]], r"cannot be had: it is `kept_out` by the rule `"),
+        (lambda: family[out["name"]], r"is not available: it is `kept_out` by the rule `"),
         (lambda: family[0].model(), "has 2 modes, `hanging`, `flying`: say which"),
         (lambda: family[0].model("hangin"), "has no mode `hangin`: did you mean `hanging`"),
         (lambda: load(some, mode="sitting"), "has no mode `sitting`: known modes: `flying`, `hanging`"),
         (lambda: load(some, mode=5), "has no mode `5`"),
-        (lambda: load(some, where=5), "expected `where` to be values by column, or a function of a variant, found `5`"),
+        (lambda: load(some, where=5), "expected `where` to be a mapping from columns to values, or a function of a variant, found `5`"),
         (lambda: family.filter({"mass": [2.0, 2.4]}), r"expected a value for the column `mass`, or a range `\(low, high\)`, found"),
         (lambda: family.filter({"mass": (2.4, 2.0)}), r"expected a range of the column `mass` to be two numbers `\(low, high\)`"),
-        (lambda: family.filter({"name": (1, 2)}), r"expected a text for the column `name`, such as `some_"),
+        (lambda: family.filter({"name": (1, 2)}), r"expected a string for the column `name`, such as `some_"),
         (lambda: next(family.models(["some_01"], "flying")), "expected variants, found `some_01`"),
-        (lambda: family[1.5], "has no variant `1.5`: a variant is named by its place, its id or its name"),
-        (lambda: load(some.parent), "is no folder of a batch; in it there are: `some`: `thingc batch` writes one"),
-        (lambda: load(tmp_path / "none"), "none` is no folder of a batch: `thingc batch` writes one"),
+        (lambda: family[1.5], "has no variant `1.5`: use its index, its id or its name"),
+        (lambda: load(some.parent), "is not the folder of a batch; in it there are: `some`; run `thingc batch` to create one"),
+        (lambda: load(tmp_path / "none"), "none` is not the folder of a batch; run `thingc batch` to create one"),
     ):
         with pytest.raises(FamilyError, match=words):
             wrong()

@@ -87,7 +87,7 @@ def test_a_family_of_a_packed_batch_is_that_of_folders(here: Path, some: Path) -
     found = find_variant(plan(str(here / "some.yaml")), third.id, str(here / "build" / "some"))
     assert found is not None and found[0].index == third.index
     out = next(row for row in ours.rows if row["status"] == "kept_out")
-    for key, words in ((out["name"], "cannot be had: it is `kept_out`"), ("some_99", "did you mean"), ("0" * 12, "has no variant")):
+    for key, words in ((out["name"], "is not available: it is `kept_out`"), ("some_99", "did you mean"), ("0" * 12, "has no variant")):
         with pytest.raises(UnknownVariant, match=words):
             ours[key]
 
@@ -233,17 +233,17 @@ def test_a_damaged_chunk_is_said_and_built_again_once_it_is_deleted(name: str, t
     whole, file = sealed(out), out / "chunks" / name
     for damage in (b"", b"no table", file.read_bytes()[:-9]):
         file.write_bytes(damage)
-        with pytest.raises(OSError, match=f"`.*{name}` is damaged: delete it, and go on with --resume: what was in it is built again"):
+        with pytest.raises(OSError, match=f"`.*{name}` is damaged: delete it, and continue with --resume, which builds its variants again"):
             load(out, mode="flying")
         with pytest.raises(BatchFault, match="is damaged") as caught:
             run(str(document), options=Options(store=shared_store), resume=True)
         assert caught.value.diagnostic.code is Code.BATCH_CHANGED
     file.unlink()
-    again = "is not there any more: go on with --resume: what was in it is built again"
+    again = "does not exist any more: continue with --resume, which builds its variants again"
     with pytest.raises(OSError, match=f"`.*{name}` {again}"):
         load(out, mode="flying")
     for asked in (lambda: show_again(str(document)), lambda: find_variant(plan(str(document)), "some_00", str(out))):
-        with pytest.raises(BatchFault, match="is not there any more"):
+        with pytest.raises(BatchFault, match="does not exist any more"):
             asked()
     assert run(str(document), options=Options(store=shared_store), resume=True).statuses == {"built": 8, "kept_out": 4}
     assert sealed(out) == whole

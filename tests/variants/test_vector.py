@@ -278,11 +278,11 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
         ({"threads": -1}, FamilyError, "expected `threads` to be a whole number of at least 1, found -1"),
         ({"autoreset_mode": "SameSteps"}, FamilyError, "there is no `autoreset_mode` `SameSteps`: did you mean `SameStep`"),
         ({"reward": "fast"}, UnknownVariant, "there is no task `fast`: known tasks: `forward`, `hold`"),
-        ({"descriptor": ("lenght",)}, UnknownVariant, "`pendulum` has nothing to set called `lenght`: did you mean `length`"),
+        ({"descriptor": ("lenght",)}, UnknownVariant, "`pendulum` has no setting `lenght`: did you mean `length`"),
         ({"settings": []}, FamilyError, "expected at least one of `settings`"),
-        ({"settings": [5]}, FamilyError, "expected settings as a mapping from names to numbers or texts, found `5`"),
-        ({"settings": 5}, FamilyError, "expected settings as a mapping from names to numbers or texts, found `5`"),
-        ({"descriptor": "lenght"}, UnknownVariant, "`pendulum` has nothing to set called `lenght`: did you mean `length`"),
+        ({"settings": [5]}, FamilyError, "expected settings as a mapping from names to numbers or strings, found `5`"),
+        ({"settings": 5}, FamilyError, "expected settings as a mapping from names to numbers or strings, found `5`"),
+        ({"descriptor": "lenght"}, UnknownVariant, "`pendulum` has no setting `lenght`: did you mean `length`"),
         ({"reward": 5}, FamilyError, "expected `reward` to be a function of a `StepInfo`, found `5`"),
         ({"reward": None}, FamilyError, "expected `reward` to be a function of a `StepInfo`, found `None`"),
         ({"terminated": True}, FamilyError, "expected `terminated` to be a function of a `StepInfo`, found `True`"),
@@ -290,8 +290,8 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
         ({"noise": "much"}, FamilyError, "expected `noise` to be a number of at least 0, found much"),
         ({"num_envs": True}, FamilyError, "expected `num_envs` to be a whole number of at least 1, found True"),
         ({"descriptor": None}, FamilyError, "expected `descriptor` to be a list of names, found `None`"),
-        ({"descriptor": [5]}, UnknownVariant, "`pendulum` has nothing to set called `5`"),
-        ({"settings": [{"length": 7.0}]}, FamilyError, r"the settings \{'length': 7.0\} are refused: .*at most 900 mm"),
+        ({"descriptor": [5]}, UnknownVariant, "`pendulum` has no setting `5`"),
+        ({"settings": [{"length": 7.0}]}, FamilyError, r"the settings \{'length': 7.0\} are rejected: .*at most 900 mm"),
     ):
         with pytest.raises(kind, match=words):
             make_vec_env(family, **{"num_envs": 2, "mode": "hanging", **given})
@@ -323,7 +323,7 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
     for reward in (None, "much", float("nan")):
         worlds = make_vec_env(family, 2, mode="hanging", reward=lambda step, reward=reward: reward)
         worlds.reset()
-        with pytest.raises(FamilyError, match=f"expected `reward` to give a number, found `{reward}`"):
+        with pytest.raises(FamilyError, match=f"expected `reward` to return a number, found `{reward}`"):
             worlds.step(np.zeros((2, 1)))
     folder = documents(tmp_path)
     (folder / "none.yaml").write_text(textwrap.dedent("""

@@ -331,7 +331,7 @@ class Allowance(FrozenStruct, eq=False):
 
 def allow_hint(code: Code) -> str:
     """Return a hint on how to suppress a warning."""
-    return f'if that is meant so, write `allow: {{{code.code}: "the reason"}}`'
+    return f'if this is intended, write `allow: {{{code.code}: "the reason"}}`'
 
 
 @dataclass(slots=True)
@@ -362,7 +362,7 @@ class Report:
             span = where
         else:
             span = where[0] if where else None
-            extra.extend(Note(message="nested from here", span=outer) for outer in where[1:])
+            extra.extend(Note(message="included from here", span=outer) for outer in where[1:])
         diagnostic = Diagnostic(
             code=code, severity=severity, message=message, span=span, path=path, help=help, notes=tuple(extra),
             detail=detail, fixes=_fixes(span, message, help),
@@ -408,9 +408,9 @@ class Report:
             if allowance.where.file == document and allowance.code.warned_by in stages and allowance not in self.needed:
                 where = f"`{allowance.path}`" if allowance.path else "the document"
                 self.warn(
-                    Code.UNNEEDED, f"{where} allows `{allowance.code.code}` ({allowance.code.title}), and nothing there needs it",
+                    Code.UNNEEDED, f"{where} allows `{allowance.code.code}` ({allowance.code.title}), but does not cause it",
                     allowance.where, path=f"{allowance.path}.allow".lstrip("."),
-                    help="remove it from `allow`, unless a document that nests this one needs it",
+                    help="remove it from `allow`, unless a document that contains this one needs it",
                     notes=[Note(message=f"the reason given is: {allowance.reason}")],
                 )
 

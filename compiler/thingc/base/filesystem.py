@@ -35,7 +35,7 @@ def opened(path: str) -> BufferedReader:
     """Open a file for reading bytes. Raises `OSError`; `NotARegularFile` for pipes and devices."""
     mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
-        raise NotARegularFile(errno.EINVAL, "It is no file that can be read again", path)
+        raise NotARegularFile(errno.EINVAL, "It is not a regular file", path)
     return open(path, "rb")
 
 

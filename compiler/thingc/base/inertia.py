@@ -146,11 +146,11 @@ def physical_fault(a: Matrix) -> str | None:
 def moments_fault(low: float, middle: float, high: float) -> str | None:
     """Return the result of `physical_fault` for principal moments [kg m^2] in ascending order."""
     if low <= 0.0:
-        return f"its principal moments are {low:.6g}, {middle:.6g}, {high:.6g} kg m^2, and all must be above 0"
+        return f"its principal moments are {low:.6g}, {middle:.6g}, {high:.6g} kg m^2, but all must be above 0"
     if high > (low + middle) * (1.0 + 1e-9):
         return (
             f"its largest principal moment {high:.6g} kg m^2 is above the sum of the other two "
-            f"({low:.6g} + {middle:.6g}), which no solid can have"
+            f"({low:.6g} + {middle:.6g}), which is impossible for a solid"
         )
     return None
 

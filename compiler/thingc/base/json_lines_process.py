@@ -117,5 +117,5 @@ class JsonLinesProcess:
         code = self._process.wait()
         if code < 0:
             with contextlib.suppress(ValueError):
-                return f"it was ended by {signal.Signals(-code).name}"
-        return f"it ended with exit code {code}"
+                return f"it was terminated by {signal.Signals(-code).name}"
+        return f"it exited with code {code}"

@@ -31,8 +31,8 @@ class OneLineRepr:
 
 
 def counted(number: int, noun: str) -> str:
-    """Format a count with its noun: `1 document`, `2 documents`."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
+    """Format a count with its noun: `1 document`, `2 documents`, `2 losses`."""
+    return f"{number} {noun}{'' if number == 1 else 'es' if noun.endswith(('s', 'sh')) else 's'}"
 
 
 def _line(self: Any) -> str:

@@ -106,7 +106,7 @@ def _compare(path: str, before: bytes | None) -> None:
         with opened(path) as stream:
             now = stream.read()
     if now != before:
-        raise ReplacementRefused(f"`{shown_path(path)}` has changed while this command ran", "Run the command again.")
+        raise ReplacementRefused(f"`{shown_path(path)}` changed while this command ran", "Run the command again.")
 
 
 def _replace(path: str, before: bytes | None, after: bytes | None) -> None:

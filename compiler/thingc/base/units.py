@@ -338,7 +338,7 @@ def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimens
         at, end, found, close, sure = start, stop, text[start:stop], product, product
     close = close or near
     message = f"unknown unit `{shortened(found)}`" + (f"; did you mean `{close}`?" if close else "")
-    help = None if close else "units are for example mm, m, deg, rad, g, kg, s, N, N*m, rpm, kg/m^3, %"
+    help = None if close else "use a unit such as mm, m, deg, rad, g, kg, s, N, N*m, rpm, kg/m^3, %"
     return UnitError(Suggestion(message, (found, sure) if sure else None), kind="unit", offset=at, end=end, help=help)
 
 
@@ -378,16 +378,16 @@ def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -
     if scan_number(text, at) is not None or text[at] in "+-*/(),":
         raise UnitError(
             f"expected a unit after `{number}`, found `{shortened(text[at:])}`", offset=at, end=len(text),
-            help=f"an expression begins with `=`: `={text.strip()}`" if text[at] in "+-*/()" else None,
+            help=f"an expression starts with `=`: `={text.strip()}`" if text[at] in "+-*/()" else None,
         )
     if text[at] == "_" and begin == at:
-        raise UnitError(f"expected a number, found `{shortened(text.strip())}`", help="numbers are written without `_`")
+        raise UnitError(f"expected a number, found `{shortened(text.strip())}`", help="remove `_` from the number")
     unit, end = scan_unit(text, at, wanted=wanted)
     if text[end:].strip():
         product = meant_unit(text[at:], wanted)
         raise UnitError(
             f"expected the end after `{text[:end].strip()}`, found `{shortened(text[end:].strip())}`", offset=end, end=len(text),
-            help=f"write `{number} {product}`" if product else "an expression begins with `=`" if re.search(r"[-+(]", text[end:]) else None,
+            help=f"write `{number} {product}`" if product else "an expression starts with `=`" if re.search(r"[-+(]", text[end:]) else None,
         )
     return Quantity(converted(number, unit), unit[2])
 

@@ -66,8 +66,8 @@ class AxisParser:
         """Check a value of a parameter or at a path; None, reported, if it is invalid."""
         if isinstance(raw, Expression):
             self._error(
-                Code.VARIANT_VALUE, "a variant states values; an expression stands in the assembly", path,
-                help=f"write a value, or a parameter of `{self.parameters.name}` that is worked out",
+                Code.VARIANT_VALUE, "a variant must have values; write expressions in the assembly", path,
+                help=f"write a value, or use a parameter of `{self.parameters.name}` with an expression",
             )
             return None
         stated = as_value(raw)
@@ -95,7 +95,8 @@ class AxisParser:
         sound = of_kind(value, kind)
         if sound is None and kind is not None:
             self._error(
-                Code.VARIANT_VALUE, f"values at one path are of one kind: found {kind_of(value)}, and `{words_of(kind)}` elsewhere", path,
+                Code.VARIANT_VALUE,
+                f"values at one path must have the same kind: found {kind_of(value)}, but `{words_of(kind)}` elsewhere", path,
             )
         return sound
 
@@ -127,9 +128,9 @@ class AxisParser:
             key = (type(one), plain(one))
             if key in first:
                 self.report.warn(
-                    Code.DUPLICATE_VARIANT, f"`{words_of(one)}` stands here twice: its variants are built once",
+                    Code.DUPLICATE_VARIANT, f"`{words_of(one)}` is listed twice: its variants are built once",
                     self.document.span((*path, index)), help="remove it", path=dotted(path),
-                    notes=[Note(message="it also stands here", span=self.document.span((*path, first[key])))],
+                    notes=[Note(message="also listed here", span=self.document.span((*path, first[key])))],
                 )
             first.setdefault(key, index)
 
@@ -141,12 +142,12 @@ class AxisParser:
         if not isinstance(first, Quantity) or not isinstance(last, Quantity):
             wrong, key = (first, "from") if not isinstance(first, Quantity) else (last, "to")
             self._error(
-                Code.VARIANT_VALUE, f"a range goes from number to number, found {kind_of(wrong)}", (*path, key),
+                Code.VARIANT_VALUE, f"a range needs two numbers, found {kind_of(wrong)}", (*path, key),
                 help=f"list the values: `{name}: [...]`",
             )
             return ()
         if first.value == last.value:
-            self._error(Code.VARIANT_VALUE, f"`from` and `to` of `{name}` are the same value", (*path, "to"), help="let them differ")
+            self._error(Code.VARIANT_VALUE, f"`from` and `to` of `{name}` are the same value", (*path, "to"), help="use different values")
             return ()
         written = spaced(self._written((*path, "from")), self._written((*path, "to")), count)
         return tuple(written if written is not None else spaced_si(first, last, count))
@@ -160,15 +161,15 @@ class AxisParser:
         for index, one in enumerate((low, high)):
             if not isinstance(one, Quantity):
                 self._error(
-                    Code.VARIANT_VALUE, f"`{name}` is drawn between two numbers, found {kind_of(one)}", (*path, index),
-                    help=f"list its values under `parameters`: they are drawn, too: `{name}: [{shortened(words_of(one))}, ...]`",
+                    Code.VARIANT_VALUE, f"the range of `{name}` needs two numbers, found {kind_of(one)}", (*path, index),
+                    help=f"list its values under `parameters` to draw from them: `{name}: [{shortened(words_of(one))}, ...]`",
                 )
                 return None
         assert isinstance(low, Quantity) and isinstance(high, Quantity)
         if not low.value < high.value:
             self._error(
-                Code.VARIANT_VALUE, f"the range of `{name}` begins at {low} and ends at {high}", path,
-                help="write the smaller value first" if low.value > high.value else "let the two values differ",
+                Code.VARIANT_VALUE, f"the range of `{name}` starts at {low} and ends at {high}", path,
+                help="write the smaller value first" if low.value > high.value else "use two different values",
             )
             return None
         whole = all(is_whole(self._written((*path, index))) for index in (0, 1))
@@ -177,7 +178,7 @@ class AxisParser:
     def count(self, raw: Any, path: Path, *, least: int, most: int = MOST_VALUES) -> int | None:
         """Check an integer; None, reported, if it is out of bounds."""
         if isinstance(raw, Expression):
-            self._error(Code.VARIANT_VALUE, f"`{path[-1]}` is a number here, not an expression", path, help="write the number")
+            self._error(Code.VARIANT_VALUE, f"`{path[-1]}` must be a number, not an expression", path, help="write the number")
             return None
         if not least <= raw <= most:
             rule = f"at least {least}" if raw < least else f"at most {most}"

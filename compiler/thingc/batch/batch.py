@@ -61,7 +61,7 @@ CHUNK_SECONDS = 0.5
 """Target duration [s] of a chunk."""
 CHUNK_MOST = 64
 """Maximum number of variants in a chunk."""
-ANEW = "begin without --resume"
+ANEW = "run it without --resume"
 """Help text if there is no batch to resume."""
 ATTEMPTS = 3
 """Number of attempts for a variant that an executor loses."""
@@ -101,7 +101,7 @@ def run(
     """
     check(jobs, limit, timeout, verify, pictures, layout)
     if retry and not resume:
-        raise BatchFault(Code.COMMAND_LINE, "--retry is about a batch that has been begun", "add --resume")
+        raise BatchFault(Code.COMMAND_LINE, "--retry requires --resume", "add --resume")
     options = options or Options()
     plan = planned(document, options, emit, layout)
     check_engine(executor, ship)
@@ -178,8 +178,8 @@ class _Batch:
             words = differences(self.before, self._described(finished=False))
             if words:
                 raise BatchFault(
-                    Code.BATCH_CHANGED, f"the batch in `{shown_path(self.folder)}` was begun with something else: {'; '.join(words)}",
-                    "undo the change, or begin anew: delete the folder, or write into another one with -o",
+                    Code.BATCH_CHANGED, f"the batch in `{shown_path(self.folder)}` was started with other input: {'; '.join(words)}",
+                    "undo the change, delete the folder to start again, or use another folder with -o",
                 )
             folder_layout.sweep(self.folder)
             self._remember(retry=retry)
@@ -354,7 +354,7 @@ class _Batch:
                 self._take(journal, row)
             return
         if isinstance(fault, RunnersBroken):
-            raise BatchFault(Code.RUNNERS, str(fault), "mend what it says, and go on with --resume", fault.detail)
+            raise BatchFault(Code.RUNNERS, str(fault), "fix the reported problem, and continue with --resume", fault.detail)
         _answers(engine)
         left = [variant for variant in chunk.variants if variant.index in self.under_way]
         if chunk.attempts < ATTEMPTS:
@@ -375,7 +375,8 @@ class _Batch:
             return
         if row["status"] == STOPPED:
             raise BatchFault(
-                Code.OUTPUT, f"the batch cannot go on: {row['message']}", "mend that, and go on with --resume; what has been built stays",
+                Code.OUTPUT, f"the batch cannot continue: {row['message']}",
+                "fix this, and continue with --resume; built variants are kept",
             )
         self.spent += row.get("seconds", 0.0)
         self.measured += 1

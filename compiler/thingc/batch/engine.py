@@ -80,7 +80,7 @@ class Runners:
             try:
                 runner = RunnerProcess(job)
             except OSError as fault:
-                said = f"no process can be started: {fault.strerror or fault}"
+                said = f"cannot start a process: {fault.strerror or fault}"
                 continue
             with self._lock:
                 self._busy.add(runner)
@@ -96,7 +96,7 @@ class Runners:
                 self.drop(runner)
                 raise
         self.raise_if_cancelled()
-        raise RunnersBroken(f"a runner does not start: {said.splitlines()[0]}", said)
+        raise RunnersBroken(f"cannot start a runner: {said.splitlines()[0]}", said)
 
     def give_back(self, runner: RunnerProcess) -> None:
         """Return a runner to the idle ones."""
@@ -167,7 +167,7 @@ def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow |
         except ProcessLost as fault:
             pool.raise_if_cancelled()
             code = Code.VARIANT_HUNG if fault.hung else Code.VARIANT_DIED
-            what = f"its runner was ended: {fault.words}" if fault.hung else f"its runner died: {fault.words}"
+            what = f"its runner was terminated: {fault.words}" if fault.hung else f"its runner died: {fault.words}"
             take(row(left.pop(0), "failed", code=code.code, message=what, detail=runner.errors(), pid=runner.pid))
             pool.drop(runner)
         except BaseException:  # its state is unknown, so it is not reused

@@ -62,7 +62,7 @@ def locked(folder: str) -> Iterator[None]:
             except BlockingIOError:
                 raise BatchFault(
                     Code.BATCH_LOCKED, f"another batch is being written to `{shown_path(folder)}`",
-                    "wait until it has finished, or write into another folder with -o",
+                    "wait until it has finished, or use another folder with -o",
                 ) from None
         try:
             yield
@@ -153,27 +153,27 @@ def begin(folder: str, document: str, assembly: str) -> None:
         os.makedirs(folder)
     elif not os.path.isdir(folder):
         raise BatchFault(
-            Code.UNEXPECTED, f"`{shown_path(folder)}` is a file, and the batch needs a folder there",
-            "move it away, or write into another folder with -o",
+            Code.UNEXPECTED, f"`{shown_path(folder)}` is a file, but the batch needs a folder there",
+            "move it, or use another folder with -o",
         )
     elif os.listdir(folder):
         before = read_batch(folder)
         if before is not None and before.get("document") != document:
             raise BatchFault(
-                Code.UNEXPECTED, f"`{shown_path(folder)}` holds the batch of another document, `{before.get('document')}`, and is left "
-                "as it is", "move it away, or write into another folder with -o",
+                Code.UNEXPECTED, f"`{shown_path(folder)}` contains the batch of another document, `{before.get('document')}`, and is "
+                "unchanged", "move it, or use another folder with -o",
             )
         unexpected = sorted([*unexpected_files(folder, assembly), *_edited(folder)])
         if before is None or unexpected:
             raise BatchFault(
                 Code.UNEXPECTED,
-                f"`{shown_path(folder)}` holds files that no batch of `{document}` wrote, or that were changed since, and is left as it "
-                f"is: {quoted(unexpected, 8)}", "move these files away, or write into another folder with -o",
+                f"`{shown_path(folder)}` contains files that no batch of `{document}` wrote, or that have changed since, and is "
+                f"unchanged: {quoted(unexpected, 8)}", "move these files, or use another folder with -o",
             )
         if not before.get("finished"):
             raise BatchFault(
-                Code.BATCH_UNFINISHED, f"`{shown_path(folder)}` holds a batch that has not finished",
-                "go on with --resume, or delete the folder to begin anew",
+                Code.BATCH_UNFINISHED, f"`{shown_path(folder)}` contains an unfinished batch",
+                "continue with --resume, or delete the folder to start again",
             )
         _set_aside(folder, before)
 
@@ -254,11 +254,11 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     if before["layout"] != now["layout"]:
         words.append(f"its layout is `{before['layout']}`, not `{now['layout']}`")
     if before.get("plan") != now["plan"]:
-        words.append("the settings, rules, modes or targets of the variants are others")
+        words.append("the settings, rules, modes or targets of the variants differ")
     if changed := _changed(before.get("inputs"), now["inputs"]):
         words.append(f"{quoted(changed, 4)} changed")
     if versions := _changed(before.get("versions"), now["versions"]):
-        words.append("other versions are installed: " + ", ".join(f"`{name}`" for name in versions))
+        words.append("the installed versions differ: " + ", ".join(f"`{name}`" for name in versions))
     return words
 
 
@@ -278,15 +278,15 @@ def in_words(folder: str, fault: OSError) -> BatchFault:
     place = shown_path(str(fault.filename)) if fault.filename is not None else shown_path(folder)
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return BatchFault(
-            Code.OUTPUT, f"there is no room for the batch in `{shown_path(folder)}`: {os.strerror(fault.errno)}",
-            "free some space and go on with --resume; what has been built stays",
+            Code.OUTPUT, f"there is not enough space for the batch in `{shown_path(folder)}`: {os.strerror(fault.errno)}",
+            "free some space and continue with --resume; built variants are kept",
         )
     if isinstance(fault, (FileExistsError, NotADirectoryError)):
         return BatchFault(
-            Code.OUTPUT, f"the batch cannot be written to `{shown_path(folder)}`: there is a file where it needs a folder",
-            "move the file away, or write into another folder with -o",
+            Code.OUTPUT, f"cannot write the batch to `{shown_path(folder)}`: there is a file in place of a folder",
+            "move the file, or use another folder with -o",
         )
     return BatchFault(
-        Code.OUTPUT, f"the batch cannot be written to `{place}`: {fault.strerror or fault}",
-        "let the folder be written and go on with --resume, or write into another folder with -o",
+        Code.OUTPUT, f"cannot write the batch to `{place}`: {fault.strerror or fault}",
+        "make the folder writable and continue with --resume, or use another folder with -o",
     )

@@ -63,7 +63,7 @@ class DamagedChunk(OSError):
     """A file of a chunk is damaged. If either of its files is missing, a chunk counts as not done."""
 
     state = "is damaged"
-    cure = "delete it, and go on with --resume: what was in it is built again"
+    cure = "delete it, and continue with --resume, which builds its variants again"
 
     def __init__(self, path: str) -> None:
         self.words = f"`{shown_path(path)}` {self.state}"
@@ -73,8 +73,8 @@ class DamagedChunk(OSError):
 class MissingChunk(DamagedChunk):
     """A file of a chunk is missing."""
 
-    state = "is not there any more"
-    cure = "go on with --resume: what was in it is built again"
+    state = "no longer exists"
+    cure = "continue with --resume, which builds its variants again"
 
 
 @contextlib.contextmanager

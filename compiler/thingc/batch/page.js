@@ -77,12 +77,12 @@
       const index = at[column.name];
       if (wanted === "") return () => true; // still being typed
       if (!isNumber(column)) {
-        if (sign !== "=" && sign !== "!=") throw `${name} is no number`;
+        if (sign !== "=" && sign !== "!=") throw `${name} is not a number`;
         return (row) => (String(row[index] ?? "").replace("kept_out", "kept out") === wanted.replaceAll("_", " ") ||
           String(row[index] ?? "") === wanted) === (sign === "=");
       }
       const bound = Number(wanted);
-      if (Number.isNaN(bound)) throw `${wanted} is no number`;
+      if (Number.isNaN(bound)) throw `${wanted} is not a number`;
       const compare = { "<": (v) => v < bound, ">": (v) => v > bound, "<=": (v) => v <= bound, ">=": (v) => v >= bound,
         "=": (v) => v === bound, "!=": (v) => v !== bound }[sign];
       return (row) => { const value = number(row[index]); return value !== null && compare(value); };

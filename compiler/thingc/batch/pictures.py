@@ -191,11 +191,11 @@ def _drawn(
 def _lost(process: JsonLinesProcess, fault: ProcessLost) -> Diagnostic:
     """Return the warning, with the last line of the output of the process."""
     said = process.errors().strip().splitlines()
-    return _refused(f"the process that draws is lost: {fault.words}", said[-1] if said else "")
+    return _refused(f"the rendering process failed: {fault.words}", said[-1] if said else "")
 
 
 def _refused(words: str, hint: str) -> Diagnostic:
     return Diagnostic(
-        code=Code.NO_GRAPHICS, severity=Severity.WARNING, message=f"the batch's page has no pictures, or not all: {words}",
+        code=Code.NO_GRAPHICS, severity=Severity.WARNING, message=f"pictures are missing on the page of the batch: {words}",
         help=" ".join(hint.split()) or None,
     )

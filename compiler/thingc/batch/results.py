@@ -135,7 +135,7 @@ class BuiltVariant(OneLineRepr):
             with self.family.mounted(meshes) as files:
                 return mujoco.MjModel.from_xml_string(text, vfs=files)
         except ValueError as fault:
-            raise FamilyError(f"MuJoCo refuses the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
+            raise FamilyError(f"MuJoCo rejects the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
 
     def sources(self, mode: str | None = None, *, scene: bool = False) -> tuple[bytes, dict[str, bytes]]:
         """Return the text of its model in a mode, and the files that it names (meshes of the whole batch). Raises as `model` does."""
@@ -173,8 +173,8 @@ class BuiltVariant(OneLineRepr):
             return self._files.read(f"mjcf/{file}")
         except FileNotFoundError:
             raise FamilyError(
-                f"there is no `{shown_path(os.path.join(self.folder, 'mjcf', file))}`: the batch has been built without the target "
-                "`mjcf`, or was moved or changed since; build it again with `--emit mjcf`"
+                f"there is no `{shown_path(os.path.join(self.folder, 'mjcf', file))}`: the batch was built without the target "
+                "`mjcf`, or was moved or changed later; build it again with `--emit mjcf`"
             ) from None
 
 
@@ -243,13 +243,13 @@ class BatchResults(Sequence[BuiltVariant]):
     def __getitem__(self, key: int | str | slice) -> BuiltVariant | BatchResults:
         """Return a variant by index, id or name, or a slice. Raises `UnknownVariant` for an unknown id or name, and `IndexError`."""
         if not isinstance(key, Integral | slice | str):
-            raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`: a variant is named by its place, its id or its name")
+            raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`: use its index, its id or its name")
         if isinstance(key, slice):
             return self._of(self._indices[key])
         if isinstance(key, str):
             return self._named(key)
         if not -len(self) <= key < len(self):
-            raise IndexError(f"batch `{self.name}` has {counted(len(self), 'variant')} here, and none at place {key}")
+            raise IndexError(f"batch `{self.name}` has {counted(len(self), 'variant')} here, but none at index {key}")
         return self._variant(self._indices[key])
 
     def _named(self, key: str) -> BuiltVariant:
@@ -260,8 +260,8 @@ class BatchResults(Sequence[BuiltVariant]):
         at = bisect_left(self._indices, index)
         if at == len(self) or self._indices[at] != index:
             row = _row(self.records.line(index))
-            known = f"it is `{row['status']}`" if row["status"] != "built" else "it is left out here"
-            raise UnknownVariant(f"the variant `{key}` cannot be had: {known}{_because(row)}")
+            known = f"it is `{row['status']}`" if row["status"] != "built" else "it is not loaded here"
+            raise UnknownVariant(f"the variant `{key}` is not available: {known}{_because(row)}")
         return self._variant(index)
 
     def __repr__(self) -> str:
@@ -290,7 +290,7 @@ class BatchResults(Sequence[BuiltVariant]):
         elif callable(where):
             kept = [bool(where(variant)) for variant in self]
         else:
-            raise FamilyError(f"expected `where` to be values by column, or a function of a variant, found `{where}`")
+            raise FamilyError(f"expected `where` to be a mapping from columns to values, or a function of a variant, found `{where}`")
         return self._of(tuple(index for index, one in zip(self._indices, kept, strict=True) if one))
 
     def chosen(self, mode: str | None) -> str:
@@ -299,7 +299,7 @@ class BatchResults(Sequence[BuiltVariant]):
         if name is None:
             if len(self.mode_names) > 1:
                 known = ", ".join(f"`{one}`" for one in self.mode_names)
-                raise FamilyError(f"batch `{self.name}` has {len(self.mode_names)} modes, {known}: say which, `mode=\"...\"`")
+                raise FamilyError(f"batch `{self.name}` has {len(self.mode_names)} modes, {known}: select one with `mode=\"...\"`")
             name = self.mode_names[0]
         if name not in self.mode_names:
             raise UnknownVariant(f"batch `{self.name}` has no mode `{name}`: {did_you_mean(str(name), self.mode_names, what='modes')}")
@@ -412,7 +412,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
     if described is None:
         within = [name for name in listing(place) if read_batch(os.path.join(place, name))]
         hint = f"; in it there are: {', '.join(f'`{name}`' for name in within)}" if within else ""
-        raise FamilyError(f"`{shown_path(place)}` is no folder of a batch{hint}: `thingc batch` writes one")
+        raise FamilyError(f"`{shown_path(place)}` is not the folder of a batch{hint}; run `thingc batch` to create one")
     whole(place, described)
     records = BuildRecords(place)
     robot = json.loads(records.files(records.built[0]).read(MANIFEST))["name"] if records.built else ""
@@ -433,7 +433,7 @@ def _row(line: Line) -> dict[str, Any]:
 
 def _variant(one: Any) -> BuiltVariant:
     if not isinstance(one, BuiltVariant):
-        raise FamilyError(f"expected variants, found `{one}`: `family[...]` is one by its place, its id or its name")
+        raise FamilyError(f"expected variants, found `{one}`: use `family[...]` with its index, its id or its name")
     return one
 
 
@@ -447,7 +447,7 @@ def _check(name: str, wanted: Any, cells: Sequence[Any]) -> None:
         raise FamilyError(f"expected a range of the column `{name}` to be two numbers `(low, high)`, found `{wanted}`")
     text = next((cell for cell in cells if isinstance(cell, str)), None)
     if text is not None:
-        raise FamilyError(f"expected a text for the column `{name}`, such as `{text}`, found the range `{wanted}`")
+        raise FamilyError(f"expected a string for the column `{name}`, such as `{text}`, found the range `{wanted}`")
 
 
 def _holds(cell: Any, wanted: Any) -> bool:
@@ -479,8 +479,8 @@ def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | N
             return variant, variant.failed or line.get("rule")
     raise BatchFault(
         Code.BATCH_CHANGED,
-        f"no variant of `{plan.relative}` has the settings any more that `{wanted}` has in `{shown_path(folder)}`",
-        "the documents have changed since that batch was built: build it anew, and take an id from its table",
+        f"no variant of `{plan.relative}` has the settings of `{wanted}` in `{shown_path(folder)}` any more",
+        "the documents have changed since that batch was built: build it again, and use an id from its table",
     )
 
 

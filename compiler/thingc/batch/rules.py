@@ -71,7 +71,7 @@ def unkept(
         except KeyError as fault:
             wrong = Diagnostic(
                 code=Code.RESULT, severity=Severity.ERROR, message=f"`{rule.text}`: there is no `{fault.args[0]}` in mode `{mode}`",
-                help="choose another mode or pose for the results, or take the rule out",
+                help="choose another mode or pose for the results, or remove the rule",
             )
         except ExpressionError as fault:
             wrong = Diagnostic(code=Code.RULE, severity=Severity.ERROR, message=f"`{rule.text}`: {fault.message}", help=fault.help)
@@ -124,14 +124,14 @@ def read_rules(
                 if result != "reach" or reach:
                     names[use.name] = result
                     continue
-                message = "this document does not say what the reach is"
+                message = "this document does not define the reach"
                 help = "add for example `reach: {of: tip, from: base}`, with two mounts of the assembly"
             except KeyError:
-                message = f"there is no parameter and no result `{use.name}`"
+                message = f"there is no parameter or result `{use.name}`"
                 known = [*parameters, *RESULTS, *(LENGTHS + joint for joint in lengths)]
                 help = did_you_mean(use.name, known, what="names")
             except ValueError:
-                message = f"`{use.name}` is a parameter and a result"
+                message = f"`{use.name}` is both a parameter and a result"
                 help = f"write `{PARAMETERS}{use.name}` or `{OF_RESULTS}{use.name}`"
             _report(report, document, path, message, use.offset, use.end, help)
             sound = False

@@ -66,7 +66,7 @@ def check(jobs: int, limit: int | None, timeout: float, verify: int, pictures: i
         if not is_whole(value, least):
             raise BatchFault(Code.COMMAND_LINE, f"expected `{name}` to be a whole number of at least {least}, found `{value}`")
     if not is_number(timeout) or not 0.0 < timeout <= LONGEST:
-        raise BatchFault(Code.COMMAND_LINE, f"expected `timeout` to be some seconds, at most {LONGEST:.0f}, found `{timeout}`")
+        raise BatchFault(Code.COMMAND_LINE, f"expected `timeout` to be a number of seconds, at most {LONGEST:.0f}, found `{timeout}`")
     if layout not in (None, FOLDERS, PACKED):
         raise BatchFault(Code.COMMAND_LINE, f"there is no layout `{layout}`", f"`{FOLDERS}`, `{PACKED}`, or None for either")
 
@@ -77,8 +77,8 @@ def check_engine(executor: Executor | None, ship: bool) -> None:
         raise BatchFault(Code.COMMAND_LINE, f"expected `executor` to be one of `concurrent.futures`, found `{executor}`")
     if ship and not isinstance(executor, FileTransferExecutor):
         raise BatchFault(
-            Code.COMMAND_LINE, "--ship is for workers of dask, which may share no folder with this machine",
-            "leave it out: jobs of SLURM share the folder that they are submitted from, and runners of this machine are in it",
+            Code.COMMAND_LINE, "--ship can only be used with Dask workers",
+            "remove --ship: SLURM jobs share the folder from which they are submitted, and local runners use it directly",
         )
 
 

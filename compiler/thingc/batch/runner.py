@@ -79,7 +79,7 @@ class Runner:
             except BlobMissing:  # a damaged blob of the store: build it again
                 outcome = self._passed(task)
         except StoreUnusable as fault:
-            outcome = row(task, STOPPED, code=Code.OUTPUT.code, message=f"the store `{fault.root}` cannot be used: {fault.reason}")
+            outcome = row(task, STOPPED, code=Code.OUTPUT.code, message=f"the cache `{fault.root}` cannot be used: {fault.reason}")
         except OSError as fault:
             if fault.filename is None and fault.errno is None:
                 outcome = _raised(task, fault)

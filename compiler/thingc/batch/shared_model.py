@@ -74,7 +74,7 @@ class StructuresDiffer(FamilyError):
     """The variants cannot share one model; `field` is the first field that would have to change."""
 
     def __init__(self, field: str, message: str) -> None:
-        super().__init__(f"{message}; use the models themselves: `thingc.batch.load`")
+        super().__init__(f"{message}; use separate models instead: `thingc.batch.load`")
         self.field = field
 
 
@@ -110,12 +110,12 @@ def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
     """
     count = min(map(len, fields.values()), default=sys.maxsize)
     if not is_whole(index, 0) or index >= count:
-        raise FamilyError(f"there are fields for {counted(count, 'variant')}, and none for place {index}")
+        raise FamilyError(f"there are fields for {counted(count, 'variant')}, but none for index {index}")
     for name, values in fields.items():
         here = getattr(*owner_of(model, name), None)
         rows = values.shape[1:2] if name in LEADING else ()
         if here is None or values.shape[1:] != (*rows, *getattr(here, "shape", ())[len(rows):]):
-            raise FamilyError(f"the field `{name}` is not that of this model: they belong to different batches")
+            raise FamilyError(f"the field `{name}` does not fit this model: they belong to different batches")
     for name, values in fields.items():
         owner, field = owner_of(model, name)
         here = getattr(owner, field)
@@ -164,7 +164,7 @@ def write(
 def _family(source: str | os.PathLike[str] | BatchResults) -> BatchResults:
     family = source if isinstance(source, BatchResults) else load(source)
     if not len(family):
-        raise FamilyError(f"batch `{family.name}` has no built variant here: there is no model to begin with")
+        raise FamilyError(f"batch `{family.name}` has no built variant here, so there is no model")
     return family
 
 
@@ -194,8 +194,8 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
     for kind, _, count in _KINDS.values():
         if here[kind] != there[kind]:
             only = [name for name in (*here[kind], *there[kind]) if (name in here[kind]) != (name in there[kind])]
-            which = f"`{only[0]}` is in one of them only" if only else "they stand in another order"
-            raise StructuresDiffer(count, f"there are not the same elements of kind `{kind}` {both}: {which}")
+            which = f"`{only[0]}` is only in one of them" if only else "their order differs"
+            raise StructuresDiffer(count, f"the elements of kind `{kind}` differ {both}: {which}")
     members = [name for name in dir(model) if not name.startswith("_") and name not in _FOLLOW]
     arrays = [name for name in members if isinstance(getattr(model, name), np.ndarray)]
     meshes = [name for name in arrays if name.startswith("mesh_")]
@@ -209,11 +209,11 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
     for name in (one for one in arrays if one not in changeable):
         a, b = getattr(model, name), getattr(other, name)
         if not _equal(a, b):
-            raise StructuresDiffer(name, f"`{name}` differs {both}{_where(model, name, a, b)}, and it cannot be changed in place")
+            raise StructuresDiffer(name, f"`{name}` differs {both}{_where(model, name, a, b)}, but cannot be changed in place")
     for option in dir(model.opt):
         value = getattr(model.opt, option)
         if isinstance(value, int) and value != getattr(other.opt, option):
-            raise StructuresDiffer(f"opt.{option}", f"the option `{option}` differs {both}, and it cannot be changed in place")
+            raise StructuresDiffer(f"opt.{option}", f"the option `{option}` differs {both}, but cannot be changed in place")
 
 
 def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> None:
@@ -223,9 +223,9 @@ def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> No
     for k in range(model.nmesh):
         slices = [slice(one.mesh_vertadr[k], one.mesh_vertadr[k] + one.mesh_vertnum[k]) for one in (model, other)]
         if not _equal(model.mesh_vert[slices[0]], other.mesh_vert[slices[1]]):
-            message = f"the mesh `{model.mesh(k).name}` has another shape {both}, and meshes cannot be changed in place"
+            message = f"the mesh `{model.mesh(k).name}` differs {both}, but meshes cannot be changed in place"
             raise StructuresDiffer("mesh_vert", message)
-    raise StructuresDiffer("mesh_face", f"meshes differ {both}, and cannot be changed in place")
+    raise StructuresDiffer("mesh_face", f"meshes differ {both}, but cannot be changed in place")
 
 
 def element_names(model: Any) -> dict[str, list[str]]:

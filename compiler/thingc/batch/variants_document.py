@@ -79,8 +79,8 @@ def check_margin(document: Document, spec: VariantsSpec, model: AssemblyDefiniti
         rule = next((rule for rule in rules if rule.expression is expression), None)
         if rule is not None and "torque_margin" in rule.names.values():
             report.add(
-                Code.RESULT, f"there is no `torque_margin` in mode `{mode.name}`: its loops share the load",
-                document.span(("keep", index)), help="write another mode first under `modes`, or take the rule out", path=f"keep[{index}]",
+                Code.RESULT, f"there is no `torque_margin` in mode `{mode.name}`: the efforts are ambiguous because of its loops",
+                document.span(("keep", index)), help="put another mode first under `modes`, or remove the rule", path=f"keep[{index}]",
             )
 
 
@@ -247,7 +247,7 @@ class _Planner:
                 else:
                     missing = True
             if not texts and not missing:
-                self.error(Code.VARIANT_CHOICE, f"`{path}` has nothing to choose from", ("choices", path), "write at least one")
+                self.error(Code.VARIANT_CHOICE, f"`{path}` has no choices", ("choices", path), "write at least one")
                 continue
             sound = [text for text, at in texts.items() if self.possible(path, text, at)]
             if len(sound) == 1:
@@ -355,7 +355,7 @@ class _Planner:
         self.said.add((path, diagnostic.message))
         notes = list(diagnostic.notes)
         if diagnostic.span is not None:
-            notes.append(Note(message="in the assembly it shows here", span=diagnostic.span))
+            notes.append(Note(message="defined here in the assembly", span=diagnostic.span))
         self.report.add(
             code, diagnostic.message, self.document.span(at, key=key), help=diagnostic.help, path=shown,
             notes=[note for note in notes if note.span is not None],
@@ -393,9 +393,9 @@ class _Planner:
                     values[name] = value
             if entry.name is not None and entry.name in met:
                 self.report.add(
-                    Code.NAME_CLASH, f"two variants are called `{entry.name}`", self.document.span((*at, "name")),
+                    Code.NAME_CLASH, f"two variants are named `{entry.name}`", self.document.span((*at, "name")),
                     help="rename one of them", path=dotted((*at, "name")),
-                    notes=[Note(message="the other is here", span=self.document.span(("list", met[entry.name], "name")))],
+                    notes=[Note(message="the other one is here", span=self.document.span(("list", met[entry.name], "name")))],
                 )
             elif entry.name is not None:
                 met[entry.name] = index
@@ -403,8 +403,8 @@ class _Planner:
             same = next((k for k, one in enumerate(made) if (one.parameters, one.choices) == (values, chosen)), None)
             if same is not None and len(self.report.diagnostics) == said:
                 self.report.warn(
-                    Code.DUPLICATE_VARIANT, "this variant is written twice and built once", self.document.span(at), help="remove it",
-                    path=dotted(at), notes=[Note(message="it is also written here", span=self.document.span(("list", same)))],
+                    Code.DUPLICATE_VARIANT, "this variant is listed twice and built once", self.document.span(at), help="remove it",
+                    path=dotted(at), notes=[Note(message="also listed here", span=self.document.span(("list", same)))],
                 )
             made.append(setting)
         return tuple(made)
@@ -432,8 +432,8 @@ class _Planner:
             return True
         product = " x ".join(str(size) for _, size in sizes) if len(sizes) < 10 else f"{len(sizes)} axes"
         self.report.add(
-            Code.VARIANT_VALUE, f"the grid has {count} variants ({product}), and a batch has at most {MOST}",
-            self.document.span((sizes[0][0],), key=True), help="give fewer values, or draw some of them with `sample:`", path=sizes[0][0],
+            Code.VARIANT_VALUE, f"the grid has {count} variants ({product}), but a batch can have at most {MOST}",
+            self.document.span((sizes[0][0],), key=True), help="use fewer values, or draw variants with `sample:`", path=sizes[0][0],
         )
         return False
 

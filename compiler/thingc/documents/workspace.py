@@ -111,8 +111,8 @@ class Workspace:
         start = folder = os.path.dirname(os.path.abspath(document))
         if not is_text(start):
             report.add(
-                Code.FILE_NAME, f"the folder `{start}` has bytes in its name that are no UTF-8", None,
-                help="rename it, or move the workspace elsewhere: everything that is written about it is UTF-8",
+                Code.FILE_NAME, f"the folder `{start}` has bytes in its name that are not UTF-8", None,
+                help="rename it, or move the workspace: paths must be UTF-8",
             )
             return None
         inputs: dict[str, str | None] = {}
@@ -232,10 +232,7 @@ def _parse_workspace(path: str, data: bytes, root: str, inputs: dict[str, str | 
     validates the file and reports errors.
     """
     if len(data) > MAX_BYTES:
-        report.add(
-            Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes, which is the bound",
-            line_of(path), help="move what is not about thingc elsewhere",
-        )
+        report.add(Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes", line_of(path), help="remove content that is not for thingc")
         return None
     import tomllib
 
@@ -366,7 +363,7 @@ def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
     if os.path.isabs(text) or text.startswith("~"):
         return f"`{shown}` is an absolute path", "write it relative to this file"
     if not _inside(os.path.join(root, text), root):
-        return f"`{shown}` leaves the workspace", "name a folder below this file"
+        return f"`{shown}` is outside the workspace", "use a folder below this file"
     return None
 
 
@@ -406,7 +403,7 @@ def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
         if said is None:
             return default
         if not isinstance(said, Quantity):
-            report.add(Code.BAD_EXPRESSION, "a workspace has no parameters: write the value", document.span(path))
+            report.add(Code.BAD_EXPRESSION, "a workspace has no parameters: write a plain value", document.span(path))
             return default
         if said.value <= 0.0:
             report.add(Code.BAD_QUANTITY, f"expected a value above 0, found `{said}`", document.span(path))

@@ -55,14 +55,14 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
         full = set_values(root, {keys: _texts(node) for keys, node in short})
         text = set_values(full, {keys: _parse_value(text) for keys, text in values.items()}).text
     except CannotSetValue as fault:
-        return EditResult(found=(_wrong(str(fault), "write it by hand"),))
+        return EditResult(found=(_wrong(str(fault), "edit the document by hand"),))
     before, after = document_change(root, text)
     _, diagnostics = checked(document, replace(options, texts={root.path: after}), strict=strict)
     found = tuple(diagnostics)
-    if dry or any(d.severity is Severity.ERROR for d in found):
+    if any(d.severity is Severity.ERROR for d in found):
         return EditResult(found=found, root=root, text=text)
     try:
-        replace_files({root.path: (before, after)})
+        replace_files({} if dry else {root.path: (before, after)})
     except ReplacementRefused as fault:
         return EditResult(found=(fault.diagnostic,))
     return EditResult(found=found, root=root, text=text, done=tuple(changes(full, values)))
@@ -133,11 +133,11 @@ def _elsewhere(root: Document, path: str) -> Diagnostic | None:
         name = choice.components[0] if choice is not None and choice.components else None
         if name is None or node_at(root.tree, ("components", name)) is not None:
             return None
-        return _wrong(f"`{path}` is one of a repeated component: it has no line of its own", "set it for all of them")
+        return _wrong(f"`{path}` is one copy of a repeated component and has no line in the document", "set it for all of them")
     component, rest = through
     text = node_at(root.tree, ("components", component, "assembly"))
     inner = getattr(text, "text", "the nested document")
-    return _wrong(f"`{path}` is written in `{inner}`, and would hold for every component that is one", f"`thingc set {inner} '{rest}=...'`")
+    return _wrong(f"`{path}` is defined in `{inner}` and would apply to every component that uses it", f"`thingc set {inner} '{rest}=...'`")
 
 
 def _wrong(message: str, help: str) -> Diagnostic:

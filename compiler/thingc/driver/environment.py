@@ -99,7 +99,7 @@ class Environment:
     @cached_property
     def parts(self) -> PartSource:
         """The source of parts: the geometry service, or the lock if no code may run. Requires a workspace."""
-        assert self.workspace is not None, "parts belong to a workspace, and none was found"
+        assert self.workspace is not None, "parts need a workspace, but none was found"
         if self._lent is not None:
             return self._lent(self.workspace, self.store)
         if self.options.code:
@@ -113,7 +113,7 @@ class Environment:
         """The geometry service, which runs the CAD kernel. Requires that code of the workspace may run."""
         from thingc.geometry.service import GeometryService
 
-        assert isinstance(self.parts, GeometryService), "no code of the workspace may run"
+        assert isinstance(self.parts, GeometryService), "code of the workspace must not run here"
         return self.parts
 
     def _lock(self) -> Lock | None:

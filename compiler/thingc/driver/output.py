@@ -64,8 +64,8 @@ class UnexpectedFilesError(OutputError):
     code = Code.UNEXPECTED
 
     def __init__(self, folder: str, names: tuple[str, ...], message: str, *, ours: bool) -> None:
-        more = ", or give them up with --force" if ours else ""
-        super().__init__(message, f"move these files away, or build into another folder with -o{more}")
+        more = ", or overwrite them with --force" if ours else ""
+        super().__init__(message, f"move these files, or build into another folder with -o{more}")
         self.folder = folder
         self.names = names
 
@@ -138,7 +138,7 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
     place, there = shown_path(folder), os.path.isdir(folder)
 
     def refuse(_: str) -> NoReturn:
-        raise OutputError(f"`{place}` is being made by another command", "wait until it has ended, or choose another name")
+        raise OutputError(f"another command is creating `{place}`", "wait until it has finished, or choose another name")
 
     try:
         os.makedirs(os.path.dirname(folder), exist_ok=True)
@@ -146,7 +146,7 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
         with _locked(aside, refuse):
             fresh = _beside(aside, "new")
             if not there and os.path.lexists(folder):
-                raise OutputError(f"`{place}` is there already: a file", "choose another name, or move it away")
+                raise OutputError(f"`{place}` already exists and is a file", "choose another name, or move it")
             _delete(fresh)
             try:
                 _write_files(fresh, files, None)
@@ -155,8 +155,8 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
                     before = sorted(set(os.listdir(folder)) - ours)
                     others = [name for name in before if not _alike(os.path.join(folder, name), os.path.join(fresh, name))]
                     if others:
-                        message = f"the folder `{place}` has something in it already: {quoted(others, 8)}"
-                        raise OutputError(message, "choose another name, or move that away")
+                        message = f"the folder `{place}` is not empty: {quoted(others, 8)}"
+                        raise OutputError(message, "choose another name, or move its content")
                     _move_into(folder, fresh, sorted(set(os.listdir(fresh)) - set(before)))
                 else:
                     os.rename(fresh, folder)
@@ -166,7 +166,7 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
         where = f" (`{shown_path(fault.filename)}`)" if isinstance(fault.filename, str) and ".thingc-" not in fault.filename else ""
         reason = (fault.strerror or str(fault)).lower()
         cure = "choose a shorter name" if fault.errno == errno.ENAMETOOLONG else f"{_cure(fault)} choose another name or place"
-        raise OutputError(f"`{place}` cannot be made: {reason}{where}", cure) from fault
+        raise OutputError(f"cannot create `{place}`: {reason}{where}", cure) from fault
     return folder
 
 
@@ -259,7 +259,7 @@ def _check_paths(name: str, files: Mapping[str, Content]) -> None:
     check_tree(files)
     check_tree([name])
     if "/" in name or any("\\" in path for path in (name, *files)):
-        raise ValueError(f"{name!r} must not contain `/`, and no path of a build a backslash")
+        raise ValueError(f"{name!r} must not contain `/`, and paths of a build must not contain a backslash")
     if MANIFEST not in files:
         raise ValueError(f"a build needs a {MANIFEST}")
 
@@ -325,8 +325,8 @@ def _refuse_unexpected(folder: str, document: str, also: Collection[str], known:
     if not os.path.lexists(folder):
         return UnexpectedFiles(None, ())
     if not os.path.isdir(folder):
-        message = f"`{shown_path(folder)}` is a file, and the build needs a folder there"
-        raise OutputError(message, "move it away, or build into another folder with -o")
+        message = f"`{shown_path(folder)}` is a file, but the build needs a folder there"
+        raise OutputError(message, "move it, or build into another folder with -o")
     unexpected = unexpected_files(folder, document, also=also, known=known)
     if unexpected.names and not (force and unexpected.owner == document):
         raise _accusation(folder, unexpected, document)
@@ -337,16 +337,16 @@ def _accusation(folder: str, unexpected: UnexpectedFiles, document: str) -> Unex
     place = f"`{shown_path(folder)}`"
     ours = unexpected.owner == document
     if unexpected.owner is not None and not ours:
-        message = f"{place} holds the build of another document, `{unexpected.owner}` and not `{document}`, and is left as it is"
+        message = f"{place} contains the build of another document (`{unexpected.owner}`, not `{document}`) and is unchanged"
     else:
         said = [
             f"{what} ({quoted(names, 8)})"
             for what, names in (
                 (f"files that no build of `{document}` wrote", unexpected.others),
-                ("files that were changed since they were built", unexpected.changed),
+                ("files that have changed since the build", unexpected.changed),
             ) if names
         ]
-        message = f"{place} holds {' and '.join(said)}, and is left as it is"
+        message = f"{place} contains {' and '.join(said)} and is unchanged"
     return UnexpectedFilesError(folder, unexpected.names, message, ours=ours)
 
 
@@ -469,9 +469,9 @@ def _fault_text(folder: str, fault: OSError) -> str:
     """Format the reason of a system error."""
     place = shown_path(folder)
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        return f"there is no room for the build in `{place}`: {os.strerror(fault.errno)}"
+        return f"there is not enough space for the build in `{place}`: {os.strerror(fault.errno)}"
     reason = fault.strerror or str(fault)
-    return f"the build cannot be written to `{place}`: {reason}"
+    return f"cannot write the build to `{place}`: {reason}"
 
 
 def _cure(fault: OSError) -> str:
@@ -479,9 +479,9 @@ def _cure(fault: OSError) -> str:
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return "free some space, or"
     if fault.errno == errno.ENAMETOOLONG:
-        return "shorten the `name` of the document or of what its files are called by, or"
+        return "shorten the `name` of the document or the names in it, or"
     if fault.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return "let the folder be written, or"
+        return "make the folder writable, or"
     if fault.errno in (errno.EEXIST, errno.ENOTDIR):
-        return "move the file that is in its place away, or"
-    return "mend that, or"
+        return "move the file in its place, or"
+    return "fix this, or"

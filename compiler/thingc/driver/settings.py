@@ -114,7 +114,7 @@ class SettingsReader:
         report: Report | None = None
         if not isinstance(settings, Mapping):
             report = Report()
-            message = f"settings are a mapping from names to values, found {type(settings).__name__} `{settings}`"
+            message = f"settings must be a mapping from names to values, found {type(settings).__name__} `{settings}`"
             report.add(Code.CHOICE_OPTION, message, None, path=SET, help="write `{'joints.NAME.limit.upper': 1.5}`")
             settings = {}
         for given, value in (*self.fixed.items(), *settings.items()):
@@ -127,8 +127,8 @@ class SettingsReader:
                 value = _python_value(value)
             if not names:
                 report = report or Report()
-                help = self._hint(given) if isinstance(given, str) else "a name is a text, such as `joints.NAME.limit.upper`"
-                report.add(Code.CHOICE_OPTION, f"nothing in the document is meant by `{given}`", None, path=f"{SET}{given}", help=help)
+                help = self._hint(given) if isinstance(given, str) else "a name must be a string such as `joints.NAME.limit.upper`"
+                report.add(Code.CHOICE_OPTION, f"the document has nothing named `{given}`", None, path=f"{SET}{given}", help=help)
             for name in names:
                 numbers.pop(name, None)
                 texts.pop(name, None)

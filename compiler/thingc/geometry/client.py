@@ -212,7 +212,7 @@ class Workers:
             self._end(worker)
             return worker, {"failed": "hung", "words": "", "detail": ""}, False
         if not self._processes:  # closed by another thread
-            raise WorkerBroken("the workers have been ended")
+            raise WorkerBroken("the workers have been shut down")
         known = next((one for one in self._processes if one.process is process), None)
         if known is None:
             return None
@@ -221,7 +221,7 @@ class Workers:
             return known, {"failed": "crashed", "words": "the worker process ended", "detail": ""}, False
         if "broken" in answer:
             self.close()
-            raise WorkerBroken(f"the CAD kernel does not load: {answer['broken']}", answer.get("detail", ""))
+            raise WorkerBroken(f"the CAD kernel cannot be loaded: {answer['broken']}", answer.get("detail", ""))
         if "ready" in answer:
             known.ready = True
             self._put_off(known)
@@ -313,7 +313,7 @@ class EndingWorkers(Workers):
     def ensure(self) -> None:
         """Start the missing workers. Raises `WorkerBroken`, also after `end`."""
         if self.ended:
-            raise WorkerBroken("the workers have been ended for good")
+            raise WorkerBroken("the workers have been shut down")
         super().ensure()
 
     def end(self) -> None:
@@ -350,7 +350,7 @@ def _server(flags: Sequence[str], seed: int = 0, lines: Lines | None = None) -> 
 
 
 def _no_process(fault: OSError) -> str:
-    return f"no worker process can be started: {fault.strerror or fault}"
+    return f"cannot start a worker process: {fault.strerror or fault}"
 
 
 _FRAME = re.compile(r'^\s*File "(?P<file>.+?)", line (?P<line>\d+)', re.MULTILINE)
@@ -359,7 +359,7 @@ _FRAME = re.compile(r'^\s*File "(?P<file>.+?)", line (?P<line>\d+)', re.MULTILIN
 def failure_of(subject: str, answer: Mapping[str, Any], timeout: float, workspace: Workspace) -> PartFailure:
     """Return the failure of a part whose process ended, from the worker's answer; `timeout` [s] is the time that it had."""
     file, line = _place_of(answer.get("detail", ""), workspace)
-    message = f"it was not done after {timeout:g} s" if answer["failed"] == "hung" else answer["words"]
+    message = f"it took longer than {timeout:g} s" if answer["failed"] == "hung" else answer["words"]
     return PartFailure(
         subject=subject, kind=answer["failed"], message=message, file=full(file, workspace.root), line=line,
         detail=answer.get("detail") or None,

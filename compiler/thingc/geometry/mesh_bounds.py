@@ -58,14 +58,14 @@ def bounded(suffix: str, data: bytes, most: int = MOST) -> None:
     if suffix == ".stl" and is_text(data):
         told = sum(1 for _ in _FACET.finditer(data))
         if b"facet" in data and b"endsolid" not in data.lower():
-            raise BadMesh("is cut off: it has no `endsolid`")
+            raise BadMesh("is truncated: it has no `endsolid`")
     elif suffix == ".stl":
         if len(data) < _HEAD:
-            raise BadMesh(f"is cut off: it has {len(data)} bytes, and a binary STL file begins with {_HEAD}")
+            raise BadMesh(f"is truncated: it has {len(data)} bytes, but a binary STL file has at least {_HEAD}")
         told, there = int.from_bytes(data[80:84], "little"), (len(data) - _HEAD) / _TRIANGLE
         if told != there:
-            what = "is cut off" if told > there else "goes on behind its end"
-            raise BadMesh(f"{what}: it says that it has {told} triangles, and there are bytes for {there:.6g}")
+            what = "is truncated" if told > there else "has data after its end"
+            raise BadMesh(f"{what}: it declares {told} triangles, but has bytes for {there:.6g}")
     elif suffix == ".ply" and (match := re.search(rb"^element face (\d+)", data[:10_000], re.MULTILINE)):
         told = int(match[1])
     elif suffix == ".obj":
@@ -81,7 +81,7 @@ def bounded(suffix: str, data: bytes, most: int = MOST) -> None:
 def refuse_beyond(count: int, most: int = MOST, what: str = "triangles") -> None:
     """Raise `BadMesh` if `count` of `what` is more than `most`."""
     if count > most:
-        raise BadMesh(f"has {count} {what}, and {most} at most are read")
+        raise BadMesh(f"has {count} {what}, but at most {most} are supported")
 
 
 def is_text(stl: bytes) -> bool:
@@ -100,7 +100,7 @@ def unfold(root: _T, parts: Callable[[_T], Iterable[_T]]) -> None:
             known[one] = 1 + sum(count(part, level + 1) for part in parts(one))
         return known[one]
 
-    refuse_beyond(count(root, 0), INSTANCES, "objects, each counted as often as it is placed")
+    refuse_beyond(count(root, 0), INSTANCES, "objects, counted once per placement")
 
 
 def _unfold_collada(root: ElementTree.Element) -> None:
@@ -124,7 +124,7 @@ def _told_by_gltf(text: bytes) -> int:
         document = json.loads(text)
         pieces = [len(mesh["primitives"]) for mesh in document.get("meshes", ())]
         placed = (1 + (pieces[node["mesh"]] if "mesh" in node else 0) for node in document.get("nodes", ()))
-        refuse_beyond(max(sum(placed), sum(pieces)), INSTANCES, "nodes and what they place")
+        refuse_beyond(max(sum(placed), sum(pieces)), INSTANCES, "nodes and placed objects")
         sizes = [(abs(int(one["count"])), _NUMBERS[one["type"]]) for one in document.get("accessors", ())]
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError) as fault:
         raise damaged(".glb", fault) from fault

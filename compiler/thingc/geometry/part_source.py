@@ -81,9 +81,9 @@ def report_hidden(parts: PartSource, references: Iterable[tuple[str, Span | None
                 said.add(module.name)
                 hidden = " and ".join(f"`{parts.workspace.relative(file)}`" for file in module.hides)
                 report.warn(
-                    Code.HIDDEN, f"`{reference}` takes the module `{module.name}` from `{parts.workspace.relative(module.file)}`, which "
+                    Code.HIDDEN, f"`{reference}` imports the module `{module.name}` from `{parts.workspace.relative(module.file)}`, which "
                     f"hides {hidden}", where or line_of(module.file),
-                    help="call one of the files otherwise" + (f"; {allow_hint(Code.HIDDEN)}" if where is not None else ""),
+                    help="rename one of the files" + (f"; {allow_hint(Code.HIDDEN)}" if where is not None else ""),
                 )
 
 
@@ -99,6 +99,6 @@ def report_gaps(parts: PartSource, report: Report, *, severity: Severity = Sever
     their = "its" if len(labels) == 1 else "their"
     more = [Note(message=f"and {len(labels) - SHOWN} more")] if len(labels) > SHOWN else []
     report.add(
-        Code.NOT_LOOKED_AT, f"{what} parameters or a process that `{LOCK_FILE}` does not hold: {their} geometry was not looked at",
+        Code.NOT_LOOKED_AT, f"{what} parameters or a process that `{LOCK_FILE}` does not contain: {their} geometry was not checked",
         top_of(file), help=REMAKE, notes=[*(Note(message=f"`{label[:200]}`") for label in labels[:SHOWN]), *more], severity=Severity.NOTE,
     )

@@ -373,7 +373,7 @@ class AssemblyFailed(Exception):
     """The kernel could not write the STEP file of the assembly `name`: `reason` is the message, `detail` the traceback."""
 
     def __init__(self, name: str, reason: str, detail: str = "") -> None:
-        super().__init__(f"the STEP file of {name} could not be written: {reason}")
+        super().__init__(f"cannot write the STEP file of {name}: {reason}")
         self.name = name
         self.reason = reason
         self.detail = detail

@@ -297,7 +297,7 @@ class GeometryService:
                 answers[text] = self._record(kept.value, code)
                 self.reads[text] = dict(kept.reads)
             elif locked and (held := self._locked.record(definition)) is not None:
-                self._decide(text, True, f"{LOCK_FILE} holds it")
+                self._decide(text, True, f"{LOCK_FILE} contains it")
                 answers[text] = held
                 del build_keys[text]  # nothing was built, and `thingc why` reports the last build
             else:

@@ -30,7 +30,7 @@ def check(mode: Mode, data: Any) -> None:
     wanted = [*(link.name for link in mode.links), *(hold.anchor for hold in mode.holds)]
     missing = next((name for name in wanted if name not in body_of), None)
     if missing is not None:
-        raise WrongData(f"the data given for mode `{mode.name}` is of a model without a link `{missing}`")
+        raise WrongData(f"the data for mode `{mode.name}` belongs to a model without a link `{missing}`")
     root, links = body_of[mode.root_link], {body_of[link.name] for link in mode.links}
     joints = {model.joint(number).name: number for number in range(model.njnt)}
     free = "ball" if model.body_dofnum[root] == 3 else "free"
@@ -46,13 +46,13 @@ def check(mode: Mode, data: Any) -> None:
     if base != mode.base or not trees or (base == "free" and model.jnt_type[model.body_jntadr[root]] != FREE):
         stands = next((name for name, number in body_of.items() if number and model.body_parentid[number] == 0), "nothing")
         raise WrongData(
-            f"the data given for mode `{mode.name}` is of another mode's model: expected a {mode.base} `{mode.root_link}`, found "
+            f"the data for mode `{mode.name}` belongs to the model of another mode: expected a {mode.base} `{mode.root_link}`, found "
             f"`{stands}` under the world"
         )
     if (elsewhere := find_displaced(mode, model, body_of)) is not None:
         raise WrongData(
-            f"the data given for mode `{mode.name}` is of another variant: its {elsewhere[0]} is {elsewhere[1]:.3g} m (or rad) from where "
-            "`modes.json` has it; read the `modes.json` of that variant, or use `family.modes(settings)`"
+            f"the data for mode `{mode.name}` belongs to another variant: its {elsewhere[0]} is {elsewhere[1]:.3g} m (or rad) from that in "
+            "`modes.json`; read the `modes.json` of that variant, or use `family.modes(settings)`"
         )
 
 

@@ -25,7 +25,7 @@ def load_modes(path: str | os.PathLike[str]) -> dict[str, Mode]:
     if os.path.isdir(place):
         place = os.path.join(place, FILE)
     if not os.path.isfile(place):
-        raise FileNotFoundError(f"there is no `{place}`: `thingc build` writes it")
+        raise FileNotFoundError(f"there is no `{place}`: run `thingc build` to create it")
     with open(place, "rb") as stream:
         return parse(stream.read(), place)
 
@@ -38,9 +38,9 @@ def parse(text: str | bytes, name: str = FILE) -> dict[str, Mode]:
     except (ValueError, AttributeError, TypeError, IndexError) as fault:
         if isinstance(fault, ModesError):
             raise
-        raise ModesError(f"`{name}` is no {FILE} of thingc: {fault}") from fault
+        raise ModesError(f"`{name}` is not a {FILE} of thingc: {fault}") from fault
     except KeyError as fault:
-        raise ModesError(f"`{name}` has no {fault} where this version of thingc has one: build the robot again") from fault
+        raise ModesError(f"`{name}` has no {fault}, which this version of thingc needs: build the robot again") from fault
 
 
 def _mode(name: str, described: Mapping[str, Any]) -> Mode:
@@ -61,7 +61,7 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
         case "fixed" | "held" | "free":
             part = None
         case _:
-            raise ModesError(f"mode `{name}` has a base that this version of thingc does not know (`{base}`): build the robot again")
+            raise ModesError(f"mode `{name}` has a base that this version of thingc does not support (`{base}`): build the robot again")
     index = {link.name: number for number, link in enumerate(links)}
     return Mode(
         name=name,

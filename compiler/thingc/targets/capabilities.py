@@ -284,13 +284,13 @@ class _Lost:
                     yield from self.of_coordinate(joint, whole if joint.kind.at_once else joint.path)
                 yield from self.of_drive(joint)
                 if joint.mimic is not None and joint.mimic.joint.path not in there:
-                    what = f"that it follows `{joint.mimic.joint.path}`, at which a loop is cut"
+                    what = f"its mimic of `{joint.mimic.joint.path}`, where a loop is cut"
                     yield from self(OMITTED, robot.mode.name, joint.path, what, joint.mimic.origin)
                 elif joint.mimic is not None:
-                    what = f"that it follows `{joint.mimic.joint.path}`"
+                    what = f"its mimic of `{joint.mimic.joint.path}`"
                     yield from self(self.says["of_joints"]["mimic"], None, joint.path, what, joint.mimic.origin)
                     if joint.mimic.higher:
-                        what = f"the polynomial by which it follows `{joint.mimic.joint.path}`"
+                        what = f"the polynomial of its mimic of `{joint.mimic.joint.path}`"
                         yield from self(self.says["of_joints"]["polynomial"], None, joint.path, what, joint.mimic.origin)
 
     def of_drive(self, joint: TreeJoint | JointEdge) -> Iterator[Loss]:
@@ -322,16 +322,16 @@ class _Lost:
         mode, modes = robot.mode, self.says["modes"]
         for closure in robot.closures:
             cell = self.says["loops"]["hold" if closure.hold else closure.kind]
-            what = "that it is held where it is" if closure.hold else "the loop through it"
+            what = "the hold in place" if closure.hold else "the loop through it"
             yield from self(cell, mode.name, closure.path, what, closure.origin)
         for body in robot.bodies:
             link = robot.assembly.links[body.link]
             if not link.properties.mass:
-                cell, what = self.says["links"]["weightless" if body.joints else "weightless_base"], "that it weighs nothing"
+                cell, what = self.says["links"]["weightless" if body.joints else "weightless_base"], "its mass of 0"
             elif link.properties.inertia == ZERO:
-                cell, what = self.says["links"]["point"], "that it is a point, without an inertia"
+                cell, what = self.says["links"]["point"], "its inertia of 0 (a point mass)"
             elif physical_fault(link.properties.inertia) is not None:
-                cell, what = self.says["links"]["line"], "its inertia, which is that of points in a line"
+                cell, what = self.says["links"]["line"], "its inertia of points in a line"
             else:
                 continue
             yield from self(cell, mode.name, link.name, what, link.origin)
@@ -339,7 +339,7 @@ class _Lost:
             (modes["gravity"], "its gravity", robot.gravity != GRAVITY),
             *self.of_base(robot),
             *self.stepping(mode.simulation),
-            (modes["exclude"], "which links never touch, besides neighbours", bool(mode.exclude)),
+            (modes["exclude"], "excluded contacts, besides those of neighbours", bool(mode.exclude)),
         )
         for cell, what, used in of_mode:
             if used:
@@ -352,10 +352,10 @@ class _Lost:
             case "fixed":
                 return ()
             case "held":
-                return ((bases["held"], "that its base is held, and can be moved while it is", True),)
+                return ((bases["held"], "its held base, which can be moved at run time", True),)
             case "free":
                 begins = robot.bodies[0].X_PL != NO_POSE
-                return ((bases["free"], "that its base floats", True), (bases["start"], "where it begins", begins))
+                return ((bases["free"], "its free base", True), (bases["start"], "its start pose", begins))
             case "planar" | "ball":
                 return ((bases[base], "the motion of its base", True),)
             case _:
@@ -366,7 +366,7 @@ class _Lost:
         modes = self.says["modes"]
         return (
             (modes["timestep"], "its time step", "timestep" in simulation),
-            (modes["simulation"], "how it is stepped (`simulation`)", bool(simulation.keys() - {"timestep"})),
+            (modes["simulation"], "its `simulation` settings", bool(simulation.keys() - {"timestep"})),
         )
 
     def of_sensor(self, sensor: LinkedSensor) -> Iterator[Loss]:
@@ -387,9 +387,9 @@ class _Lost:
         links = self.says["links"]
         for magnet in assembly.adhesions:
             origin = assembly.occurrences[magnet.occurrence].origin
-            yield from self(links["adhesion"], None, magnet.path, f"its pull of {magnet.force:.6g} N", origin)
+            yield from self(links["adhesion"], None, magnet.path, f"its adhesion of {magnet.force:.6g} N", origin)
         for tendon in assembly.tendons:
-            yield from self(self.says["of_joints"]["tendon"], None, tendon.path, "this tendon, and what acts along it", tendon.origin)
+            yield from self(self.says["of_joints"]["tendon"], None, tendon.path, "this tendon and its dynamics", tendon.origin)
         for sensor in assembly.sensors:
             yield from self.of_sensor(sensor)
         for pose in assembly.poses:
@@ -408,16 +408,16 @@ class _Lost:
         for occurrence in assembly.occurrences:
             for piece in occurrence.drawn:
                 if isinstance(piece.solid, Primitive):
-                    cell, what = self.says["shapes"][piece.solid.shape], f"the {piece.solid.shape} that is drawn of it"
+                    cell, what = self.says["shapes"][piece.solid.shape], f"its visual {piece.solid.shape}"
                     yield from self(cell, None, occurrence.path, what, occurrence.origin)
             for piece in occurrence.touching:
                 if isinstance(piece.solid, Primitive):
                     shape = piece.solid.shape
-                    cell, what = self.says["shapes"][shape], f"the {shape} that it touches with"
+                    cell, what = self.says["shapes"][shape], f"its collision {shape}"
                 elif occurrence.overrides.collision == "mesh":
                     cell, what = self.says["shapes"]["mesh"], "its collision mesh"
                 else:
-                    cell, what = self.says["shapes"]["hull"], "the convex mesh that it touches with"
+                    cell, what = self.says["shapes"]["hull"], "its convex collision mesh"
                 yield from self(cell, None, occurrence.path, what, occurrence.origin)
 
 
@@ -429,7 +429,7 @@ def drive_cell(joint: TreeJoint | JointEdge, drive: ActuatorModel) -> Literal["p
 def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "screw", "ball"]:
     """Return the cell for a kind of joint that moves, by its coordinates and its motion. Raises `ValueError` for a fixed joint."""
     if not kind.moves:
-        raise ValueError("a fixed joint moves nothing")
+        raise ValueError("a fixed joint does not move")
     if kind.at_once:
         return "ball"
     if kind.leads:

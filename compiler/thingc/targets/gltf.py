@@ -39,22 +39,22 @@ ROUND = (16, 16)
 JointForm = Literal["nodes", "node"]
 """How a joint is written: a node for each coordinate, or one for all of them."""
 
-_OPENS = Omitted(": turned joints open it")
+_OPENS = Omitted(": rotating joints opens it")
 _NODE: Supported[JointForm] = Supported("nodes")
 _CHAIN: Supported[JointForm] = Supported("nodes", "a node for each coordinate")
 
 CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     "joints": {
         "single": _NODE, "several": _CHAIN, "universal": _CHAIN, "ball": Supported("node"),
-        "screw": Lossy("nodes", "omitted", ": its node slides only if it is shifted, too, when it is turned"),
+        "screw": Lossy("nodes", "omitted", ": its node must also be shifted when it is rotated"),
     },
     "of_joints": {
         "cone": BESIDE, "velocity": BESIDE, "damping": BESIDE, "friction": BESIDE, "armature": BESIDE, "stiffness": BESIDE,
-        "mimic": Omitted(": its node stays when that one is turned"), "polynomial": BESIDE, "tendon": BESIDE,
+        "mimic": Omitted(": its node does not follow when that joint is rotated"), "polynomial": BESIDE, "tendon": BESIDE,
     },
     "drives": {"position": BESIDE, "velocity": BESIDE, "motor": BESIDE, "universal": BESIDE, "ball": BESIDE},
     "loops": {
-        "hold": Omitted(": turned joints move it"), "weld": _OPENS, "ball": _OPENS, "hinge": _OPENS, "slide": _OPENS,
+        "hold": Omitted(": rotating joints moves it"), "weld": _OPENS, "ball": _OPENS, "hinge": _OPENS, "slide": _OPENS,
         "screw": _OPENS, "universal": _OPENS, "several": _OPENS,
     },
     "bases": {"held": BESIDE, "free": BESIDE, "start": SAYS, "planar": BESIDE, "ball": BESIDE},
@@ -85,7 +85,7 @@ def emit(request: EmitRequest) -> Artifacts:
     """
     if not any(occurrence.drawn for occurrence in request.assembly.occurrences):
         assembly = request.assembly
-        whole = Loss.of(assembly.definition.origin, "glb", None, assembly.name, "nothing in the robot is drawn", "omitted")
+        whole = Loss.of(assembly.definition.origin, "glb", None, assembly.name, "the robot has no visual geometry", "omitted")
         return Artifacts(files={}, losses=(whole,))
     drawn = _Drawn(request.store)
     files = {f"glb/{robot.name}_{robot.mode.name}.glb": _glb_bytes(robot, drawn) for robot in request.robots}

@@ -64,6 +64,6 @@ class MangledNames:
             self._report.add(
                 Code.SAME_NAME, f"{this[0]} and {owner} would both {self._both} `{name}` in {self._target}", origin, path=path,
                 help="rename one of the two" if before else "rename it",
-                notes=[Note(message=f"{owner} is made here", span=span) for span in before[:1]],
+                notes=[Note(message=f"{owner} is defined here", span=span) for span in before[:1]],
             )
         return (owner, before) == this

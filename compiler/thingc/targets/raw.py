@@ -51,17 +51,17 @@ def _laid(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
             steps = attribute.path[2:] if attribute.target == "sdf" else attribute.path[2:-1]
             for number, step in enumerate(steps, start=2):
                 if element.text:
-                    return f"`{element.tag}` holds a value, and no `{step}`", "write its value", number
+                    return f"`{element.tag}` contains a value and has no `{step}`", "write its value", number
                 element = element.find(step) or element.add(step, origin=attribute.origin)
             inside = element.find(attribute.path[-1]) if attribute.target == "urdf" else None
             if inside is not None:
-                names = ", ".join(f"`{name}`" for name in inside.attributes) or "what it should have"
-                return f"`{inside.tag}` is an element, and no attribute", f"name one of its own: {names}", len(attribute.path) - 1
+                names = ", ".join(f"`{name}`" for name in inside.attributes) or "the new value"
+                return f"`{inside.tag}` is an element, not an attribute", f"use one of its attributes: {names}", len(attribute.path) - 1
             if attribute.target == "urdf":
                 element.lay(attribute.path[-1], attribute)
             elif element.children:
                 tags = ", ".join(dict.fromkeys(f"`{child.tag}`" for child in element.children))
-                return f"`{element.tag}` holds other elements, and no value", f"name one of {tags}", len(attribute.path) - 1
+                return f"`{element.tag}` contains other elements, not a value", f"use one of {tags}", len(attribute.path) - 1
             else:
                 element.text = attribute.value
     return None
@@ -71,21 +71,21 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
     """Return the fault of a path, or None."""
     path, target = attribute.path, attribute.target
     if path[0] not in KINDS:
-        message = f"raw attributes of `{path[0]}` are not known in `{target}`"
+        message = f"there are no raw attributes of `{path[0]}` in `{target}`"
         return message, did_you_mean(path[0], KINDS, what="kinds of elements"), 0
     if len(path) < 3:
-        return f"`{attribute.dotted}` should name what is set", f"write `{path[0]}: {{NAME: {{KEY: VALUE}}}}`", 0
+        return f"`{attribute.dotted}` must be the path of a value", f"write `{path[0]}: {{NAME: {{KEY: VALUE}}}}`", 0
     for number, step in enumerate(path[2:], start=2):
         why = unwritable(step, "")
         if why is not None:
-            return why, "write letters, digits, `_`, `-` and `.`, and a letter first", number
+            return why, "use letters, digits, `_`, `-` and `.`, starting with a letter", number
         prefix, colon, _ = step.rpartition(":")
         if colon and prefix not in PREFIXES[target]:
             prefixes = ", ".join(f"`{one}:`" for one in PREFIXES[target])
-            return f"`{target}` declares no prefix `{prefix}:`", f"known prefixes: {prefixes}", number
+            return f"`{target}` has no prefix `{prefix}:`", f"known prefixes: {prefixes}", number
     why = unwritable(path[-1], attribute.value)
     if why is not None:
-        return why, "leave it out", len(path)
+        return why, "remove it", len(path)
     if any(True for file in files for _ in _matching_elements(file, attribute)):
         return None
     cut = {joint.path for robot in robots for closure in robot.closures for joint in closure.joints}

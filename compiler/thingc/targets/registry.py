@@ -167,8 +167,9 @@ def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts
         made = emitter(target)(called(request) if target not in TARGETS or TARGETS[target].by_name else request)
         if astray := _unstated(target, made.files):
             request.report.add(
-                Code.UNSTATED, f"the target `{target}` writes `{astray[0]}`, which `{module_of(target)}.WRITES` does not name", None,
-                path=target, help=f'tell its author: by `WRITES = ("{astray[0]}",)` in that module the next build knows whose the file is',
+                Code.UNSTATED, f"the target `{target}` writes `{astray[0]}`, which is missing in `{module_of(target)}.WRITES`", None,
+                path=target,
+                help=f'report this to its author: `WRITES = ("{astray[0]}",)` in that module must list all files of the target',
             )
         artifacts[target] = replace(made, losses=tuple(loss for loss in made.losses if loss not in told))
         told |= dict.fromkeys(made.losses)

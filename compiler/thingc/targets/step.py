@@ -65,7 +65,7 @@ def emit(request: EmitRequest) -> Artifacts:
     except AssemblyFailed as fault:
         request.report.add(
             Code.STEP_FAILED,
-            f"the STEP file of `{assembly.name}` could not be written: {fault.reason}",
+            f"cannot write the STEP file of `{assembly.name}`: {fault.reason}",
             assembly.definition.origin,
             help="name the targets that are wanted with --emit, without `step`",
             detail=fault.detail,

@@ -36,13 +36,13 @@ def emit(request: EmitRequest) -> Artifacts:
             continue
         if owner is not occurrence:
             if up != _up(owner):
-                what = f"`{occurrence.definition.label}` is printed in two orientations, and `{path}` has that of `{owner.path}`"
+                what = f"`{occurrence.definition.label}` is printed in two orientations; `{path}` uses that of `{owner.path}`"
                 losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "omitted"))
             continue
         own = StoredArtifact(sha256=mesh.sha256, size=mesh.size)
         files[path] = own if up == UPRIGHT else _turned(request.store.read(mesh.sha256), up)
         if not mesh.closed:
-            what = f"the surface of `{occurrence.definition.label}` is not closed, so it encloses no volume to print"
+            what = f"the surface of `{occurrence.definition.label}` is not closed, so it has no volume to print"
             losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "approximated"))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))
 

@@ -190,9 +190,9 @@ NO_CHARACTER = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 def unwritable(name: str, value: str) -> str | None:
     """Return why XML cannot contain an element or attribute with this name and value; None if it can."""
     if NAME.fullmatch(name) is None:
-        return f"`{name}` cannot be a name in XML"
+        return f"`{name}` is not a valid name in XML"
     strange = NO_CHARACTER.search(value)
-    return None if strange is None else f"XML has no character `{escape_control(strange[0])}`"
+    return None if strange is None else f"XML cannot contain the character `{escape_control(strange[0])}`"
 
 
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})

@@ -1,4 +1,4 @@
-"""A part file that needs a module that is not there."""
+"""A part file that needs a module that does not exist."""
 
 from no_such_library import gears
 

@@ -15,7 +15,7 @@ from thingc.base.diagnostics import Code
 from thingc.batch.cluster.protocol import Cluster
 from thingc.batch.folder import BatchFault
 
-HELP = "write `tcp://HOST:8786` for the scheduler of dask there, or `slurm:partition=NAME,cpus=8`"
+HELP = "write `tcp://HOST:8786` for a Dask scheduler, or `slurm:partition=NAME,cpus=8`"
 
 
 def connect(address: str, *, jobs: int = 0, folder: str) -> Cluster:
@@ -32,4 +32,4 @@ def connect(address: str, *, jobs: int = 0, folder: str) -> Cluster:
         from thingc.batch.cluster.dask_executor import DaskCluster
 
         return DaskCluster(address if "://" in address else f"tcp://{address}", jobs=jobs)
-    raise BatchFault(Code.COMMAND_LINE, f"`{address}` is no address of a cluster", HELP)
+    raise BatchFault(Code.COMMAND_LINE, f"`{address}` is not an address of a cluster", HELP)

@@ -52,8 +52,8 @@ class DaskCluster(FileTransferExecutor):
             self._client = distributed.Client(address, timeout=TIMEOUT, set_as_default=False)
         except Exception as fault:  # OSError, and others if the program is not a scheduler
             raise BatchFault(
-                Code.CLUSTER, f"no scheduler of dask answers at `{address}`: {_first_line(fault)}",
-                "start one with `dask scheduler`, which prints its address, or look whether a firewall is between",
+                Code.CLUSTER, f"no Dask scheduler responds at `{address}`: {_first_line(fault)}",
+                "start one with `dask scheduler`, which prints its address, or check firewalls",
             ) from None
         try:
             self._client.wait_for_workers(1, timeout=TIMEOUT)
@@ -82,31 +82,33 @@ class DaskCluster(FileTransferExecutor):
         died = (import_module("distributed.comm").CommClosedError, ConnectionError, TimeoutError)
         there = {worker: answer for worker, answer in sorted(answers.items()) if not isinstance(answer, died)}
         if answers and not there:
-            raise self._lost("no worker answers")
+            raise self._lost("no worker responds")
         for worker, answer in there.items():
             if isinstance(answer, BaseException):
                 raise BatchFault(
                     Code.CLUSTER, f"the worker {worker} cannot run thingc: {_first_line(answer)}",
-                    "install the same version of thingc where workers start, with the same Python",
+                    "install the same versions of thingc and Python on the workers",
                 )
             theirs, hashes = answer
             other = sorted(name for name in {*mine, *theirs} if mine.get(name) != theirs.get(name))
             if other:
                 words = ", ".join(f"{name} {theirs.get(name, 'none')} instead of {mine.get(name, 'none')}" for name in other)
-                raise BatchFault(Code.CLUSTER, f"the worker {worker} has other versions: {words}", "install the same versions everywhere")
+                raise BatchFault(
+                    Code.CLUSTER, f"the worker {worker} has other versions: {words}", "install the same versions on all machines",
+                )
             for path, sha256 in files.items():
                 if hashes[path] != sha256:
-                    what = "does not see" if hashes[path] is None else "sees another content of"
+                    what = "cannot find" if hashes[path] is None else "has another content of"
                     raise BatchFault(
                         Code.CLUSTER, f"the worker {worker} {what} `{path}`",
-                        "the documents and the batch's folder (-o) must be on a file system that all machines share, under the same "
-                        "paths; where there is none, --ship sends the documents along and fetches what is built",
+                        "the documents and the folder of the batch (-o) must be on a file system that all machines share, under the same "
+                        "paths; otherwise use --ship, which copies the documents and fetches the results",
                     )
 
     def fault(self) -> BatchFault | None:
         """Return the error if the scheduler is gone, or there was no worker for `PATIENCE`. Also updates the number of workers."""
         if self._client.status != "running":
-            return self._lost("the connection ended")
+            return self._lost("the connection was closed")
         now = time.monotonic()
         if now - self._looked < LOOK:
             return None
@@ -123,7 +125,7 @@ class DaskCluster(FileTransferExecutor):
         elif now - self._alone > PATIENCE:
             return BatchFault(
                 Code.CLUSTER, f"the scheduler at `{self.address}` has had no worker for {PATIENCE:g} s",
-                "start workers and go on with --resume; what has been built stays",
+                "start workers and continue with --resume; built variants are kept",
             )
         return None
 
@@ -138,8 +140,8 @@ class DaskCluster(FileTransferExecutor):
         except Exception as fault:
             self.unship(name)
             raise BatchFault(
-                Code.CLUSTER, f"a worker cannot take the workspace: {_first_line(fault)}",
-                "workers unpack it in their folders (`--local-directory` of `dask worker`): there must be room",
+                Code.CLUSTER, f"a worker cannot receive the workspace: {_first_line(fault)}",
+                "workers unpack it in their folders (`--local-directory` of `dask worker`), which need enough free space",
             ) from None
 
     def unship(self, name: str) -> None:
@@ -155,8 +157,8 @@ class DaskCluster(FileTransferExecutor):
         except WorkerLost:
             raise
         except Exception as fault:
-            raise WorkerLost(f"the worker {worker} does not answer: {_first_line(fault)}") from None
-        raise WorkerLost(f"the worker {worker} has gone")
+            raise WorkerLost(f"the worker {worker} does not respond: {_first_line(fault)}") from None
+        raise WorkerLost(f"the worker {worker} has disappeared")
 
     def _plugin(self, name: str) -> str:
         return f"{name}@{self._client.id}"
@@ -187,8 +189,8 @@ class DaskCluster(FileTransferExecutor):
 
     def _lost(self, words: str) -> BatchFault:
         return BatchFault(
-            Code.CLUSTER, f"the scheduler at `{self.address}` has gone: {words}",
-            "go on with --resume, there or without --cluster on this machine; what has been built stays",
+            Code.CLUSTER, f"the scheduler at `{self.address}` has disappeared: {words}",
+            "continue with --resume, there or without --cluster on this machine; built variants are kept",
         )
 
 

@@ -102,7 +102,7 @@ def leave(name: str) -> None:
 def _worker_folder(name: str) -> WorkerFolder:
     place = _PLACES.get(name)
     if place is None:
-        raise WorkerLost("the worker has no workspace to build from")
+        raise WorkerLost("the worker has no workspace")
     return place
 
 
@@ -239,7 +239,7 @@ class RemoteExecutor(Cluster):
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
         """Build a chunk on a worker, and write its variants here."""
         if fn is not evaluate or named:
-            raise TypeError("shipped workspaces evaluate chunks, and nothing else")
+            raise TypeError("shipped workspaces can only evaluate chunks")
         job, tasks, timeout = arguments
         outer: Future[T] = Future()
         inner = self.cluster.submit(evaluate_there, self.name, self._template(job), tasks, timeout)
@@ -297,7 +297,7 @@ class RemoteExecutor(Cluster):
                 except OSError as fault:
                     rows[-1] = _stopped(row, refusal(fault))
                 except StoreUnusable as fault:
-                    rows[-1] = _stopped(row, f"the store `{fault.root}` cannot be used: {fault.reason}")
+                    rows[-1] = _stopped(row, f"the cache `{fault.root}` cannot be used: {fault.reason}")
             if rows[-1]["status"] == STOPPED:
                 break
         return rows
@@ -394,5 +394,5 @@ class _Blobs:
         )
         for one, data in zip(group, contents, strict=True):
             if one.sha256 and hashlib.sha256(data).hexdigest() != one.sha256:
-                raise WorkerLost(f"`{one.there}` was damaged on the way")
+                raise WorkerLost(f"`{one.there}` was damaged during the transfer")
         return contents

@@ -62,10 +62,10 @@ def settings_of(text: str) -> SlurmSettings:
         name, equals, value = (word.strip() for word in piece.partition("="))
         if name not in known or not equals or not value:
             help = did_you_mean(name, known, what="settings")
-            raise BatchFault(Code.COMMAND_LINE, f"slurm: expected NAME=VALUE with a known NAME, found `{piece}`", help)
+            raise BatchFault(Code.COMMAND_LINE, f"slurm: expected NAME=VALUE with a valid NAME, found `{piece}`", help)
         if name == "cpus" or name == "memory":
             if not value.isdigit() or int(value) < 1:
-                message = f"slurm: expected a whole number from 1 for `{name}`, found `{value}`"
+                message = f"slurm: expected a whole number of at least 1 for `{name}`, found `{value}`"
                 raise BatchFault(Code.COMMAND_LINE, message, f"write `{name}=8`")
             settings.update({"cpus": int(value)} if name == "cpus" else {})
             more.update({_MORE[name]: value} if name == "memory" else {})
@@ -144,8 +144,8 @@ class SlurmCluster(Cluster):
         self._stop = threading.Event()
         if settings.cluster == "slurm" and shutil.which("sbatch") is None:
             raise BatchFault(
-                Code.CLUSTER, "there is no SLURM on this machine: no command `sbatch` is in reach",
-                "run this where jobs are submitted, or try it with `slurm:cluster=local`",
+                Code.CLUSTER, "there is no SLURM on this machine: the command `sbatch` is missing",
+                "run this on a machine that submits jobs, or use `slurm:cluster=local` to try it",
             )
         os.makedirs(folder, exist_ok=True)
         self._executor = submitit.AutoExecutor(folder=folder, cluster=settings.cluster)
@@ -160,14 +160,14 @@ class SlurmCluster(Cluster):
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
         """Submit a job for `evaluate`; other functions raise `TypeError`."""
         if fn is not evaluate or named:
-            raise TypeError("jobs of SLURM evaluate chunks, and nothing else")
+            raise TypeError("SLURM jobs can only evaluate chunks")
         future: Future[T] = Future()
         try:
             with _silent() if self.settings.cluster == "local" else contextlib.nullcontext():
                 job = self._executor.submit(spread, self.settings.cpus, *arguments)
         except Exception as fault:  # for example, an unknown partition or too many jobs
             words = " ".join(str(fault).split())
-            self._fault = BatchFault(Code.CLUSTER, f"SLURM takes no job: {words}", "mend that, and go on with --resume")
+            self._fault = BatchFault(Code.CLUSTER, f"SLURM rejected the job: {words}", "fix this, and continue with --resume")
             future.set_exception(fault)
             return future
         with self._lock:

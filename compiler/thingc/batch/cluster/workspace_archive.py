@@ -55,12 +55,12 @@ class WorkspaceArchive(FrozenStruct):
         Raises `OSError`, and `ValueError` if the data is damaged or unsafe.
         """
         if not hasattr(tarfile, "data_filter"):
-            raise ValueError("this Python unpacks archives without looking where files go: 3.11.4 or newer is needed")
+            raise ValueError("this version of Python cannot unpack archives safely: 3.11.4 or newer is required")
         data = b""
         with contextlib.suppress(zlib.error):
             data = zlib.decompress(self.data)
         if hashlib.sha256(data).hexdigest() != self.sha256:
-            raise ValueError("the packed workspace has been damaged on the way")
+            raise ValueError("the packed workspace was damaged during the transfer")
         os.makedirs(folder)
         with tarfile.open(fileobj=io.BytesIO(data), mode="r:") as archive:
             members = sorted(archive.getmembers(), key=tarfile.TarInfo.issym)  # links last
@@ -151,8 +151,8 @@ class _Search:
         what = f"{MOST_FILES} files" if len(self.found) > MOST_FILES else f"{MOST_BYTES // 1_000_000} MB"
         largest = ", ".join(f"`{name}` ({size / 1e6:.1f} MB)" for name, size in self.sizes.most_common(3))
         return BatchFault(
-            Code.TOO_LARGE, f"the workspace in `{self.root}` has more than {what}, which is the bound for --ship; so far met: {largest}",
-            "move what robots are not made of out of the workspace's folder, or give the robot a folder with a `thingc.toml` of its own",
+            Code.TOO_LARGE, f"the workspace in `{self.root}` has more than {what}, the limit of --ship; found so far: {largest}",
+            "move unrelated files out of the workspace folder, or move the robot to a folder with its own `thingc.toml`",
         )
 
 
@@ -166,7 +166,7 @@ def _entries(folder: str) -> Iterator[os.DirEntry[str]]:
 
 def _unreadable(path: str, fault: OSError) -> BatchFault:
     reason = (fault.strerror or str(fault)).lower()
-    return BatchFault(Code.UNREADABLE, f"cannot read `{path}` to ship it: {reason}", "let it be read, or move it out of the workspace")
+    return BatchFault(Code.UNREADABLE, f"cannot read `{path}` to ship it: {reason}", "make it readable, or move it out of the workspace")
 
 
 def _put(archive: tarfile.TarFile, workspace: Workspace, name: str, sha256: str | None) -> None:
@@ -182,7 +182,7 @@ def _put(archive: tarfile.TarFile, workspace: Workspace, name: str, sha256: str 
             with open(path, "rb") as stream:
                 data = stream.read(MOST_BYTES + 1)
             if sha256 is not None and hashlib.sha256(data).hexdigest() != sha256:
-                raise BatchFault(Code.BATCH_CHANGED, f"`{name}` has changed just now, while the batch was planned", "begin again")
+                raise BatchFault(Code.BATCH_CHANGED, f"`{name}` changed while the batch was planned", "run the command again")
             _add(archive, name, data, 0o755 if state.st_mode & stat.S_IXUSR else 0o644)
     except OSError as fault:
         raise _unreadable(path, fault) from fault
@@ -195,8 +195,8 @@ def _link(archive: tarfile.TarFile, workspace: Workspace, name: str, target: str
     first = os.path.join(os.path.realpath(os.path.dirname(path)), os.path.basename(path))  # the first step of a chain of links
     if not workspace.contains(path) or not os.path.join(first, "").startswith(os.path.join(os.path.realpath(workspace.root), "")):
         raise BatchFault(
-            Code.OUTSIDE_WORKSPACE, f"`{name}` is a link out of the workspace, to `{target}`, and cannot be shipped",
-            "put a copy of what it leads to into the workspace, or remove the link",
+            Code.OUTSIDE_WORKSPACE, f"`{name}` is a link to a file outside the workspace, `{target}`, and cannot be shipped",
+            "copy the target into the workspace, or remove the link",
         )
     header = _header(name, tarfile.SYMTYPE, 0o777)
     header.linkname = os.path.relpath(first, place)

@@ -52,7 +52,7 @@ class Evaluation:
             if plan.is_due(self.verify):
                 whole = self._measured(read)
                 if whole != (results, plan.made.problems):
-                    self.forms.of(read).wrong(f"a plan gave other results for {dict(zip(read.names, read.values))}")
+                    self.forms.of(read).wrong(f"a plan gave different results for {dict(zip(read.names, read.values))}")
                     yield self._passed(settings, read, tests)
                     continue
             yield self._judged(settings, read, results, plan.made.problems)
@@ -72,7 +72,7 @@ class Evaluation:
 
         def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], _Shape]:
             if exchange is not None and first[1]:
-                raise NotTraceable("something is said, which may be of a part", list(form.modelled))
+                raise NotTraceable("there are diagnostics, which may be about a part", list(form.modelled))
             shape = _Shape(rehearsal.made, first[1])
             return shape.outputs, shape
 
@@ -83,7 +83,7 @@ class Evaluation:
             outputs = plan.outputs(sample.values)
             whole = first if sample is read else self._measured(sample)
             if outputs is not None and whole[0] and whole != (plan.made.of(outputs), plan.made.problems):
-                form.refused = "a plan gave other results"
+                form.refused = "a plan gave different results"
                 return None
         return plan
 

@@ -81,7 +81,7 @@ class RobotFamily:
         """
         at_least(0, jobs=jobs)
         if verify is not None and not is_whole(verify, 0):
-            raise FamilyError(f"expected `verify` to be None, 0 (nothing is compared), 1 (all is) or N (one in N is), found `{verify}`")
+            raise FamilyError(f"expected `verify` to be None, 0 (compare none), 1 (all) or N (one in N), found `{verify}`")
         path, store = os.fsdecode(document), None if store is None else os.fsdecode(store)
         options = Options(store=store, jobs=jobs, compat=None if compat is None else chosen_consumers(compat))
         self._again = partial(RobotFamily, os.path.abspath(path), store=store, jobs=jobs, mode=mode, verify=verify, compat=options.compat)
@@ -201,11 +201,11 @@ class RobotFamily:
             if files:
                 parent, name = os.path.split(os.path.abspath(os.fsdecode(folder)))
                 if not name or "\0" in name:
-                    raise OutputError(f"`{os.fsdecode(folder)!r}` is no folder that a build can be", "name a folder of its own for it")
+                    raise OutputError(f"`{os.fsdecode(folder)!r}` cannot be a build folder", "use a separate folder")
                 write_build(parent, name, files, store, self._sources.documents.root.relative)
         except BlobMissing as fault:
-            words = f"the store `{store.root}` no longer has the meshes of parts"
-            raise OutputError(words, "make the family anew: what is not there is modelled again") from fault
+            words = f"the cache `{store.root}` no longer has the meshes of parts"
+            raise OutputError(words, "create the family again, which rebuilds missing parts") from fault
         return problems
 
     def _switching(self, settings: Mapping[str, Any] | Variant, modes: Sequence[str]) -> Modes | NoModel:
@@ -279,7 +279,7 @@ class RobotFamily:
             why = "; ".join(dict.fromkeys(form.why.values())) or form.refused
             if not why and (problems := models.problems(read)):
                 return NoModel(settings=settings, problems=problems)
-            return Explanation(name=name, mode=models.mode, way="passes", why=why or "it is no number in the document")
+            return Explanation(name=name, mode=models.mode, way="passes", why=why or "it is not a number in the document")
         if isinstance(plan.made, ModelTemplate):
             return Explanation(name=name, mode=models.mode, way="text" if plan.exchange is None else "parts", why=plan.made.why)
         return Explanation(name=name, mode=models.mode, way="arrays", fields=tuple(sorted(plan.made.written)))

@@ -111,7 +111,7 @@ class ModelsOfMode:
                     arrays = Arrays(template.slotted, template.places, template.plain, assets, self._load)
                     return [template.outputs[place] for place in arrays.lines], arrays
                 except NotAnArrayEntry as fault:
-                    slower = f"MuJoCo works with `{fault.attribute}` when it compiles"
+                    slower = f"MuJoCo uses `{fault.attribute}` at compile time"
             template.why = slower
             return template.outputs, template
 
@@ -123,9 +123,9 @@ class ModelsOfMode:
             if not wrong:
                 return plan
             if isinstance(plan.made, ModelTemplate):
-                form.refused = f"a plan gave another model: {wrong}"
+                form.refused = f"a plan gave a different model: {wrong}"
                 return None
-            slower = f"a plan by arrays gave another `{wrong}`"
+            slower = f"a plan by arrays gave a different `{wrong}`"
 
     def _compared(self, plan: NumericPlan[Arrays | ModelTemplate], samples: Sequence[ParsedSettings], first: mujoco.MjModel) -> str:
         """Return the first field in which models of a plan differ from compiled ones, empty if there is none.
@@ -215,7 +215,7 @@ class ModelsOfMode:
         whole = self._compiled(read)
         wrong = ["refused"] if isinstance(whole, tuple) else different_fields(model, whole)
         if wrong:
-            self.forms.of(read).wrong(f"a plan gave another `{wrong[0]}` for {dict(zip(read.names, read.values))}")
+            self.forms.of(read).wrong(f"a plan gave a different `{wrong[0]}` for {dict(zip(read.names, read.values))}")
         return not wrong
 
     def _passed(self, item: Item, share: bool) -> mujoco.MjModel | NoModel:
@@ -287,7 +287,7 @@ class ModelsOfMode:
         try:
             return store.read(stored.sha256)
         except BlobMissing as fault:
-            words = "it no longer has the meshes of parts; make the family anew: what is not there is modelled again"
+            words = "it no longer has the meshes of parts; create the family again, which rebuilds missing parts"
             raise StoreUnusable(store.root, words) from fault
 
     def _load(self, text: str) -> mujoco.MjModel:

@@ -169,7 +169,7 @@ def _number(reward: Any) -> float:
     except (TypeError, ValueError):
         number = math.nan
     if math.isnan(number):
-        raise FamilyError(f"expected `reward` to give a number, found `{reward}`")
+        raise FamilyError(f"expected `reward` to return a number, found `{reward}`")
     return number
 
 

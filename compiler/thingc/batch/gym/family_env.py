@@ -280,7 +280,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         """Return settings, and their key in the cache."""
         if self._choices.draw is not None:
             if wanted is not None:
-                raise UnknownVariant(f"there is no variant `{wanted}`: settings are drawn by a function")
+                raise UnknownVariant(f"there is no variant `{wanted}`: a function draws the settings")
             settings = self._choices.draw(source)
             return _key(settings), settings
         place = int(self._likely.searchsorted(source.random(), side="right"))  # always drawn, so that options do not change later draws
@@ -310,7 +310,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
                 continue
             if first is not None and (model.nq, model.nv, model.nu) != (first.nq, first.nv, first.nu):
                 sizes = [f"nq, nv, nu = {one.nq}, {one.nv}, {one.nu}" for one in (model, first)]
-                raise FamilyError(f"in mode `{self.mode}` the settings {dict(settings)} have {sizes[0]}, and others {sizes[1]}")
+                raise FamilyError(f"in mode `{self.mode}` the settings {dict(settings)} have {sizes[0]}, but others {sizes[1]}")
             self._kept[key] = Morphology(model, settings, self._descriptor(settings))
         morphologies = [self._kept[key] for key in keys]
         for key in keys:
@@ -462,12 +462,12 @@ def _choices(family: RobotFamily, settings: Iterable[Settings] | Draw | None) ->
     if settings is not None:
         many = list(as_many(settings))
         if not many:
-            raise FamilyError("expected at least one of `settings`: there is nothing to simulate")
+            raise FamilyError("expected at least one item in `settings`")
         return MorphologyDistribution(many=[dict(_key(one)) for one in many])
     planned = [variant for variant in family.variants if variant.failed is None]
     kept = [variant for variant, evaluated in zip(planned, family.evaluate(planned)) if evaluated.kept]
     if not kept:
-        raise FamilyError(f"`{family.name}` has no variants that are right and keep the rules: say what may be set by `settings`")
+        raise FamilyError(f"`{family.name}` has no valid variants that satisfy the rules: use `settings` to specify what may be set")
     return MorphologyDistribution(
         many=[{**one.parameters, **one.choices} for one in kept], ids=[one.id for one in kept], names=[one.name for one in kept],
     )
@@ -479,12 +479,12 @@ def _key(settings: Settings) -> tuple[tuple[str, Any], ...]:
         key = tuple(sorted(settings.items()))
         hash(key)
     except (AttributeError, TypeError):
-        raise FamilyError(f"expected settings as a mapping from names to numbers or texts, found `{settings!r}`") from None
+        raise FamilyError(f"expected settings as a mapping from names to numbers or strings, found `{settings!r}`") from None
     return key
 
 
 def _refusal(refused: NoModel) -> FamilyError:
-    return FamilyError(f"the settings {dict(refused.settings)} are refused: {refused.reason}")
+    return FamilyError(f"the settings {dict(refused.settings)} are rejected: {refused.reason}")
 
 
 def _run(episodes: Iterable[Episode]) -> None:

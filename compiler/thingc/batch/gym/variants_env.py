@@ -158,7 +158,7 @@ def make_env(
     """
     family = folder if isinstance(folder, BatchResults) else load(folder)
     if not len(family):
-        raise FamilyError(f"batch `{family.name}` has no built variant here: there is nothing to simulate")
+        raise FamilyError(f"batch `{family.name}` has no built variant to simulate")
     at_least(1, cache=cache)
     return VariantsEnv(
         family, SimulationStep(mode=family.chosen(mode), floor=scene, visual=visual, cache=cache),
@@ -175,8 +175,8 @@ def _sizes(family: BatchResults, mode: str, pad: bool) -> Sizes:
         other = next((k for k, value in enumerate(values) if value != values[0]), None)
         if other is not None:
             raise FamilyError(
-                f"in mode `{mode}` variant `{family[0].name}` has {name} = {values[0]} and `{family[other].name}` has {values[other]}: "
-                "choose variants of one kind (`load(..., where=...)`), or make room for all with `pad=True`"
+                f"in mode `{mode}` variant `{family[0].name}` has {name} = {values[0]}, but `{family[other].name}` has {values[other]}: "
+                "select equal variants (`load(..., where=...)`), or use `pad=True`"
             )
     return Sizes(nq=max(one.nq for one in sizes), nv=max(one.nv for one in sizes), nu=max(one.nu for one in sizes))
 
@@ -203,7 +203,7 @@ def _weights(family: BatchResults, weights: str | Callable[[BuiltVariant], float
         raise FamilyError(f"expected `weights` to be a column, or a function of a variant, found `{weights}`")
     numbers = np.array(_numbers(family, weights) if isinstance(weights, str) else [float(weights(variant)) for variant in family])
     if (numbers < 0.0).any() or not np.isfinite(numbers).all() or numbers.sum() <= 0.0:
-        raise FamilyError("expected weights that are not negative, and not all 0")
+        raise FamilyError("expected weights that are not negative and not all 0")
     return np.asarray(numbers / numbers.sum(), np.float64)
 
 

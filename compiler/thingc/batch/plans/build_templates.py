@@ -108,7 +108,7 @@ class Builds:
         if made is None:
             return None
         if plan.is_due(self._verify) and not _same(made, self._passed(settings)[0]):
-            self._forms.of(read).wrong(f"a plan gave other files for {dict(zip(read.names, read.values))}")
+            self._forms.of(read).wrong(f"a plan gave different files for {dict(zip(read.names, read.values))}")
             return None
         return made
 
@@ -161,7 +161,7 @@ class Builds:
             outputs = plan.outputs(sample.values)
             made = plan.made.build(outputs, settings) if outputs is not None else None
             if whole is not None and made is not None and not _same(made, whole):
-                form.refused = "a plan gave other files"
+                form.refused = "a plan gave different files"
                 return None
         return plan
 
@@ -284,7 +284,7 @@ class NumberSlots:
         for name in self.names:
             line, _, form = name.partition(":")
             if not line.isdecimal() or int(line) >= len(tape.lines) or not (form in FORMATTERS or form.startswith(":")):
-                raise NotTraceable("a text looks like the slot of a number")
+                raise NotTraceable("a string looks like a placeholder of a number")
             self.outputs.append(Traced(tape, int(line), tape.values[int(line)]))
             self._formatters.append(FORMATTERS[form] if form in FORMATTERS else partial(_formatted, form[1:]))
 

@@ -211,7 +211,7 @@ def make(
     while form.refused is None:
         free = [name for name in read.names if name not in form.why]
         if not free:
-            form.refused = "none of the numbers is followed"
+            form.refused = "no number can be traced"
             break
         rehearsal = _rehearsed(read, reader, rehearse, form, exchanging=exchanged is not None)
         if rehearsal is None:  # retry with fewer numbers
@@ -253,7 +253,7 @@ def _rehearsed(
         return None
     assert rehearsal is not None
     if known := pinned(rehearsal):
-        form.give_up(known, "a pass wants to know the very value")
+        form.give_up(known, "a pass needs the exact value")
         return None
     return rehearsal
 

@@ -167,7 +167,7 @@ class Traced(Recorded):
         return int(self.tape.pin(self))
 
     def __index__(self) -> int:
-        raise TypeError("a number that differs is no count")
+        raise TypeError("a varying number cannot be a count")
 
     def __float__(self) -> float:
         return float(self.tape.pin(self))

@@ -79,14 +79,14 @@ def trace_compilation(
         if lost := [name for name in by_path if name not in by_path.used]:
             raise NotTraceable("it is not used", lost, unused=True)
         if compilation.report.failed or not compilation.robots:
-            raise NotTraceable("it is not sound there")
+            raise NotTraceable("it is not valid there")
         made = make(compilation, tape)
     except PartDependsOnNumber as fault:
-        raise NotTraceable(f"`{fault.label}` is modelled by it", _names(tape, list(numbers), fault.number), modelled=True) from None
+        raise NotTraceable(f"the part `{fault.label}` depends on it", _names(tape, list(numbers), fault.number), modelled=True) from None
     except BlobMissing:
-        raise NotTraceable("a pass looks at the mesh of a part that is modelled by it") from None
+        raise NotTraceable("a pass reads the mesh of a part that depends on it") from None
     except (TypeError, ValueError, ArithmeticError, AttributeError) as fault:
-        raise NotTraceable(f"a pass takes no number that differs ({type(fault).__name__}: {fault})") from fault
+        raise NotTraceable(f"a pass does not support a varying number ({type(fault).__name__}: {fault})") from fault
     return TraceResult(made=made, tape=tape, names=tuple(numbers), parts=parts if parts.before is not None else None)
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Interval = Annotated[list[LengthField], Field(min_length=2, max_length=2)]
 
 class WithinSpec(Model):
-    """A box, axis by axis: smallest and largest value. An axis that is not written is free."""
+    """A box: smallest and largest value per axis. An omitted axis is free."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
@@ -35,20 +35,20 @@ class WithinSpec(Model):
     @model_validator(mode="after")
     def _one(self) -> WithinSpec:
         if self.x is None and self.y is None and self.z is None:
-            raise rule("`within` bounds at least one of `x`, `y` and `z`; none is here", "write for example `x: [-10 mm, 10 mm]`")
+            raise rule("`within` must bound at least one of `x`, `y` and `z`", "write for example `x: [-10 mm, 10 mm]`")
         return self
 
 
 class CentreTest(Model):
-    """The centre of mass lies within a box."""
+    """The centre of mass is inside a box."""
 
     of: ComponentField | None = None
-    """A component, or several by a pattern; the whole robot unless written."""
-    in_: ShownMountField | None = Field(default=None, alias="in", description="The frame, a mount; the world of the mode unless written.")
+    """A component, or a pattern for several; default: the whole robot."""
+    in_: ShownMountField | None = Field(default=None, alias="in", description="The frame, a mount; default: the world of the mode.")
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Modes, patterns allowed, or `all`; the first unless written."""
+    """Modes, patterns allowed, or `all`; default: the first."""
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
-    """Poses, patterns allowed, or `all` keyframes of the mode; where the mode starts unless written."""
+    """Poses, patterns allowed, or `all` keyframes of the mode; default: where the mode starts."""
     within: WithinSpec = Field(examples=[{"x": ["-10 mm", "10 mm"], "y": ["-10 mm", "10 mm"]}])
     """Bounds on its coordinates in that frame."""
 
@@ -92,6 +92,6 @@ PAGE = """\
 """
 
 KIND = CheckKind(
-    name="centre", position=2, summary="The centre of mass lies within a box.", examples=[{"within": {"x": ["-10 mm", "10 mm"]}}],
+    name="centre", position=2, summary="The centre of mass is inside a box.", examples=[{"within": {"x": ["-10 mm", "10 mm"]}}],
     stub={"within": {"z": ["-1 m", "1 m"]}}, page=PAGE, model=CentreTest, read=read_centre,
 )

@@ -23,15 +23,15 @@ class GroundClearanceTest(Model):
     """The robot keeps a distance from a level plane, in poses."""
 
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Modes, patterns allowed, or `all`; the first unless written."""
+    """Modes, patterns allowed, or `all`; default: the first."""
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
-    """Poses, patterns allowed, or `all` keyframes of the mode; where the mode starts unless written."""
+    """Poses, patterns allowed, or `all` keyframes of the mode; default: where the mode starts."""
     plane: LengthField | None = None
-    """How high the plane is in the world of the mode (its z); 0, the floor of the scene, unless written."""
+    """Height of the plane (its z) in the world of the mode; default: 0, the floor of the scene."""
     at_least: LengthField
-    """The least height over the plane of whatever is lowest."""
+    """The smallest allowed height of the lowest point above the plane."""
     except_: list[ComponentField] = Field(
-        default=[], alias="except", description="Components that may come nearer, patterns allowed: feet, wheels.",
+        default=[], alias="except", description="Components that may be lower, such as feet and wheels; patterns allowed.",
         examples=[["foot", "wheel_*"]],
     )
 

@@ -25,7 +25,7 @@ class MassTest(Model):
     model_config = BOUNDED
 
     of: ComponentField | None = None
-    """A component, or several by a pattern; a nested assembly counts as a whole. The whole robot unless written."""
+    """A component, or a pattern for several; a nested assembly counts as a whole. Default: the whole robot."""
     min: MassField | None = None
     """The smallest mass allowed."""
     max: MassField | None = None

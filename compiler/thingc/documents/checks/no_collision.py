@@ -31,42 +31,42 @@ class AllowSpec(Model):
     """Two components that may touch, and why."""
 
     pair: Annotated[list[ComponentField], Field(min_length=2, max_length=2)] = Field(examples=[["finger_*", "palm"]])
-    """The two; patterns allowed, and a nested assembly stands for all its components."""
+    """The two components; patterns allowed; a nested assembly means all its components."""
     reason: str = Field(examples=["the gripper closes on its stop"])
     """Why contact is acceptable, for reviewers of the document."""
 
     @model_validator(mode="after")
     def _said(self) -> AllowSpec:
         if not self.reason.strip():
-            raise rule("an allowance needs a reason; this one is empty", "say why these two may touch")
+            raise rule("`reason` must not be empty", "explain why these two may touch")
         return self
 
 
 class NoCollisionTest(Model):
-    """No two components overlap, or come too near, in poses or over ranges of joints."""
+    """No two components overlap or come too close, in poses or over ranges of joints."""
 
     model_config = ConfigDict(json_schema_extra={"dependentRequired": {"samples": ["joints"]}})
 
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Modes, patterns allowed, or `all`; the first unless written."""
+    """Modes, patterns allowed, or `all`; default: the first."""
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
-    """Poses, patterns allowed, or `all` keyframes of the mode; where the mode starts unless written."""
+    """Poses, patterns allowed, or `all` keyframes of the mode; default: where the mode starts."""
     joints: dict[JointPattern, Literal["all"] | Annotated[list[JointBoundField], Field(min_length=2, max_length=2)]] = Field(
         default={}, examples=[{"elbow": "all", "yaw": ["-30 deg", "30 deg"]}],
     )
-    """Ranges to move through, by joint (patterns allowed): `all` of its limits, or from and to. Other joints stay in the pose."""
+    """Ranges to move through, by joint (patterns allowed): `all` for its limits, or from and to. Other joints stay in the pose."""
     samples: CountField | None = None
-    """How many positions of `joints` are looked at; 200 unless written."""
+    """Number of checked positions of `joints`; default: 200."""
     clearance: LengthField | None = None
-    """The least gap wanted; 0 unless written: touching is right, overlapping is not."""
+    """The smallest allowed gap; default: 0, which allows contact but no overlap."""
     allow: list[AllowSpec] = Field(default=[], examples=[[{"pair": ["finger_*", "palm"], "reason": "the gripper closes on its stop"}]])
-    """Pairs that may come nearer, each with a reason."""
+    """Pairs that may come closer, each with a reason."""
 
     @model_validator(mode="after")
     def _sweep(self) -> NoCollisionTest:
         if self.samples is not None and not self.joints:
-            help = "take it out, or write for example `joints: {elbow: all}`"
-            raise rule("`samples` belongs to a sweep over `joints`; there are none", help)
+            help = "remove it, or add for example `joints: {elbow: all}`"
+            raise rule("`samples` needs `joints`", help)
         return self
 
 
@@ -157,7 +157,7 @@ An unused entry of `allow` is a warning.
 """
 
 KIND = CheckKind(
-    name="no_collision", position=5, summary="Nothing overlaps, in poses or over ranges of joints.",
+    name="no_collision", position=5, summary="No parts overlap, in poses or over ranges of joints.",
     examples=[{"pose": "all"}, {"joints": {"elbow": "all"}, "clearance": "1 mm"}],
     stub={"pose": "all"}, lengths=("clearance", "gap", "overlap"),
     page=PAGE, model=NoCollisionTest, read=read_no_collision,

@@ -31,25 +31,25 @@ class PointTest(Model):
     model_config = ConfigDict(json_schema_extra={"dependentRequired": {"angle": ["direction"]}})
 
     mount: ShownMountField
-    """The mount that has to get there."""
+    """The mount that must reach the point."""
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Modes, patterns allowed, or `all`; the first unless written."""
+    """Modes, patterns allowed, or `all`; default: the first."""
     in_: ShownMountField | None = Field(
-        default=None, alias="in", description="The point's frame, a mount; the world of the mode unless written.",
+        default=None, alias="in", description="The frame of the point, a mount; default: the world of the mode.",
     )
     at: Vector3Length
     """The point."""
     within: LengthField
-    """How near its origin has to come."""
+    """The largest allowed distance of its origin from the point."""
     direction: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 0, -1]])
-    """Where the z axis of the mount has to point then, in the same frame: three numbers, of any length."""
+    """Required direction of the z axis of the mount, in the same frame: three numbers, of any length."""
     angle: AngleField | None = None
-    """How far off that direction it may be; 1 deg unless written."""
+    """The largest allowed deviation from that direction; default: 1 deg."""
 
     @model_validator(mode="after")
     def _angle(self) -> PointTest:
         if self.angle is not None and self.direction is None:
-            raise rule("`angle` says how exactly `direction` is met; there is none", "write for example `direction: [0, 0, -1]`")
+            raise rule("`angle` needs a `direction`", "write for example `direction: [0, 0, -1]`")
         return self
 
 
@@ -72,12 +72,13 @@ def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
     direction, angle = None, ANGLE_OFF
     if written.direction is not None:
         x, y, z = (
-            reader.number(value, ("direction", index), NUMBER, "a part of `direction`") for index, value in enumerate(written.direction)
+            reader.number(
+                value, ("direction", index), NUMBER, "a component of `direction`") for index, value in enumerate(written.direction,
+            )
         )
         length = hypot(x, y, z)
         if length == 0.0:
-            reader.error(Code.OUT_OF_RANGE, "`direction` has no length: it points nowhere", "direction",
-                         help="write for example `direction: [0, 0, -1]`")
+            reader.error(Code.OUT_OF_RANGE, "`direction` must not be zero", "direction", help="write for example `direction: [0, 0, -1]`")
         direction = (x / length, y / length, z / length) if length > 0.0 else None
     if written.angle is not None:
         angle = reader.number(written.angle, "angle", ANGLE, above=0.0)

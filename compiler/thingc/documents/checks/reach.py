@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 
 
 class ReachTest(Model):
-    """The greatest distance of two mounts, over the ranges of all joints."""
+    """The greatest distance between two mounts over the ranges of all joints."""
 
     model_config = BOUNDED
 
     of: ShownMountField
     """The mount that reaches."""
-    from_: ShownMountField = Field(alias="from", description="The mount that the distance is measured from.")
+    from_: ShownMountField = Field(alias="from", description="The mount from which the distance is measured.")
     min: LengthField | None = None
-    """The least that the greatest distance has to be."""
+    """The smallest allowed value of the greatest distance."""
     max: LengthField | None = None
-    """The most that the greatest distance may be. What is found is a lower bound: this can be refuted, not proven."""
+    """The largest allowed value of the greatest distance. The search finds a lower bound: it can refute this, but not prove it."""
 
     @model_validator(mode="after")
     def _bounds(self) -> ReachTest:

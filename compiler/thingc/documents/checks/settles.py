@@ -26,23 +26,23 @@ GIVES = 5e-3
 
 
 class SettlesTest(Model):
-    """The simulated robot, let go in a pose with its drives set to it, comes to rest."""
+    """The simulated robot comes to rest when released in a pose with its drives set to that pose."""
 
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Modes, patterns allowed, or `all`; the first unless written."""
+    """Modes, patterns allowed, or `all`; default: the first."""
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
-    """Poses, patterns allowed, or `all` keyframes of the mode; where the mode starts unless written."""
+    """Poses, patterns allowed, or `all` keyframes of the mode; default: where the mode starts."""
     within: TimeField
-    """The time that it may take."""
-    for_: TimeField | None = Field(default=None, alias="for", description="How long it has to stay at rest; 1 s unless written.")
+    """The time until it must be at rest."""
+    for_: TimeField | None = Field(default=None, alias="for", description="How long it must stay at rest; default: 1 s.")
     drift: LengthField
-    """What counts as rest: from then on no point of a link is further than this from where it ends."""
+    """The definition of rest: from then on, no point of a link is further than this from its final position."""
     moved: LengthField | None = None
-    """How far from the pose any point of a link may be in the end; any distance unless written."""
+    """The largest allowed distance of any point of a link from the pose at the end; default: unlimited."""
     penetration: LengthField | None = None
-    """How deep contacts may give way while at rest; 5 mm unless written."""
+    """The largest allowed penetration of contacts at rest; default: 5 mm."""
     floor: bool = True
-    """Whether there is the floor of the mode's scene (the plane z = 0 of the world)."""
+    """Whether to add the floor of the mode's scene (the plane z = 0 of the world)."""
 
 
 class SettleCheck(OneLineRepr, FrozenStruct):

@@ -29,11 +29,11 @@ class TorqueMarginTest(Model):
     drive: JointNames = Field(examples=["shoulder", ["shoulder", "leg_*"]])
     """Driven joints, patterns allowed."""
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Modes whose base is `fixed` or `held`, patterns allowed, or `all`; the first unless written."""
+    """Modes whose base is `fixed` or `held`, patterns allowed, or `all`; default: the first."""
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
-    """Poses, patterns allowed, or `all` keyframes of the mode; where the mode starts unless written."""
+    """Poses, patterns allowed, or `all` keyframes of the mode; default: where the mode starts."""
     min: NumberField
-    """The least margin: 1.5 asks for a limit of 1.5 times the torque that is needed."""
+    """The smallest allowed margin: 1.5 requires a limit of 1.5 times the needed torque."""
 
 
 class TorqueCheck(OneLineRepr, FrozenStruct):
@@ -50,18 +50,17 @@ def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck
     floating = [name for name in reader.chosen_modes if not _carried(reader.modes[name])]
     if floating:
         standing = [name for name, mode in reader.modes.items() if _carried(mode) and not _left_out(joints, mode)]
-        others = f", or name modes that stand: {', '.join(f'`{name}`' for name in standing)}" if standing else ""
+        others = f", or use modes that do: {', '.join(f'`{name}`' for name in standing)}" if standing else ""
         reader.error(
-            Code.TEST, f"the base of mode `{floating[0]}` floats: what carries it there is not known",
-            "mode" if written.mode is not None else (), on_key=written.mode is None,
-            help=f"say what it stands on, `standing_on: [...]` in the mode{others}",
+            Code.TEST, f"the base of mode `{floating[0]}` is free and has no support", "mode" if written.mode is not None else (),
+            on_key=written.mode is None, help=f"set `standing_on: [...]` in the mode{others}",
         )
     for name in reader.chosen_modes:
         absent = _left_out(joints, reader.modes[name])
         if absent:
             reader.error(
-                Code.TEST, f"mode `{name}` leaves the drive of joint `{absent[0]}` out", "drive",
-                help="name drives that are among the mode's `actuators`",
+                Code.TEST, f"mode `{name}` does not use the drive of joint `{absent[0]}`", "drive",
+                help="use drives that are in the `actuators` of the mode",
             )
     return TorqueCheck(joints=joints, minimum=minimum)
 
@@ -84,9 +83,9 @@ def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findin
         joint = joints.get(path)
         if joint is not None and joint.limit.effort is None:
             findings.error(
-                Code.TEST, f"joint `{path}` has no limit of effort: its drive has no margin",
+                Code.TEST, f"joint `{path}` has no effort limit, so its drive has no margin",
                 (test.spans["drive"],) if "drive" in test.spans else test.origin, path=path,
-                help="write `limit: {effort: ...}` on the joint, or `effort` of its drive", notes=noted(f"`{path}` is here", joint.origin),
+                help="set `limit: {effort: ...}` of the joint, or `effort` of its drive", notes=noted(f"`{path}` is here", joint.origin),
             )
 
 

@@ -52,7 +52,7 @@ class _Evaluator:
         if term.name in CONSTANTS:
             return CONSTANTS[term.name]
         if term.name in UNITS:
-            help = f"a unit follows its number: `2 {term.name}`"
+            help = f"a unit must follow a number: `2 {term.name}`"
         else:
             help = did_you_mean(term.name, [*self.names, *CONSTANTS], what="names")
         raise ExpressionError(f"unknown name `{term.name}`", term.offset, term.end, kind="name", help=help)
@@ -81,8 +81,7 @@ class _Evaluator:
                 unit = other.dimension.example.partition(" ")[2]
                 help = f"write `{self.written(term)} {unit}`"
         raise ExpressionError(
-            f"`{self.written(left)}` is {a.dimension.words}, `{self.written(right)}` is {b.dimension.words}: "
-            "they do not go together",
+            f"`{self.written(left)}` is {a.dimension.words}, `{self.written(right)}` is {b.dimension.words}: they cannot be combined",
             right.offset, right.end, kind="dimension", help=help,
         )
 
@@ -122,7 +121,7 @@ class _Evaluator:
         base, exponent = self.quantity(term.left), self.quantity(term.right)
         if exponent.dimension != NUMBER:
             raise ExpressionError(
-                f"an exponent is a number, found {exponent.dimension.words} (`{self.written(term.right)}`)",
+                f"an exponent must be a number, found {exponent.dimension.words} (`{self.written(term.right)}`)",
                 term.right.offset, term.right.end, kind="dimension",
             )
         dimension = base.dimension
@@ -132,8 +131,7 @@ class _Evaluator:
             ratio = Fraction(exponent.value).limit_denominator(12)
             if abs(exponent.value) > 12.0 or abs(float(ratio) - exponent.value) > 1e-12:
                 raise ExpressionError(
-                    f"the exponent of {dimension.words} must be a small whole number or fraction, "
-                    f"found `{self.written(term.right)}`",
+                    f"the exponent of {dimension.words} must be a small whole number or fraction, found `{self.written(term.right)}`",
                     term.right.offset, term.right.end, kind="dimension",
                 )
             dimension = dimension**ratio
@@ -167,7 +165,7 @@ class _Evaluator:
         if first.dimension != ANGLE and not _zero(term.arguments[0]):
             shown = self.written(term.arguments[0])
             raise ExpressionError(
-                f"`{term.function}` takes an angle (such as 30 deg), found {first.dimension.words} (`{shown}`)", term.arguments[0].offset,
+                f"`{term.function}` expects an angle (such as 30 deg), found {first.dimension.words} (`{shown}`)", term.arguments[0].offset,
                 term.arguments[0].end, kind="dimension", help=f"for radians write `{shown} * 1 rad`" if first.dimension == NUMBER else None,
             )
         return self.finite(term, lambda: {"sin": numeric.sin, "cos": numeric.cos, "tan": numeric.tan}[term.function](x), NUMBER)

@@ -39,11 +39,11 @@ _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.(?:[A-Za-z_]\w*|\d+))*", re.ASCII)
 _OPERATOR = re.compile(r"\*\*|<=|>=|==|!=|[-+*/<>(),]")
 _FOREIGN = {
-    "^": "a power is written `**`", "%": "`%` is a unit here: `15 %`", "=": "equal is written `==`",
-    ".": "a name here is one word: a parameter of this document",
-    "&": "there is no `and`", "|": "there is no `or`", "[": "parentheses are round", "{": "parentheses are round",
-    "$": "in expressions the index is written `i`, without `$`", "'": "text cannot stand in an expression",
-    '"': "text cannot stand in an expression",
+    "^": "use `**` for powers", "%": "`%` is a unit here: `15 %`", "=": "use `==` for equality",
+    ".": "a name must be a single parameter of this document",
+    "&": "there is no `and`", "|": "there is no `or`", "[": "use round parentheses", "{": "use round parentheses",
+    "$": "in expressions, write the index as `i`, without `$`", "'": "expressions cannot contain strings",
+    '"': "expressions cannot contain strings",
 }
 
 
@@ -99,7 +99,7 @@ class _Parser:
         self.at += len(operator)
         right = self.sum()
         if self.peek() in COMPARISONS:
-            raise ExpressionError("comparisons cannot be chained", self.at, self.at + len(self.peek()), help="compare twice")
+            raise ExpressionError("comparisons cannot be chained", self.at, self.at + len(self.peek()), help="write two comparisons")
         return Binary(operator=operator, left=left, right=right, offset=left.offset, end=right.end)
 
     def sum(self) -> Term:
@@ -165,7 +165,7 @@ class _Parser:
             return self.call(name.group(), offset)
         if name.group() in FUNCTIONS:
             raise ExpressionError(
-                f"`{name.group()}` is a function and needs arguments in parentheses", offset, name.end(),
+                f"`{name.group()}` is a function: write its arguments in parentheses", offset, name.end(),
                 help=f"write `{name.group()}(...)`",
             )
         return NameUse(name=name.group(), offset=offset, end=name.end())
@@ -174,7 +174,7 @@ class _Parser:
         if self.peek() == ")":
             self.at += 1
         elif self.at >= len(self.text):
-            raise ExpressionError("the `(` opened here is never closed", opened, opened + 1, help="add `)`")
+            raise ExpressionError("the `(` opened here is not closed", opened, opened + 1, help="add `)`")
         else:
             raise self.unexpected("an operator or `)`")
 
@@ -221,7 +221,7 @@ class _Parser:
         least, most = FUNCTIONS[name]
         if not least <= len(arguments) <= most:
             count = f"{least}" if least == most else f"{least} to {most}"
-            raise ExpressionError(f"`{name}` takes {count} argument{'' if count == '1' else 's'}, found {len(arguments)}", offset, self.at)
+            raise ExpressionError(f"`{name}` needs {count} argument{'' if count == '1' else 's'}, found {len(arguments)}", offset, self.at)
         return Call(function=name, arguments=tuple(arguments), offset=offset, end=self.at)
 
 

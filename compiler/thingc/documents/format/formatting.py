@@ -42,8 +42,8 @@ def format_document(path: str, data: bytes, report: Report, *, schema: str | Non
         after = read_tree(path, formatted, again)
         if after is None or again.failed or not same(before, after, shape):
             report.add(
-                Code.INTERNAL, "the canonical layout of this document would not mean the same; it is left as it is", before.span,
-                help="this is a defect of thingc, not of your document; please report it with the document",
+                Code.INTERNAL, "formatting would change the meaning of this document, so it is left as it is", before.span,
+                help="this is a bug in thingc; please report it together with the document",
             )
             return None
     return formatted

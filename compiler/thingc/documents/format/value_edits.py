@@ -33,8 +33,8 @@ def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
     for keys, value in values.items():
         after = _parse_document(document, set_one(document, keys, value))
         if after is None or after.tree.plain() != _put(document.tree.plain(), keys, _meant(value)):
-            what = "what stands there is used elsewhere, too, or written in a way of its own"
-            raise CannotSetValue(f"`{'.'.join(keys)}` cannot be set alone: {what}")
+            what = "its text is also used elsewhere, or is written in an unusual form"
+            raise CannotSetValue(f"`{'.'.join(keys)}` cannot be set separately: {what}")
         document = after
     return document
 
@@ -46,7 +46,7 @@ def without(document: Document, keys: Keys) -> Document:
     """
     after = _parse_document(document, (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys))
     if after is None or after.tree.plain() != _take_out(document.tree.plain(), keys):
-        raise CannotSetValue(f"`{'.'.join(keys)}` cannot be taken out alone: it is used elsewhere, too, or written in a way of its own")
+        raise CannotSetValue(f"`{'.'.join(keys)}` cannot be removed separately: it is used elsewhere, or written in an unusual form")
     return after
 
 
@@ -104,7 +104,7 @@ def _in_yaml(document: Document, keys: Keys, value: Written) -> str:
     start, end = source.range(node.span)
     if not rest or not isinstance(node, MappingNode):  # instead of what is there, which may be nothing: `limit:`
         if isinstance(node, (MappingNode, SequenceNode)) and text[start] not in "{[":
-            raise CannotSetValue(f"`{'.'.join(keys)}` is written over several lines: set the values in it")
+            raise CannotSetValue(f"`{'.'.join(keys)}` spans several lines: set the values inside it")
         space = "" if end > start or text[start - 1 : start].isspace() else " "
         written = _flow(value) if not rest else "{" + _entry(rest, value) + "}"
         return text[:start] + space + written + text[end:]

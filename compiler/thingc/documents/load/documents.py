@@ -68,7 +68,8 @@ def load(
         return None
     if not workspace.contains(path):
         report.add(
-            Code.OUTSIDE_WORKSPACE, f"`{name}` is a link that leaves the workspace", None, help="name the file that the link leads to",
+            Code.OUTSIDE_WORKSPACE, f"`{name}` is a link to a file outside the workspace", None,
+            help="use the file that the link points to",
         )
         return None
     if unseen(workspace.relative(path)):
@@ -117,17 +118,16 @@ def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
     """Report that a document is of a kind that is not accepted here."""
     if root.kind == "variants":
         report.add(
-            Code.WRONG_KIND, "this document is of many variants, and one assembly is wanted here", root.span(("thingc",)),
-            help="`thingc batch` builds them all; or name the assembly, with -p 'NAME=VALUE' for one of them",
+            Code.WRONG_KIND, "this is a variants document, but a single assembly is required here", root.span(("thingc",)),
+            help="use `thingc batch` to build all variants, or use the assembly with -p 'NAME=VALUE' for one of them",
         )
         return
     *others, last = (f"`{kind}`" for kind in kinds)
     wanted = f"{', '.join(others)} or {last}" if others else last
     report.add(
-        Code.WRONG_KIND, f"expected a document of kind {wanted}, found `{root.kind}`", root.span(("thingc",)),
-        help=(
-            "name a document of variants; `thingc build` builds one assembly" if kinds == ("variants",)
-            else f"name the assembly {'that uses it' if root.kind == 'materials' else 'itself; this document is found by itself'}"
+        Code.WRONG_KIND, f"expected a document of kind {wanted}, found `{root.kind}`", root.span(("thingc",)), help=(
+            "use a variants document, or `thingc build` to build one assembly" if kinds == ("variants",)
+            else f"use the assembly {'that lists it' if root.kind == 'materials' else 'itself; thingc finds this document automatically'}"
         ),
     )
 
@@ -151,15 +151,15 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
         return tree
     empty = tree is None or (isinstance(tree, ScalarNode) and tree.value is None)
     if empty and len(report.diagnostics) == before:
-        report.add(Code.NOT_A_MAPPING, "the document is empty", source.span(0, 0), help=f"begin with `{head_line(path)}`")
+        report.add(Code.NOT_A_MAPPING, "the document is empty", source.span(0, 0), help=f"start the document with `{head_line(path)}`")
     elif tree is not None and not empty:
         found = "a list" if isinstance(tree, SequenceNode) else "text"
-        span, help = tree.span, f"begin with `{head_line(path)}`"
+        span, help = tree.span, f"start the document with `{head_line(path)}`"
         if isinstance(tree, ScalarNode) and (missing := re.match(r"([A-Za-z_]\w*):(\S+)", tree.text)):
             help = f"a space is missing after the `:`: `{missing.group(1)}: {missing.group(2)}`"
         elif isinstance(tree, ScalarNode) and re.match(r"(\[\s*)?\w+\s*=", tree.text):
-            help = f"TOML lies in files called `.toml`: call it `{os.path.splitext(os.path.basename(path))[0]}.toml`, or {help}"
-        report.add(Code.NOT_A_MAPPING, f"a document is a mapping, found {found}", span, help=help)
+            help = f"TOML needs the extension `.toml`: rename the file to `{os.path.splitext(os.path.basename(path))[0]}.toml`, or {help}"
+        report.add(Code.NOT_A_MAPPING, f"a document must be a mapping, found {found}", span, help=help)
     return None
 
 
@@ -199,9 +199,11 @@ class _Reader:
         if self.ended:
             return True
         if self.bytes > MAX_ALL_BYTES:
-            self.report.add(Code.TOO_LARGE, f"this document and those that it names have more than {MAX_ALL_BYTES} bytes", where)
+            self.report.add(
+                Code.TOO_LARGE, f"this document and the documents that it refers to have more than {MAX_ALL_BYTES} bytes", where,
+            )
         elif len(self.report.diagnostics) - self.before > MAX_FAULTS:
-            self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} faults; the rest of the files is not looked for", where)
+            self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors; the remaining files are not read", where)
         else:
             return False
         self.ended = True
@@ -215,7 +217,7 @@ class _Reader:
         try:
             data = self.texts[path] if path in self.texts else beginning(path, MAX_BYTES + 1)
         except (OSError, ValueError) as error:
-            reason = error.strerror if isinstance(error, OSError) and error.strerror else "it cannot be read"
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else "unknown error"
             name = shortened(os.path.basename(path))
             self.report.add(Code.UNREADABLE, f"cannot read `{name}`: {reason[:1].lower()}{reason[1:]}", None)
             return None
@@ -248,7 +250,7 @@ class _Reader:
             if key == "materials":
                 self.named(document, text, where, "materials")
             elif key == "file":
-                self.find(text, document, where, PART_SUFFIXES, "a file of a part")
+                self.find(text, document, where, PART_SUFFIXES, "a part file")
             elif key == "mesh":
                 path = self.find(text, document, where, MESH_SUFFIXES, "a mesh file")
                 if path is not None:
@@ -262,7 +264,7 @@ class _Reader:
         if position is not None:
             self.cycle(hops[position:])
         elif len(hops) >= MAX_CHAIN:
-            self.report.add(Code.TOO_LARGE, f"more than {MAX_CHAIN} assemblies nest in one another", hops[-1][1])
+            self.report.add(Code.TOO_LARGE, f"more than {MAX_CHAIN} levels of nested assemblies", hops[-1][1])
         else:
             self.follow(nested, hops)
 
@@ -271,12 +273,10 @@ class _Reader:
         following = [*names[1:], names[0]]
         self.broken.update(names)
         self.report.add(
-            Code.DOCUMENT_CYCLE, f"`{names[0]}` nests itself: {' -> '.join([*names, names[0]])}", hops[0][1],
-            notes=[
-                Note(message=f"`{name}` nests `{inner}` here", span=where)
+            Code.DOCUMENT_CYCLE, f"`{names[0]}` contains itself: {' -> '.join([*names, names[0]])}", hops[0][1], notes=[
+                Note(message=f"`{name}` contains `{inner}` here", span=where)
                 for name, inner, (_, where) in zip(names[1:], following[1:], hops[1:], strict=True)
-            ],
-            help="an assembly cannot be a part of itself",
+            ], help="an assembly cannot contain itself",
         )
 
     def named(self, document: Document, text: str, where: Span | None, kind: str) -> Document | None:
@@ -292,7 +292,7 @@ class _Reader:
             wanted = "an assembly" if kind == "assembly" else "a materials"
             self.report.add(
                 Code.WRONG_KIND, f"expected {wanted} document, found `{shortened(text)}` of kind `{target.kind}`", where,
-                notes=[Note(message="its kind is written here", span=target.span(("thingc",)))],
+                notes=[Note(message="its kind is set here", span=target.span(("thingc",)))],
             )
             return None
         self.links[document.relative, text] = target.relative
@@ -320,8 +320,8 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
         else:
             where = tree.keys[first] if first is not None else tree.span
             report.add(
-                Code.HEADER, "the key `thingc`, which says kind and version, is missing", where,
-                help=f"begin with `{head_line(file, usual)}`",
+                Code.HEADER, "the key `thingc`, which specifies kind and version, is missing", where,
+                help=f"start the document with `{head_line(file, usual)}`",
             )
         return None
     if isinstance(node, ScalarNode) and node.damaged:
@@ -333,7 +333,7 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
         else:
             found = "a list" if isinstance(node, SequenceNode) else "a mapping"
         report.add(
-            Code.HEADER, f"`thingc` says kind and version, found {found}", tree.keys["thingc"] if value is None else node.span,
+            Code.HEADER, f"`thingc` must specify kind and version, found {found}", tree.keys["thingc"] if value is None else node.span,
             help=f"write for example `{head_line(file, usual)}`",
         )
         return None

@@ -53,8 +53,8 @@ def find_file(
         return None
     if not workspace.contains(path):
         report.add(
-            Code.OUTSIDE_WORKSPACE, f"`{shown}` leaves the workspace", where,
-            help="move the file into the folder of `thingc.toml`, or put a `thingc.toml` into a folder above both",
+            Code.OUTSIDE_WORKSPACE, f"`{shown}` is outside the workspace", where,
+            help="move the file into the folder of `thingc.toml`, or create a `thingc.toml` in a folder above both",
         )
         return None
     if not path.lower().endswith(suffixes):
@@ -62,7 +62,7 @@ def find_file(
         return None
     if not os.path.isfile(path):
         if os.path.isdir(path):
-            report.add(Code.MISSING_FILE, f"`{shown}` is a folder, not a file", where, help="name a file in it")
+            report.add(Code.MISSING_FILE, f"`{shown}` is a folder, not a file", where, help="use a file in it")
         else:
             report.add(Code.MISSING_FILE, f"there is no file `{shown}`", where, help=_near(path, text, beside, suffixes))
         return None
@@ -102,10 +102,10 @@ def libraries(path: str) -> tuple[str, ...]:
 
 def refuse_name(name: str, where: Span | None, report: Report) -> None:
     """Report that a file name has invisible characters or is not valid UTF-8."""
-    what = "characters that nobody sees" if is_text(name) else "bytes that are no UTF-8"
+    what = "invisible characters" if is_text(name) else "bytes that are not UTF-8"
     report.add(
         Code.FILE_NAME, f"the file name `{escape_control(name)}` has {what}: `{escape_control(unseen(name))}`", where,
-        help="rename the file: letters, digits, spaces and signs that can be seen",
+        help="rename the file: use letters, digits, spaces and visible characters",
     )
 
 
@@ -119,5 +119,5 @@ def _near(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> str:
         return f"there is no folder `{shortened(prefix)}` here" if prefix else "paths are relative to this document"
     names = [prefix + name for name in files if os.path.join(folder, name) != os.path.normpath(beside)]
     if not names:
-        return "paths are relative to this document, and there is no such file in that folder"
+        return "paths are relative to this document, and that folder has no such file"
     return file_meant(text, names)

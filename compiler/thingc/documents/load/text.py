@@ -69,7 +69,7 @@ def decode(file: str, data: bytes, report: Report) -> Source | None:
     """Decode a file: UTF-8, with optional byte order mark and CRLF. None if it is invalid (reported)."""
     top = line_of(file)
     if len(data) > MAX_BYTES:
-        report.add(Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes, which is the bound", top, help="split the document")
+        report.add(Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes", top, help="split the document")
         return None
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         report.add(Code.NOT_UTF8, "expected UTF-8, found UTF-16", top, help="save the file as UTF-8")
@@ -88,7 +88,7 @@ def decode(file: str, data: bytes, report: Report) -> Source | None:
     bad = forbidden(text)
     if bad is not None:
         at, words = bad
-        report.add(Code.SYNTAX, words, source.span(at, at + 1), help="delete it; it is invisible in most editors")
+        report.add(Code.SYNTAX, words, source.span(at, at + 1), help="delete it; most editors do not show it")
         return None
     return source
 
@@ -99,5 +99,5 @@ def forbidden(text: str) -> tuple[int, str] | None:
     if bad is None:
         return None
     character = bad.group()
-    name = _SPOKEN.get(character, "half a character" if "\ud800" <= character <= "\udfff" else "a control character")
-    return bad.start(), f"{name} (U+{ord(character):04X}) cannot stand in a document"
+    name = _SPOKEN.get(character, "half of a surrogate pair" if "\ud800" <= character <= "\udfff" else "a control character")
+    return bad.start(), f"{name} (U+{ord(character):04X}) is not allowed in a document"

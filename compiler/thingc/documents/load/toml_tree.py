@@ -167,7 +167,7 @@ class _Statements:
             span = self.source.span
             self.report.add(
                 Code.DUPLICATE_KEY, f"the key `{shortened(name)}` is written twice", span(*place),
-                notes=[Note(message="first written here", span=span(*table.keys[name]))], help="remove or rename one of them",
+                notes=[Note(message="first defined here", span=span(*table.keys[name]))], help="remove or rename one of them",
             )
         return True
 
@@ -246,8 +246,8 @@ class _Joiner:
         known: Scalar
         damaged = False
         if isinstance(value, (datetime.date, datetime.time)):
-            message = f"expected text or a number, found the date or time `{shortened(text)}`"
-            self.fault(Code.DATE, message, span, f'if it is text write `"{shortened(text)}"`')
+            message = f"expected a string or a number, found the date or time `{shortened(text)}`"
+            self.fault(Code.DATE, message, span, f'for a string, write `"{shortened(text)}"`')
             known, damaged = text, True
         elif isinstance(value, str):
             known = text = value
@@ -312,7 +312,7 @@ def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: 
         quoted = f'{key} = "{text}"' if key else f'"{text}"'
         report.add(
             Code.SYNTAX, f"`{shortened(text)}` is not a TOML value", source.span(start, end),
-            help=f"text and quantities need quotes: `{shortened(quoted)}`",
+            help=f"strings and quantities need quotes: `{shortened(quoted)}`",
         )
         return
     message, help = _in_words(words)
@@ -351,17 +351,17 @@ def _in_words(words: str) -> tuple[str, str | None]:
     if words.startswith("Expected '=' after a key"):
         return "expected `=` after the key", "TOML writes `key = value`"
     if words == "Invalid value":
-        return "expected a value", "text and quantities need quotes"
+        return "expected a value", "strings and quantities need quotes"
     if words.startswith("Expected newline or end of document"):
-        return "expected the end of the line", "one `key = value` per line"
+        return "expected the end of the line", "write one `key = value` per line"
     if words.startswith("Expected ']'"):
         return "the `[` of this table is not closed", "add `]`"
     if "Unterminated string" in words or "Illegal character '\\n'" in words:
-        return "the text is not closed", 'add the closing `"`'
+        return "the string is not closed", 'add the closing `"`'
     if "Unclosed array" in words:
         return "a list is not closed", "add `]`, or `,` between the items"
     if "Unclosed inline table" in words:
-        return "an inline table is not closed", "add `}`, or `,` between the entries; it stands on one line"
+        return "an inline table is not closed", "add `}`, or `,` between the entries; it must be on one line"
     if "integer string conversion" in words:
         return "a whole number with too many digits", None
     return f"not well-formed TOML: {words[:1].lower()}{words[1:]}", None

@@ -33,21 +33,21 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
     tab = _tab_before(source, at)
     if tab is not None:
         return SyntaxFault(
-            message="a tab in the indentation; YAML indents with spaces", start=tab, end=tab + 1,
-            help="replace the tab by spaces",
+            message="found a tab in the indentation; YAML requires spaces", start=tab, end=tab + 1,
+            help="replace the tab with spaces",
         )
     for match in _QUOTED.finditer(text, 0, at):
         start, end = match.start(), match.end() - 1
         if source.line_at(start) < source.line_at(end) == source.line_at(at):
             return SyntaxFault(
                 message="the quote opened here is not closed on its line", start=start, end=start + 1,
-                help=f"add `{text[start]}` at the end of the text", note=(f"the next `{text[start]}` closes it here", end),
+                help=f"add `{text[start]}` at the end of the string", note=(f"the next `{text[start]}` closes it here", end),
             )
     if "quoted scalar" in context and ("end of stream" in problem or "document indicator" in problem or "separator" in problem):
         quote = text[began : began + 1]
         return SyntaxFault(
-            message="the quote opened here is never closed", start=began, end=began + 1,
-            help=f"add `{quote}` at the end of the text",
+            message="the quote opened here is not closed", start=began, end=began + 1,
+            help=f"add `{quote}` at the end of the string",
         )
     if "escape" in problem or "hexdecimal" in problem or "hexadecimal" in problem:
         return SyntaxFault(
@@ -74,7 +74,7 @@ def _in_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault 
     if "mapping values are not allowed" in problem:
         return SyntaxFault(
             message="a second `:` in one value", start=at, end=at + 1,
-            help="text that holds `: ` needs quotes; a nested mapping begins on a line of its own",
+            help="a string with `: ` in it needs quotes; a nested mapping starts on its own line",
         )
     if "could not find expected ':'" in problem:
         line = source.line_at(began)
@@ -82,15 +82,15 @@ def _in_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault 
         start = source.starts[line] + len(source.line(line)) - len(source.line(line).lstrip())
         return SyntaxFault(
             message=f"expected `key: value`, found `{shortened(written)}`", start=start, end=start + max(1, len(written)),
-            help="a `:` and a space come after a key",
+            help="write `: ` after a key",
         )
     if "cannot start any token" in problem:
         character = text[at : at + 1]
-        return SyntaxFault(message=f"`{character}` cannot begin a value", start=at, end=at + 1, help="put the value in quotes")
+        return SyntaxFault(message=f"a value cannot start with `{character}`", start=at, end=at + 1, help="quote the value")
     if "alphabetic or numeric" in problem:
         return SyntaxFault(
-            message=f"`{text[began : began + 1]}` cannot begin a value", start=began, end=began + 1,
-            help='a name that begins with `*` or `&` needs quotes: `"*_knee"`',
+            message=f"a value cannot start with `{text[began : began + 1]}`", start=began, end=began + 1,
+            help='a name that starts with `*` or `&` needs quotes: `"*_knee"`',
         )
     return None
 
@@ -101,7 +101,7 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
     end = at + max(1, len(re.match(r"[^\s:,{}\[\]]*", source.text[at:]).group()))  # type: ignore[union-attr]
     if "sequence entries are not allowed" in problem:
         return SyntaxFault(
-            message="a list item `-` cannot stand here", start=at, end=at + 1, help="begin the list on the line after its key",
+            message="a list item `-` is not allowed here", start=at, end=at + 1, help="start the list on the line after its key",
         )
     if "block mapping" in context or "expected key" in problem:
         above = _deeper_above(source, at)
@@ -109,34 +109,34 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
             place, columns = above
             return SyntaxFault(
                 message="this line does not continue the mapping above it", start=at, end=end,
-                help=f"keys of one mapping begin in one column: here {' or '.join(map(str, columns))}",
-                note=(f"the line above it begins in column {columns[0]}", place),
+                help=f"keys of a mapping must start in the same column, here {' or '.join(map(str, columns))}",
+                note=(f"the line above it starts in column {columns[0]}", place),
             )
         shallow = _shallow_above(source, at)
         if shallow is not None:
             return SyntaxFault(
-                message="this line is indented further than the one above it, which has a value already", start=at, end=end,
-                help="keys of one mapping begin in one column: indent the line above like this one, or this one like the line above",
-                note=("the line above it begins here", shallow),
+                message="this line is indented further than the line above it, which already has a value", start=at, end=end,
+                help="keys of a mapping must start in the same column: indent this line and the line above it equally",
+                note=("the line above it starts here", shallow),
             )
         return SyntaxFault(
             message="this line does not continue the mapping above it", start=at, end=end,
-            help="keys of one mapping begin in one column, and text with quotes inside is quoted whole",
-            note=("the mapping begins here", began),
+            help="keys of a mapping must start in the same column; quote a string with quotes in it as a whole",
+            note=("the mapping starts here", began),
         )
     if "block collection" in context or "block sequence" in context:
         return SyntaxFault(
             message="this line does not continue the list above it", start=at, end=end,
-            help="items of one list begin with `-` in one column", note=("the list begins here", began),
+            help="the `-` of all items of a list must be in the same column", note=("the list starts here", began),
         )
     if "document start" in problem:
         return SyntaxFault(
             message="expected the end of the document, found more text", start=at, end=end,
-            help="a document is one mapping: keys of the first level begin in column 1",
+            help="a document is a single mapping: its keys must start in column 1",
         )
     if "block scalar" in context:
         return SyntaxFault(
-            message="text after `|` or `>` begins on the next line", start=at, end=end, help="write the text below it, indented",
+            message="text after `|` or `>` must start on the next line", start=at, end=end, help="write the text below it, indented",
         )
     return SyntaxFault(message=f"not well-formed YAML: {problem}", start=at, end=end)
 
@@ -197,22 +197,22 @@ def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
     if comment is not None and source.line_at(at) != source.line_at(began):
         start = began + comment.start()
         return SyntaxFault(
-            message=f"a `#` behind a space begins a comment, so that the `{opened}` of this line is not closed",
+            message=f"a `#` after a space starts a comment, so the `{opened}` of this line is not closed",
             start=start, end=start + len(comment.group()), help=f'write `"{comment.group()}"`',
         )
     if at >= len(source.text.rstrip()) or source.line_at(at) != source.line_at(began) or rest in "}]":
         return SyntaxFault(
             message=f"the `{opened}` opened here is not closed with `{closing}`", start=began, end=began + 1,
-            help=f"add `{closing}`", note=("it meets this first", min(at, max(0, len(source.text) - 1))),
+            help=f"add `{closing}`", note=("found this instead", min(at, max(0, len(source.text) - 1))),
         )
     before = source.text[max(began, at - _LONGEST_KEY) : at]
     key = re.search(r"[{\[,]\s*([\w.$*-]+) +$", before) if rest in "{[" else None
     second = re.search(r":.*\s([\w.$*-]+)$", before) if rest == ":" else None
-    help = "text with `,`, `:` or quotes inside needs quotes around it"
+    help = "a string with `,`, `:` or quotes in it must be quoted"
     if second is not None:
-        help = f"separate entries by `,`: write one before `{second[1]}`"
+        help = f"separate entries by `,`: add one before `{second[1]}`"
     if key is not None:
-        help = f"a `:` and a space come after a key: `{key[1]}: {rest}`"
+        help = f"write `: ` after a key: `{key[1]}: {rest}`"
     return SyntaxFault(
         message=f"expected `,` or `{closing}`, found `{rest}`", start=at, end=at + 1, help=help,
         note=(f"inside the `{opened}` opened here", began),

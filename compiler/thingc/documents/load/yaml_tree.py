@@ -86,7 +86,7 @@ class _Builder:
             if kind == "DocumentStartEvent":
                 if root is not None:
                     self.report.add(
-                        Code.SEVERAL_DOCUMENTS, "a second document begins here; a file holds one", self.span(event),
+                        Code.SEVERAL_DOCUMENTS, "a second document starts here; a file must contain only one", self.span(event),
                         help="move it to a file of its own",
                     )
                     raise _Stop
@@ -111,8 +111,7 @@ class _Builder:
             start = event.start_mark.index
             shown = self.source.text[start : event.end_mark.index].split(None, 1)[0] if kind == "ScalarEvent" else event.tag
             self.report.add(
-                Code.TAG, f"tags such as `{shortened(shown)}` have no meaning here",
-                self.source.span(start, start + max(1, len(shown))),
+                Code.TAG, f"tags such as `{shortened(shown)}` are not supported", self.source.span(start, start + max(1, len(shown))),
                 help="remove it",
             )
         anchored = _Anchored() if event.anchor is not None else None
@@ -135,7 +134,7 @@ class _Builder:
         elif self.nodes > MAX_NODES:
             message = f"more than {MAX_NODES} values in one document"
         elif len(self.report.diagnostics) - self.before > MAX_FAULTS:
-            message = f"more than {MAX_FAULTS} faults in one document; the rest of it was not read"
+            message = f"more than {MAX_FAULTS} errors in one document; the rest of it was not read"
         else:
             return
         start = event.start_mark.index
@@ -152,19 +151,19 @@ class _Builder:
     def alias(self, event: Any, level: int) -> Node:
         anchored = self.anchors.get(event.anchor)
         if anchored is None:
-            help = f'a value that begins with `*` needs quotes: `"*{event.anchor}..."`'
+            help = f'a value that starts with `*` needs quotes: `"*{event.anchor}..."`'
             if self.anchors:
                 help = did_you_mean(event.anchor, self.anchors, what="anchors")
-            self.report.add(Code.ALIAS, f"`*{event.anchor}` is an alias of an unknown anchor", self.span(event), help=help)
+            self.report.add(Code.ALIAS, f"`*{event.anchor}` refers to an unknown anchor", self.span(event), help=help)
             raise _Stop
         if anchored.node is None:
-            self.report.add(Code.ALIAS, f"`*{event.anchor}` stands inside the value that it names", self.span(event))
+            self.report.add(Code.ALIAS, f"`*{event.anchor}` is inside the value that it refers to", self.span(event))
             raise _Stop
         self.from_aliases += anchored.nodes
         self.nodes += anchored.nodes
         self.deepest = max(self.deepest, level + anchored.height)
         if self.from_aliases > MAX_ALIAS_NODES:
-            self.report.add(Code.TOO_LARGE, f"aliases stand for more than {MAX_ALIAS_NODES} values", self.span(event))
+            self.report.add(Code.TOO_LARGE, f"aliases expand to more than {MAX_ALIAS_NODES} values", self.span(event))
             raise _Stop
         if level + anchored.height > MAX_LEVELS:
             self.report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", self.span(event))
@@ -249,7 +248,7 @@ class _Builder:
                 if name in entries:
                     self.report.add(
                         Code.DUPLICATE_KEY, f"the key `{shortened(name)}` is written twice", place,
-                        notes=[Note(message="first written here", span=keys[name])], help="remove or rename one of them",
+                        notes=[Note(message="first defined here", span=keys[name])], help="remove or rename one of them",
                     )
                 else:
                     entries[name], keys[name] = node, place
@@ -283,30 +282,29 @@ class _Builder:
             if event.anchor not in self.anchors:
                 shown = self.source.text[event.start_mark.index :].partition(":")[0].strip()
                 self.report.add(
-                    Code.ALIAS, f"`*{event.anchor}` is an alias of an unknown anchor", self.span(event),
-                    help=f'a key that begins with `*` needs quotes: `"{shortened(shown)}"`',
+                    Code.ALIAS, f"`*{event.anchor}` refers to an unknown anchor", self.span(event),
+                    help=f'a key that starts with `*` needs quotes: `"{shortened(shown)}"`',
                 )
             else:
-                self.report.add(Code.KEY_NOT_TEXT, f"a key must be written out, found the alias `*{event.anchor}`", self.span(event))
+                self.report.add(Code.KEY_NOT_TEXT, f"a key must not be an alias, found `*{event.anchor}`", self.span(event))
             return None
         start = event.start_mark.index
         if self.source.text[max(0, start - 1) : start] == "?" and not self.source.text[start : start + 1].isspace():
             # libyaml reads the `?` of `{?_knee: 1}` as an explicit key, although no space follows
-            self.report.add(Code.SYNTAX, "`?` cannot begin a name here", self.source.span(start - 1, start), help="put the name in quotes")
+            self.report.add(Code.SYNTAX, "a name cannot start with `?` here", self.source.span(start - 1, start), help="quote the name")
             raise _Stop
         node = self.node(event, level + 1)
         if not isinstance(node, ScalarNode):
             found = "a list" if isinstance(node, SequenceNode) else "a mapping"
             self.report.add(
-                Code.KEY_NOT_TEXT, f"a key must be text, found {found}", node.span,
-                help="text that begins with `{` or `[` needs quotes",
+                Code.KEY_NOT_TEXT, f"a key must be a string, found {found}", node.span,
+                help="a string that starts with `{` or `[` needs quotes",
             )
             return None
         if isinstance(node.value, str):
             if node.value == "<<" and not event.style:
                 self.report.add(
-                    Code.ALIAS, "`<<` merges nothing: YAML 1.2 has no merge keys", node.span,
-                    help="write the keys out, or use `defaults:`",
+                    Code.ALIAS, "`<<` is not supported: YAML 1.2 has no merge keys", node.span, help="write all keys, or use `defaults:`",
                 )
                 return None
             return node.value, node.span
@@ -317,7 +315,7 @@ class _Builder:
             return None
         what = "the number" if not isinstance(node.value, (bool, type(None))) else "the word"
         self.report.add(
-            Code.KEY_NOT_TEXT, f"a key must be text, found {what} `{shortened(node.text)}`", node.span,
+            Code.KEY_NOT_TEXT, f"a key must be a string, found {what} `{shortened(node.text)}`", node.span,
             help=f'write `"{shortened(node.text)}"`',
         )
         return None
@@ -347,7 +345,7 @@ class _Builder:
         shared = all(scan_number(piece.value) == (piece.value, len(piece.value)) for piece in (first, more[0]))
         whole = text if shared else f"[{written}]"  # a unit at the end applies to all three
         self.report.add(
-            Code.EXPRESSION_COMMA, "the comma ends the value: the three of a vector stand in `[]`, or have spaces between them", span,
+            Code.EXPRESSION_COMMA, "the comma ends the value: write a vector in `[]`, or separate its values by spaces", span,
             help=Suggestion(f"write `{shortened(whole)}`", (written, whole) if "\n" not in written else None),
         )
         return ScalarNode(value=text, text=text, span=span, damaged=True)
@@ -378,7 +376,7 @@ class _Builder:
         text = " ".join(self.source.text[start:end].split())
         quoted = f"'{text}'" if '"' in text else f'"{text}"'
         self.report.add(
-            Code.EXPRESSION_COMMA, "the comma ends the expression: inside `{}` and `[]` an expression with a comma needs quotes",
+            Code.EXPRESSION_COMMA, "the comma ends the expression: quote an expression with a comma inside `{}` and `[]`",
             self.source.span(start, end),
             help=Suggestion(f"write `{shortened(quoted)}`", (text, quoted) if text == self.source.text[start:end] else None),
         )

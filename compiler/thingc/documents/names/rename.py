@@ -54,27 +54,27 @@ def renamable(sight: WorkspaceIndex, name: Name) -> None:
     """Check that a name can be renamed at all. Raises `RenameRefused`."""
     what = WORDS.get(name.what, name.what)
     if name.what in ("document", "part"):
-        raise RenameRefused(f"`{shortened(name.text)}` is {'a file' if name.what == 'document' else 'a class'}: rename it where it is")
+        raise RenameRefused(f"`{shortened(name.text)}` is {'a file' if name.what == 'document' else 'a class'}: rename it in place")
     if sight.index.declared(name) is None:
         if name.what == "index":
-            raise RenameRefused(f"the index `{name.text}` is not written: write `as: {name.text}` under `repeat` first")
-        raise RenameRefused(f"where the {what} `{name.text}` of `{name.owner}` is made cannot be seen without running its code")
+            raise RenameRefused(f"the index `{name.text}` is the default: first add `as: {name.text}` under `repeat`")
+        raise RenameRefused(f"cannot find the definition of the {what} `{name.text}` of `{name.owner}` without running its code")
     if name.what == "sensor" and any(one.name.what == "joint" and one.span == sight.index.declared(name) for one in sight.index.places):
-        raise RenameRefused(f"`{name.text}` measures the joint of its name: write `joint: {name.text}` under it first")
+        raise RenameRefused(f"`{name.text}` measures the joint of the same name: first add `joint: {name.text}` to it")
     for path, text in sight.broken.items():
         if mentioned(text, name.text):
-            raise RenameRefused(f"`{sight.relative(path)}` cannot be read at the moment, and has `{name.text}` in it: mend it first")
+            raise RenameRefused(f"`{sight.relative(path)}` contains `{name.text}` but cannot be parsed: fix it first")
     if name.what.startswith("part"):
         if not name.file.startswith(tuple(sight.folders)):
             raise RenameRefused(f"`{name.owner}` does not belong to this workspace")
         other = sight.parts.elsewhere(PartName(name.what, name.file, name.text, name.owner))
         if other is not None:
             where = f"{sight.relative(other[0])}:{other[1]}"
-            raise RenameRefused(f"`{name.text}` at {where} may be this {what} of `{name.owner}`, and may be another: rename it in Python")
+            raise RenameRefused(f"`{name.text}` at {where} may or may not be this {what} of `{name.owner}`: rename it in Python")
     if name.what == "material":
         for path in sight.parts.files():
             if f'"{name.text}"' in (text := sight.read(path) or "") or f"'{name.text}'" in text:
-                raise RenameRefused(f"`{sight.relative(path)}` has the material `{name.text}`, too: rename it in Python")
+                raise RenameRefused(f"`{sight.relative(path)}` also uses the material `{name.text}`: rename it in Python")
 
 
 def rename_edits(sight: WorkspaceIndex, name: Name, new: str) -> RenameEdits:
@@ -108,27 +108,27 @@ def with_spans(sight: WorkspaceIndex, spans: Iterable[Span], new: str) -> dict[s
 def _check(sight: WorkspaceIndex, name: Name, new: str) -> None:
     what = WORDS.get(name.what, name.what)
     if not _NAME.fullmatch(new) or len(new) > 1000:
-        raise RenameRefused(f"`{escape_control(shortened(new))}` is no name: a letter, then letters, digits and `_`")
+        raise RenameRefused(f"`{escape_control(shortened(new))}` is not a valid name: use a letter, then letters, digits and `_`")
     if new.lower() in ("true", "false", "null"):
-        raise RenameRefused(f"`{new}` is a value where it stands without quotes: choose another name")
+        raise RenameRefused(f"`{new}` is a value if it is not quoted: choose another name")
     if new in RESERVED and name.what in _RESERVING:
-        raise RenameRefused(f"`{new}` is reserved and cannot name a {what}")
+        raise RenameRefused(f"`{new}` is reserved and cannot be the name of a {what}")
     if name.what == "parameter" and (new in CONSTANTS or new in FUNCTIONS):
-        raise RenameRefused(f"`{new}` means something in expressions and cannot name a parameter")
+        raise RenameRefused(f"`{new}` is reserved in expressions and cannot be the name of a parameter")
     if name.what.startswith("part"):
         import keyword
 
         if keyword.iskeyword(new):
-            raise RenameRefused(f"`{new}` is a word of Python and cannot name a {what}")
+            raise RenameRefused(f"`{new}` is a Python keyword and cannot be the name of a {what}")
         if new in sight.parts.attributes(PartName(name.what, name.file, name.text, name.owner)):
-            raise RenameRefused(f"`{name.owner}` has a `{new}` already")
+            raise RenameRefused(f"`{name.owner}` already has a `{new}`")
         alike = sight.parts.elsewhere(PartName(name.what, name.file, new, name.owner))
         if alike is not None:  # they could not be distinguished any more, and the rename could not be undone
             where = f"{sight.relative(alike[0])}:{alike[1]}"
-            raise RenameRefused(f"`{new}` at {where} could be taken for this {what} of `{name.owner}` then: choose another name")
+            raise RenameRefused(f"`{new}` at {where} would then refer to this {what} of `{name.owner}`: choose another name")
         return
     for other, called in _taken(sight, name, new):
-        raise RenameRefused(f"there is {called} `{other}` already" + ("" if other == new else f", which differs from `{new}` only in case"))
+        raise RenameRefused(f"there is already {called} `{other}`" + ("" if other == new else f", which differs from `{new}` only in case"))
 
 
 def _taken(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, str]]:
@@ -167,13 +167,13 @@ def _compare(before: WorkspaceIndex, after: WorkspaceIndex, name: Name, new: str
             try:
                 parse_python(after.read(path) or "")
             except SyntaxError:
-                raise RenameRefused(f"`{before.relative(path)}` would be no Python with `{new}` in it") from None
+                raise RenameRefused(f"`{before.relative(path)}` would not be valid Python with `{new}`") from None
             continue
         old, now = before.documents[path].document, after.documents.get(path)
         astray = old.tree.span if now is None else next(_differing(old.tree, now.document.tree, spans), None)
         if astray is not None:
             where = f"{before.relative(path)}:{astray.line}"
-            raise RenameRefused(f"`{name.text}` at {where} is written in a way of its own: rename it by hand")
+            raise RenameRefused(f"`{name.text}` at {where} is written in an unusual form: rename it by hand")
     along = {place.name for place in before.index.places if place.role == "declared" and place.span in spans}
     section = {"component": "components", "joint": "joints"}.get(name.what, "")
 
@@ -189,7 +189,7 @@ def _compare(before: WorkspaceIndex, after: WorkspaceIndex, name: Name, new: str
     wrong = min((wanted - got) + (got - wanted), default=None)
     if wrong is not None:
         where = f"{before.relative(wrong[0])}:{wrong[1]}"
-        raise RenameRefused(f"`{name.text}` cannot be called `{new}`: what is written at {where} would mean something else then")
+        raise RenameRefused(f"`{name.text}` cannot be renamed to `{new}`: the text at {where} would change its meaning")
 
 
 def _known_by(place: NamePlace) -> tuple[str, int, str, str, str, str, str]:

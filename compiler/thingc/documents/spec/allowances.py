@@ -29,7 +29,7 @@ def _warning_code(value: Any) -> str:
     if value in ALLOWABLE:
         return value
     if value in _BY_CODE:
-        raise fault("choice", f"`{value}` is not a warning that can be allowed", help=f"`thingc explain {value}` says what it is")
+        raise fault("choice", f"`{value}` is not a warning that can be allowed", help=f"run `thingc explain {value}` for details")
     raise fault("choice", f"there is no warning `{shortened(value)}`", help=did_you_mean(value, ALLOWABLE, what="warnings"))
 
 
@@ -37,14 +37,14 @@ def _reason(value: Any) -> str:
     """Validate the reason."""
     if isinstance(value, str) and value.strip():
         return value
-    raise fault("type", f"expected a reason in words, found {found(value)}", help="say why it is right as it is")
+    raise fault("type", f"expected a reason, found {found(value)}", help="explain why the warning does not apply")
 
 
 _REASON_SCHEMA = {"type": "string", "pattern": r"\S"}
 
 Allow = dict[
     Annotated[str, FieldValidator(_warning_code, "the code of a warning", {"type": "string", "examples": ["TC407"]})],
-    Annotated[str, FieldValidator(_reason, "a reason in words", _REASON_SCHEMA)],
+    Annotated[str, FieldValidator(_reason, "a reason", _REASON_SCHEMA)],
 ]
 
 

@@ -75,7 +75,7 @@ from thingc.documents.spec.sensors import SensorSpec
 from thingc.documents.spec.tendons import TendonSpec
 from thingc.documents.spec.tests import TestSpec
 
-_WORDS = "text, a number, true or false, a list of such, or a mapping"
+_WORDS = "a string, a number, a boolean, a list of these, or a mapping"
 
 
 def _raw(value: Any) -> Any:
@@ -103,11 +103,11 @@ _RAW_SCHEMA = {"description": "Attributes by path.", "examples": [{"joint": {"ya
 RawField = Annotated[Union[str, int, float, bool, list[Any], dict[str, Any]], FieldValidator(_raw, _WORDS, _RAW_SCHEMA), RefersTo("raw")]
 
 
-UNIT_OF_ITS_OWN = "STEP, 3MF and glTF files carry the unit of their numbers"
+UNIT_OF_ITS_OWN = "STEP, 3MF and glTF files specify their unit"
 
 
 class ParameterSpec(Model):
-    """A parameter in full: its value, and what a variant or a parent may set it to."""
+    """A parameter in full: its value, and the values that a variant or a parent may set."""
 
     value: AnyQuantityField
     """The default value."""
@@ -116,38 +116,38 @@ class ParameterSpec(Model):
     max: AnyQuantityField | None = None
     """The largest value allowed, in the same dimension."""
     doc: str = Field(default="", examples=["servo axis to servo axis"])
-    """One line for the people who set it."""
+    """A one-line description."""
 
 
 class MountSpec(PoseSpec):
     """A mount added to a component: a frame on it, at a pose in the component's frame, z pointing out of the material."""
 
     interface: str | None = Field(default=None, examples=["x430-horn", "m2.5-clearance"])
-    """What fits: `x430-horn`, `m2.5-clearance`."""
+    """What fits this mount: `x430-horn`, `m2.5-clearance`."""
 
 
 class BomSpec(Model):
     """The line of the bill of materials."""
 
     number: str | None = Field(default=None, examples=["902-0135-000"])
-    """Order number, or that of a drawing."""
+    """Order number or drawing number."""
     supplier: str | None = Field(default=None, examples=["ROBOTIS"])
-    """Who sells it."""
+    """Supplier."""
     cost: CostField | None = None
-    """Price of one."""
+    """Price per piece."""
     make: Literal["buy", "print", "machine"] | None = None
-    """Whether it is bought, printed or machined; what is bought gets no print file."""
+    """Whether it is bought, printed or machined; bought parts get no print file."""
 
 
 class PrintSpec(Model):
     """How a part is printed."""
 
     up: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 0, 1], [0, -1, 0]])
-    """The direction away from the bed, in the part's axes; `[0, 0, 1]` unless written."""
+    """The direction away from the bed, in the part's axes; default: `[0, 0, 1]`."""
 
 
 class AtSpec(PoseSpec):
-    """Plain placement: my frame at this pose in that frame; no mate, no flip."""
+    """Placement by a pose: this component's frame at this pose in another frame, without a mate."""
 
     in_: MountField = Field(alias="in", description="The frame: a mount, or a component's `origin`.")
 
@@ -156,11 +156,11 @@ class AttachSpec(Model):
     """The rigid mate in full."""
 
     mount: OwnMountField
-    """My mount."""
+    """A mount of this component."""
     to: MountField
-    """The mount that it meets."""
+    """The mount to which it is attached."""
     turn: AngleField | None = None
-    """A constant turn about and along the other mount's z."""
+    """A constant rotation about the other mount's z."""
     gap: LengthField | None = None
     """A constant distance along the other mount's z."""
 
@@ -176,26 +176,26 @@ Collision = Literal["hull", "box", "cylinder", "capsule", "sphere", "decompose",
 
 
 class ComponentDefaults(Model):
-    """What `defaults: component:` may set for every component of this document."""
+    """Defaults for all components of this document (`defaults: component:`)."""
 
     material: MaterialField | None = Field(default=None, examples=["petg"])
     """A material in scope."""
     mass: MassSpec | MassField | None = Field(default=None, examples=["57.2 g", {"value": "57.2 g", "source": "measured"}])
-    """Mass, over what the part and its material say."""
+    """Mass, instead of the mass from the part and its material."""
     com: CentreOfMassSpec | Vector3Length | None = Field(default=None, examples=["0 0 12 mm", {"value": "0 0 12 mm", "source": "vendor"}])
     """Centre of mass, component axes."""
     inertia: InertiaSpec | InertiaMatrix | None = Field(
         default=None, examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}],
     )
-    """Inertia about the centre of mass, component axes."""
+    """Inertia about the centre of mass, in component axes."""
     collision: Collision | None = None
-    """The shape that simulators collide: `hull` unless said otherwise."""
+    """The collision shape for simulators; default: `hull`."""
     visual: bool | None = None
-    """Whether it is drawn; true unless said otherwise."""
+    """Whether it is drawn; default: true."""
     process: ProcessSpec | None = Field(default=None, examples=[{"kind": "fdm", "walls": 4, "infill": "30 %"}])
-    """How it is made, merged over the material's process."""
+    """How it is made; overrides keys of the material's process."""
     print: PrintSpec | None = Field(default=None, examples=[{"up": [0, 0, 1]}])
-    """How it lies on the printer."""
+    """Its orientation on the printer."""
     bom: BomSpec | None = Field(
         default=None, examples=[{"number": "902-0135-000", "supplier": "ROBOTIS", "cost": "269.90 USD", "make": "buy"}],
     )
@@ -227,14 +227,14 @@ def _component_rules(schema: dict[str, Any]) -> None:
 
 
 class ComponentSpec(ComponentDefaults):
-    """A node: exactly one of `part`, `file`, `assembly`, `link`, `frame`, placed by at most one of `attach`, `at`."""
+    """A component: exactly one of `part`, `file`, `assembly`, `link`, `frame`, placed by at most one of `attach`, `at`."""
 
     model_config = ConfigDict(json_schema_extra=_component_rules)
 
     part: PartField | None = Field(default=None, examples=["arm:BasePlate", "thingc_stock.dynamixel:XM430"])
-    """A Thing or shape as `module:Class`."""
+    """A part class as `module:Class`."""
     file: str | None = Field(default=None, examples=["parts/motor.step"])
-    """A part of a file: STEP, BREP, STL, 3MF or OBJ, relative to this document."""
+    """A part from a file: STEP, BREP, STL, 3MF or OBJ, relative to this document."""
     assembly: AssemblyDocument | None = Field(default=None, examples=["end_effector.yaml"])
     """Another assembly document, relative to this one."""
     link: Literal[True] | None = None
@@ -242,11 +242,11 @@ class ComponentSpec(ComponentDefaults):
     frame: Literal[True] | None = None
     """A component without geometry."""
     shapes: list[ShapeSpec] = Field(default=[], examples=[[{"box": "380 90 110 mm"}]])
-    """What a link is drawn as, and touches with."""
+    """The visual and collision shapes of a link."""
     unit: Literal["um", "mm", "cm", "m", "in", "ft"] | None = None
-    """The unit of the numbers in an STL, OBJ or BREP file, which does not say it; mm unless written."""
+    """The unit of the numbers in an STL, OBJ or BREP file, which does not specify it; default: mm."""
     faces: CountField | None = Field(default=None, examples=[5000])
-    """The most triangles that simulators draw and touch of a file; prints, masses and STEP are of all of it."""
+    """The largest number of triangles of a file in simulators; prints, masses and STEP use the full geometry."""
     params: dict[PartParameter, AnyQuantityField] = Field(default={}, examples=[{"length": "120 mm", "holes": 4}])
     """The part's parameters."""
     parameters: dict[NestedParameter, AnyQuantityField] = Field(default={}, examples=[{"pen_diameter": "15 mm"}])
@@ -256,71 +256,70 @@ class ComponentSpec(ComponentDefaults):
     )
     """The rigid mate: `{my_mount: other.mount}`, or in full."""
     at: AtSpec | None = Field(default=None, examples=[{"in": "bracket.board", "xyz": "0 0 4 mm"}])
-    """Plain placement in another frame."""
+    """Placement by a pose in another frame."""
     mounts: dict[NewMount, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
     """Mounts to add."""
     mirror: Literal["x", "y", "z"] | None = None
-    """Makes it the mirror image of the part, or of the whole assembly, at the plane normal to that axis of its frame."""
+    """Mirrors the part, or the whole assembly, at the plane normal to this axis of its frame."""
     repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}, {"count": "=legs", "as": "k"}])
-    """Makes `name_0`, `name_1` and so on of it."""
+    """Repeats it as `name_0`, `name_1` and so on."""
     allow: Allow = allow()
-    """Warnings of this component that are meant so, by code, each with the reason."""
+    """Suppressed warnings of this component, by code, each with a reason."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> ComponentSpec:
         kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
         if not kinds:
-            raise rule("a component needs one of `part`, `file`, `assembly`, `link: true` or `frame: true`; none is here",
-                        "write `link: true` beside `shapes`" if self.shapes else "write for example `part: arm:BasePlate`")
+            raise rule("a component needs one of `part`, `file`, `assembly`, `link: true` or `frame: true`",
+                        "add `link: true` next to `shapes`" if self.shapes else "write for example `part: arm:BasePlate`")
         if len(kinds) > 1:
             named = " and ".join(f"`{k}`" for k in kinds)
             raise rule(
-                f"a component has exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}; here are {named}", "keep one of them",
+                f"a component must have exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}, found {named}", "remove one of them",
                 kinds[1],
             )
         for key, kind, other, its in (("params", "part", "assembly", "parameters"), ("parameters", "assembly", "part", "params")):
             if getattr(self, key) and getattr(self, kind) is None:
-                help = Suggestion(f"beside `{other}` write `{its}`", (key, its)) if getattr(self, other) else "remove it"
-                raise rule(f"`{key}` belongs beside `{kind}`", help, key)
+                help = Suggestion(f"with `{other}`, use `{its}`", (key, its)) if getattr(self, other) else "remove it"
+                raise rule(f"`{key}` can only be used with `{kind}`", help, key)
         if self.unit is not None and self.file is None:
-            raise rule("`unit` belongs to a `file`", "take it out: only files of numbers without a unit need it", "unit")
+            raise rule("`unit` can only be used with `file`", "remove it: only files without a unit need it", "unit")
         if self.unit is not None and self.file is not None and self.file.lower().endswith(SUFFIXES_WITH_UNIT):
-            raise rule(f"`{self.file}` says its unit itself: {UNIT_OF_ITS_OWN}", "take `unit` out", "unit")
+            raise rule(f"`{self.file}` specifies its unit: {UNIT_OF_ITS_OWN}", "remove `unit`", "unit")
         if self.faces is not None and self.file is None:
-            raise rule("`faces` belongs to a `file`", "take it out: how finely parts of code are meshed is the workspace's `mesh`", "faces")
+            raise rule("`faces` can only be used with `file`", "remove it, and set `mesh` in `thingc.toml` instead", "faces")
         if self.shapes and self.link is None:
-            raise rule("`shapes` belongs to a `link`", "write them on a component of its own: `link: true`", "shapes")
+            raise rule("`shapes` can only be used with `link`", "move them to a separate component with `link: true`", "shapes")
         for key in OF_PARTS:
             if self.link is not None and getattr(self, key) is not None:
                 raise rule(
-                    f"`{key}` belongs to a `part` or a `file`, and this is a `link`",
-                    "each of its `shapes` says what it is `for`: `visual`, `collision` or `both`" if key in ("collision", "visual")
-                    else "take it out", key,
+                    f"`{key}` can only be used with `part` or `file`, not with `link`",
+                    "set `for` of each shape: `visual`, `collision` or `both`" if key in ("collision", "visual") else "remove it", key,
                 )
         if self.mirror is not None and self.frame is not None:
-            raise rule("`mirror` belongs to what has a shape: a frame is its own mirror image", "take it out", "mirror")
+            raise rule("`mirror` cannot be used with `frame`: a frame is its own mirror image", "remove it", "mirror")
         if self.attach is not None and self.at is not None:
-            raise rule("a component is placed by `attach` or by `at`, not by both", "keep one of them", "at")
+            raise rule("a component cannot have both `attach` and `at`", "remove one of them", "at")
         if isinstance(self.attach, dict) and len(self.attach) != 1:
-            raise rule(f"`attach` names one mate `{{my_mount: other.mount}}`; here are {len(self.attach)}",
-                        "one mate places a component; a second one would have to agree with it" if self.attach
+            raise rule(f"`attach` must contain one mate `{{my_mount: other.mount}}`, found {len(self.attach)}",
+                        "use only one mate; it places the component completely" if self.attach
                         else "write for example `{back: plate.servo_seat}`", "attach")
         return self
 
 
 class LimitSpec(Model):
-    """Where a joint stops, and how hard and fast it may be driven."""
+    """Position limits of a joint, and limits of effort and velocity."""
 
     lower: JointValueField | None = None
     """The smallest position."""
     upper: JointValueField | None = None
     """The largest position."""
     effort: EffortField | None = None
-    """Largest torque or force; from the drive unless written."""
+    """Largest torque or force; default: from the drive."""
     velocity: SpeedField | None = None
-    """Largest speed; from the drive unless written."""
+    """Largest speed; default: from the drive."""
     cone: AngleField | None = None
-    """How far a ball may turn, about whatever axis; it has no other limit."""
+    """The largest rotation of a ball, about any axis; a ball has no other limit."""
 
 
 class MimicSpec(Model):
@@ -333,95 +332,95 @@ class MimicSpec(Model):
     joint: CoordinateField
     """A joint of this document."""
     multiplier: MultiplierField = 1  # type: ignore[assignment]
-    """How far this joint moves for each unit of the other; 1 unless written."""
+    """How far this joint moves for each unit of the other; default: 1."""
     offset: JointValueField = 0  # type: ignore[assignment]
-    """Where this joint is when the other is at 0; 0 unless written."""
+    """Where this joint is when the other is at 0; default: 0."""
     polynomial: Annotated[list[AnyQuantityField], Field(min_length=2, max_length=5)] | None = Field(
         default=None, examples=[["10 deg", 1, "0.2 rad^-1"]],
     )
-    """In place of both: the coefficients of the powers of q(joint) from the 0th on, up to the 4th."""
+    """Instead of both: the coefficients of the powers of q(joint), from the 0th to at most the 4th."""
 
     @model_validator(mode="after")
     def _once(self) -> MimicSpec:
         for key in ("multiplier", "offset"):
             if self.polynomial is not None and key in self.model_fields_set:
                 raise rule(
-                    f"a `polynomial` says what `{key}` would", f"take `{key}` out: it is `polynomial[{int(key == 'multiplier')}]`", key,
+                    f"`polynomial` cannot be combined with `{key}`", f"remove `{key}`: use `polynomial[{int(key == 'multiplier')}]`", key,
                 )
         return self
 
 
 class JointDefaults(Model):
-    """What `defaults: joint:` may set for every joint of this document."""
+    """Defaults for all joints of this document (`defaults: joint:`)."""
 
     limit: LimitSpec | list[LimitSpec] | dict[Index, LimitSpec] | None = Field(
         default=None, examples=[{"lower": "-90 deg", "upper": "90 deg"}, {"lower": 0, "upper": "20 mm"}],
     )
-    """Where it stops, and how hard and fast it may be driven; of a joint with several coordinates a list."""
+    """Its limits; a list for a joint with several coordinates."""
     dynamics: DynamicsSpec | list[DynamicsSpec] | dict[Index, DynamicsSpec] | None = Field(
         default=None, examples=[{"damping": "0.02 N*m*s/rad", "friction": "0.05 N*m"}],
     )
-    """What it does by itself; of a joint with several coordinates a list."""
+    """Its passive dynamics; a list for a joint with several coordinates."""
     turn: AngleField | None = None
-    """A constant turn about the parent mount's z, or the joint's `axis`, before the motion."""
+    """A constant rotation about the parent mount's z, or the joint's `axis`, before the motion."""
     gap: LengthField | None = None
     """A constant distance along the parent mount's z, or the joint's `axis`."""
     drive: DriveSpec | ComponentField | list[DriveSpec | ComponentField] | dict[Index, DriveSpec | ComponentField] | None = Field(
         default=None, examples=["yaw_servo", {"kind": "position", "kp": "20 N*m/rad", "effort": "4 N*m"}],
     )
-    """The component whose Thing is the actuator, or an actuator written here."""
+    """A component that is an actuator, or an inline actuator."""
 
 
 class JointSpec(JointDefaults):
-    """An edge that moves: the child's mount on the parent's mount."""
+    """A joint: the child's mount moves on the parent's mount."""
 
     type: JointType
     """How the child may move on the parent: `revolute` turns within limits, `continuous` without, `prismatic` slides, `screw` does both."""
     parent: MountField
-    """The mount that stays: `component.mount`."""
+    """The parent mount: `component.mount`."""
     child: MountField
-    """The mount that moves; its component is placed by this joint."""
+    """The child mount; the joint places its component."""
     axis: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 1, 0]])
-    """In the parent mount's frame what it turns about, or slides along; the mounts then coincide at q = 0, and do not face each other."""
+    """The axis of motion, in the parent mount's frame; with it, the mounts coincide at q = 0 instead of facing each other."""
     offset: JointValueField | list[JointValueField] | dict[Index, JointValueField] | None = Field(default=None, examples=["30 deg"])
     """Pose of the geometry at q = 0."""
     lead: LengthField | None = Field(default=None, examples=["8 mm", "-2 mm"])
-    """For a `screw`, the advance in one turn; negative for a left-hand thread."""
+    """For a `screw`, the advance per turn; negative for a left-hand thread."""
     mimic: MimicSpec | list[MimicSpec] | dict[Index, MimicSpec] | None = Field(
         default=None, examples=[{"joint": "left_jaw", "multiplier": -1}],
     )
-    """The joint that it follows: q = multiplier * q(joint) + offset."""
+    """The joint that it mimics: q = multiplier * q(joint) + offset."""
     loop: bool = False
     """Closes a loop instead of placing the child."""
     repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}])
-    """Makes `name_0`, `name_1` and so on of it."""
+    """Repeats it as `name_0`, `name_1` and so on."""
     allow: Allow = allow()
-    """Warnings of this joint that are meant so, by code, each with the reason."""
+    """Suppressed warnings of this joint, by code, each with a reason."""
 
 
 class DefaultsSpec(Model):
-    """Merged under this document's own components and joints, not inside nested ones."""
+    """Defaults of this document's own components and joints; they do not apply to nested documents."""
 
     component: ComponentDefaults | None = Field(default=None, examples=[{"material": "petg"}])
-    """What every component has that says nothing else."""
+    """Defaults of components."""
     joint: JointDefaults | None = Field(default=None, examples=[{"dynamics": {"damping": "0.02 N*m*s/rad"}}])
-    """What every joint has that says nothing else."""
+    """Defaults of joints."""
 
 
 class TurnSpec(Model):
-    """Where a ball is in a pose."""
+    """The orientation of a ball in a pose."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
     rpy: Vector3Angle | None = None
     """Extrinsic roll, pitch, yaw in the parent mount's axes, as in URDF."""
     quat: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = Field(default=None, examples=[[0.966, 0.259, 0, 0]])
-    """w, x, y, z, as in MJCF, of any length but 0."""
+    """w, x, y, z, as in MJCF, of any length except 0."""
 
     @model_validator(mode="after")
     def _one(self) -> TurnSpec:
         if (self.rpy is None) == (self.quat is None):
-            raise rule("where a ball is, is said by `rpy` or by `quat`", "write for example `{rpy: 0 20 0 deg}`")
+            raise rule("the rotation of a ball must be either `rpy` or `quat`", "write for example `{rpy: 0 20 0 deg}`")
         return self
 
 
@@ -431,46 +430,46 @@ class AssemblySpec(Model):
     thingc: Literal["assembly/1"]
     """Kind and version of this document."""
     name: Name
-    """The robot's name: also of the build folder."""
+    """The name of the robot and of its build folder."""
     description: str = Field(default="", examples=["Four-axis pen-drawing arm."])
-    """One line for people."""
+    """A one-line description."""
     parameters: dict[NewParameter, ParameterSpec | AnyQuantityField] = Field(
         default={}, examples=[{"reach": {"value": "100 mm", "min": "60 mm", "max": "200 mm"}, "pen_diameter": "15 mm"}],
     )
-    """What a variant or a parent assembly may set."""
+    """Values that a variant or a parent assembly may set."""
     materials: list[MaterialsDocument] | dict[NewMaterial, MaterialSpec] = Field(default=[], examples=[
         ["thingc_stock.materials"], ["materials.yaml"], {"petg": {"density": "1270 kg/m^3"}},
     ])
-    """Documents of materials in scope, by their paths or as `package.document` (`thingc_stock.materials`); or materials written here."""
+    """Materials documents in scope, as paths or `package.document` (`thingc_stock.materials`), or materials defined here."""
     defaults: DefaultsSpec | None = Field(default=None, examples=[{"component": {"material": "petg"}}])
     components: Annotated[dict[NewComponent, ComponentSpec], Field(min_length=1)] = Field(examples=[{"plate": {"part": "arm:BasePlate"}}])
-    """What it is made of, by name: parts, nested assemblies and frames."""
+    """Parts, nested assemblies and frames, by name."""
     joints: dict[NewJoint, JointSpec] = Field(
         default={}, examples=[{"yaw": {"type": "continuous", "parent": "servo.horn", "child": "bracket.seat"}}],
     )
-    """What moves, by name."""
+    """Joints, by name."""
     tendons: dict[NewTendon, TendonSpec] = Field(
         default={}, examples=[{"grip": {"joints": {"left": "12 mm/rad", "right": "12 mm/rad"}, "drive": {"kind": "motor"}}}],
     )
-    """Sums of coordinates that something acts along, by name."""
+    """Tendons, by name: sums of joint coordinates, or paths, along which drives and springs act."""
     links: dict[NewLink, ComponentField] = Field(default={}, examples=[{"base_link": "plate"}])
-    """Names a link and picks its frame."""
+    """Names of links; each also selects the frame of its link."""
     mounts: dict[NewExport, MountField] = Field(default={}, examples=[{"base": "plate.bottom", "tip": "hand.tip"}])
-    """Frames this assembly shows to a parent assembly."""
+    """Mounts that this assembly exports to a parent assembly."""
     poses: dict[NewPose, dict[JointKey, PoseValueField | list[JointValueField] | dict[Index, JointValueField] | TurnSpec]] = Field(
         default={}, examples=[{"home": {"yaw": "30 deg", "leg_*.knee": "-90 deg"}}],
     )
-    """Positions of joints, by name of the pose; what is not set is at 0."""
+    """Positions of joints, by name of the pose; joints that are not set are at 0."""
     modes: dict[NewMode, ModeSpec] = Field(default={}, examples=[{"bench": {"root": "plate", "pose": "home"}}])
-    """One simulation model each; the first is the default."""
+    """Modes, by name: one simulation model each; the first is the default."""
     simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "2 ms", "integrator": "implicitfast"}])
     raw: dict[str, RawField] = Field(default={}, examples=[{"mjcf": {"joint": {"yaw": {"solreflimit": "0.01 1"}}}}])
-    """Attributes by path, checked by the target alone."""
+    """Attributes of one target, by path; only the target checks them."""
     sensors: dict[NewSensor, SensorSpec] = Field(default={}, examples=[{"imu": {"type": "imu", "at": "body.imu"}}])
-    """What the robot measures."""
+    """Sensors, by name."""
     names: NamesSpec | None = Field(default=None, examples=[{"joints": {"joint_1": "1"}}])
-    """What files call things that have another name in this document."""
+    """Names in output files that differ from those in this document."""
     tests: dict[NewTest, TestSpec] = Field(default={}, examples=[{"light": {"mass": {"max": "2.2 kg"}}}])
-    """What has to be true of the robot; `thingc test` runs them."""
+    """Tests of the robot; `thingc test` runs them."""
     allow: Allow = allow()
-    """Warnings of anything in this document that are meant so, by code, each with the reason."""
+    """Suppressed warnings of this document, by code, each with a reason."""

@@ -27,22 +27,22 @@ UNUSED = {"velocity": ("kp",), "motor": ("kp", "kv")}
 
 
 class DynamicsSpec(Model):
-    """What a joint does by itself."""
+    """Passive dynamics of a joint."""
 
     damping: DampingField | None = None
     """Viscous friction: torque or force per speed."""
     friction: FrictionField | None = None
     """Dry friction: torque or force."""
     armature: ArmatureField | None = None
-    """Reflected rotor inertia; from the drive unless written."""
+    """Reflected rotor inertia; default: from the drive."""
     stiffness: StiffnessField | None = None
     """A spring towards its `rest`: torque or force per turn or length."""
     rest: JointValueField | None = Field(default=None, examples=["20 deg"])
-    """The q at which the spring does nothing; 0 unless written."""
+    """The rest position of the spring; default: 0."""
 
 
 class DriveSpec(Model):
-    """An inline actuator, or that of a component with some of its values replaced."""
+    """An inline actuator, or the actuator of a component with some values replaced."""
 
     model_config = ConfigDict(json_schema_extra={
         "anyOf": [{"required": ["component"]}, {"required": ["kind"]}],
@@ -57,9 +57,9 @@ class DriveSpec(Model):
     })
 
     component: ComponentField | None = None
-    """The component whose Thing is the actuator. The other keys replace its values."""
+    """A component that is an actuator. The other keys replace its values."""
     kind: DriveKind | None = Field(default=None, validate_default=True)
-    """What is commanded: a position, a velocity, or the torque or force itself (`motor`); by default that of the component."""
+    """The commanded quantity: a position, a velocity, or the torque or force itself (`motor`); default: that of the component."""
     kp: StiffnessField | None = None
     """Position gain: torque per angle, or force per length."""
     kv: DampingField | None = None
@@ -71,7 +71,7 @@ class DriveSpec(Model):
     armature: ArmatureField | None = None
     """Reflected rotor inertia."""
     axis: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[1, 0, 0]])
-    """The axis about which it turns a ball: in the parent mount's axes at q = 0, from where it goes with the child."""
+    """The axis about which it rotates a ball, in the parent mount's axes at q = 0; it moves with the child."""
 
     @field_validator("kind")
     @classmethod
@@ -84,7 +84,7 @@ class DriveSpec(Model):
     def _gain(self) -> DriveSpec:
         for key in UNUSED.get(self.kind or "", ()) if self.component is not None else ():
             if getattr(self, key) is not None:
-                raise rule(f"a {self.kind} drive has no `{key}`", "take it out", key)
+                raise rule(f"a {self.kind} drive cannot have `{key}`", "remove it", key)
         if self.kind == "position" and self.kp is None and self.component is None:
-            raise rule("a position drive needs `kp`; none is here", "write for example `kp: 20 N*m/rad`")
+            raise rule("a position drive needs `kp`", "write for example `kp: 20 N*m/rad`")
         return self

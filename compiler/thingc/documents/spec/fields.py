@@ -89,7 +89,7 @@ def fault(kind: str, message: str, *, help: str | None = None, offset: int | Non
 def found(value: object) -> str:
     """Describe a value for messages: "text `x`", "the number `3`", "a list of 2", "a mapping"."""
     if isinstance(value, str):
-        return f"text `{shortened(value)}`" if value else "an empty text"
+        return f"text `{shortened(value)}`" if value else "an empty string"
     if isinstance(value, bool):
         return f"`{'true' if value else 'false'}`"
     if isinstance(value, (int, float)):
@@ -164,7 +164,7 @@ def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: 
         comma = re.fullmatch(r"\s*([-+]?\d+),(\d.*)", text)
         if comma is not None:
             raise UnitError(
-                "a number is written with a point, not with a comma", help=decimal_point(text.strip(), comma.group(1), comma.group(2)),
+                "use a decimal point, not a comma", help=decimal_point(text.strip(), comma.group(1), comma.group(2)),
             ) from None
         if error.help is None and re.search(r"[*/(]", text):
             error.help = expression_hint(text)
@@ -234,7 +234,7 @@ def any_value(value: Any) -> Value | bool | str:
             raise _of_unit(error) from None
     if isinstance(value, (int, float)):
         return _bare(value)
-    raise fault("type", f"expected a quantity, an expression, true or false, or text, found {found(value)}")
+    raise fault("type", f"expected a quantity, an expression, a boolean or a string, found {found(value)}")
 
 
 def _begins_with_number(text: str) -> bool:
@@ -319,14 +319,14 @@ def name_of(value: Any) -> str:
     plain = re.sub("[\u0300-\u036f]+", "", normalize("NFD", value.strip()))  # letters without their accents
     cleaned = re.sub(r"\W+", "_", plain, flags=re.ASCII).strip("_")
     help = f"write for example `{cleaned}`" if _NAME.fullmatch(cleaned) else None
-    raise fault("name", f"`{shortened(value)}` is no name: a letter, then letters, digits and `_`", help=help)
+    raise fault("name", f"`{shortened(value)}` is not a valid name: use a letter, then letters, digits and `_`", help=help)
 
 
 def _index(value: Any) -> str:
     """Validate the index of a coordinate, from 0."""
     if isinstance(value, str) and value.isdecimal() and value.isascii() and len(value) < 3:
         return value
-    raise fault("name", f"expected the number of a coordinate such as `0`, found {found(value)}")
+    raise fault("name", f"expected the index of a coordinate such as `0`, found {found(value)}")
 
 
 _REFERENCE_WORD = re.compile(r"(?:[A-Za-z*?\[]|\$\{?[A-Za-z])(?:[A-Za-z0-9_*?\[\]!-]|\$\{?[A-Za-z][A-Za-z0-9_]*\}?)*", re.ASCII)
@@ -339,10 +339,10 @@ def _reference(value: Any) -> str:
     at = 0
     for word in value.split("."):
         if not _REFERENCE_WORD.fullmatch(word):
-            message = f"`{shortened(value)}` is no reference"
+            message = f"`{shortened(value)}` is not a valid reference"
             if word != value:
-                message += f": `{shortened(word)}` in it is no name" if word else ": a name is missing beside a `.`"
-            help = f"levels are separated by `.`: `{shortened(value.replace('/', '.'))}`" if "/" in word else None
+                message += f": `{shortened(word)}` in it is not a valid name" if word else ": a name is missing next to a `.`"
+            help = f"separate levels by `.`: `{shortened(value.replace('/', '.'))}`" if "/" in word else None
             if re.fullmatch(r"\w+ +\w+", word):
                 help = f"write `{'.'.join(word.split())}`"
             raise fault("reference", message, help=help, offset=at, end=at + max(1, len(word)))
@@ -365,7 +365,7 @@ def _color(value: Any) -> str:
     if known is not None:
         return known
     if value.startswith("#"):
-        raise fault("color", f"`{shortened(value)}` is no colour", help='write `"#rrggbb"` with hexadecimal digits')
+        raise fault("color", f"`{shortened(value)}` is not a colour", help='write `"#rrggbb"` with hexadecimal digits')
     raise fault("color", f"unknown colour `{shortened(value)}`", help=near_hint(value, COLORS) or 'write a CSS name or `"#rrggbb"`')
 
 
@@ -378,9 +378,9 @@ def _count(value: Any) -> int | Expression:
     if value != math.floor(value):
         raise fault("quantity", f"expected a whole number, found {found(value)}")
     if value < 0:
-        raise fault("quantity", f"expected a whole number from 0 on, found {found(value)}")
+        raise fault("quantity", f"expected a whole number of at least 0, found {found(value)}")
     if value > 1_000_000_000:
-        raise fault("quantity", f"expected a whole number up to 1000000000, found {found(value)}")
+        raise fault("quantity", f"expected a whole number of at most 1000000000, found {found(value)}")
     return int(value)
 
 
@@ -403,7 +403,7 @@ def _cost(value: Any) -> str:
 
 
 _ANY_SCHEMA = {
-    "description": "A quantity with its unit, a number, an expression such as `=reach / 2`, true or false, or text.",
+    "description": "A quantity with its unit, a number, an expression such as `=reach / 2`, a boolean or a string.",
     "examples": ["120 mm", 6, "=reach / 2", True],
     "type": ["string", "number", "boolean"], "pattern": ANY_VALUE,
 }
@@ -434,13 +434,13 @@ _JOINT_SCHEMA = {
     "anyOf": [{"type": "string", "pattern": quantity_pattern(ANGLE, LENGTH, word="[A-Za-z][A-Za-z0-9_]*")}, {"const": 0}],
 }
 
-AnyQuantityField = Annotated[Union[Value, bool, str], FieldValidator(any_value, "a quantity, true or false, or text", _ANY_SCHEMA)]
+AnyQuantityField = Annotated[Union[Value, bool, str], FieldValidator(any_value, "a quantity, a boolean or a string", _ANY_SCHEMA)]
 JointValueField = Annotated[Union[Value, str], FieldValidator(_joint_value, "an angle or a length", _JOINT_SCHEMA)]
 Vector3Length = Annotated[Vector, _vector(LENGTH)]
 Vector3Angle = Annotated[Vector, _vector(ANGLE)]
 Vector3Acceleration = Annotated[Vector, _vector(ACCELERATION)]
 Name = Annotated[str, FieldValidator(name_of, "a name", _NAME_SCHEMA)]
-Index = Annotated[str, FieldValidator(_index, "the number of a coordinate", _INDEX_SCHEMA)]
+Index = Annotated[str, FieldValidator(_index, "the index of a coordinate", _INDEX_SCHEMA)]
 ReferenceField = Annotated[str, FieldValidator(_reference, "a reference", _REFERENCE_SCHEMA)]
 ColorField = Annotated[str, FieldValidator(_color, "a colour", _COLOR_SCHEMA)]
 CostField = Annotated[str, FieldValidator(_cost, "an amount and a currency", _COST_SCHEMA)]

@@ -14,30 +14,30 @@ from thingc.base.units import shortened
 from thingc.documents.spec import assembly, drives, link_shapes, mass, materials, modes, poses, sensors, variants, workspace
 from thingc.documents.spec.annotation_types import model_keys, one_of
 
-_PLACE = "a component is placed by `attach: {my_mount: other.mount}`, by `at: {in: other.mount, xyz: 0 0 9 mm}`, or as the child of a joint"
-_MOUNTS = "the mounts say where a joint is: `parent: component.mount`, `child: component.mount`"
+_PLACE = "place a component by `attach: {my_mount: other.mount}`, by `at: {in: other.mount, xyz: 0 0 9 mm}`, or as the child of a joint"
+_MOUNTS = "mounts determine the place of a joint: `parent: component.mount`, `child: component.mount`"
 _SHAPE = (
-    "geometry is a `part` (a class in Python), a `file` (STEP, STL and others), a list of `shapes` (`link: true`), or none: `frame: true`"
+    "define geometry by `part` (a Python class), `file` (STEP, STL and others) or `shapes` with `link: true`; use `frame: true` for none"
 )
-_MATERIAL = "that is of the material: name one in `material`, and write its `density` and `color` under `materials`"
-_RPY = "an orientation is `rpy`, extrinsic roll, pitch and yaw as in URDF: `rpy: 0 0 90 deg`, or `quat: [w, x, y, z]`"
-_XYZ = "write the three of them: `xyz: 0 0 10 mm`"
-_MODES = "each of `modes` says it: `modes: {standing: {root: COMPONENT, base: fixed, gravity: floor}}`"
-_DRIVE = "a joint says what moves it: `drive: COMPONENT` with an actuator, or `drive: {kind: position, kp: 20 N*m/rad}`"
-_ROTOR = "`armature` is the inertia of the rotor as the joint feels it: times the gear ratio squared"
-_GEAR = "a drive is what acts at the joint, behind the gear; `gear_ratio` is of an `Actuator` in Python"
+_MATERIAL = "this belongs to a material: set `material`, and define its `density` and `color` under `materials`"
+_RPY = "write an orientation as `rpy` (extrinsic roll, pitch and yaw, as in URDF), such as `rpy: 0 0 90 deg`, or as `quat: [w, x, y, z]`"
+_XYZ = "write all three: `xyz: 0 0 10 mm`"
+_MODES = "set it in each mode: `modes: {standing: {root: COMPONENT, base: fixed, gravity: floor}}`"
+_DRIVE = "define drives on joints: `drive: COMPONENT` with an actuator, or `drive: {kind: position, kp: 20 N*m/rad}`"
+_ROTOR = "use `armature`: the rotor inertia at the joint, multiplied by the gear ratio squared"
+_GEAR = "a drive acts at the joint, after the gear; set `gear_ratio` of an `Actuator` in Python"
 
 _TURN_KEYS = {"rpy": "euler rotation rot orientation", "quat": "quaternion", _RPY: "axisangle zaxis xyaxes normal"}
 
 _KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
     assembly.JointDefaults: {
-        "where it stops is `limit: {lower: -90 deg, upper: 90 deg}`": "range bounds position_limits",
-        "drive": "actuator motor servo transmission driven_by", "dry friction is `dynamics: {friction: 0.1 N*m}`": "frictionloss",
+        "set its limits by `limit: {lower: -90 deg, upper: 90 deg}`": "range bounds position_limits",
+        "drive": "actuator motor servo transmission driven_by", "set dry friction by `dynamics: {friction: 0.1 N*m}`": "frictionloss",
     },
     assembly.JointSpec: {
         _MOUNTS: "origin xyz rpy pose pos location anchor", "parent": "from base parent_link link1 body1",
         "child": "to child_link link2 body2", "type": "kind class joint_type",
-        "where a joint starts is said by a pose, `poses: {home: {JOINT: 30 deg}}`, and by the `pose` of a mode":
+        "define the start position in a pose, `poses: {home: {JOINT: 30 deg}}`, and select it by `pose` of a mode":
             "initial home default q0 value",
         "offset": "ref zero",
     },
@@ -52,10 +52,10 @@ _KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
     drives.DriveSpec: {
         "kind": "type mode", "kp": "p gain stiffness position_gain", "kv": "d kd damping velocity_gain",
         "effort": "torque force max_torque max_force stall_torque forcerange", "velocity": "speed max_speed no_load_speed",
-        _ROTOR: "rotor_inertia inertia", "drives have a position gain `kp` and a velocity gain `kv`, and no integral one": "i ki",
+        _ROTOR: "rotor_inertia inertia", "drives have a position gain `kp` and a velocity gain `kv`, but no integral gain": "i ki",
         _GEAR: "gear gear_ratio ratio reduction",
-        "a component that drives is named alone: `drive: yaw_servo`": "component part servo motor",
-        "a drive stands in its joint and names none": "joint",
+        "to use a component as the drive, write only its name: `drive: yaw_servo`": "component part servo motor",
+        "a drive is part of its joint and does not refer to one": "joint",
     },
     assembly.ComponentSpec: {
         "part": "class thing module", "file": "mesh stl step cad filename path", "faces": "triangles max_faces decimate simplify",
@@ -63,10 +63,11 @@ _KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
         "repeat": "count copies instances", "shapes": "geoms visuals collisions",
         _SHAPE: "geometry box cylinder sphere shape size dimensions type kind",
         _PLACE: "parent origin pose pos position location placement transform translation on", "mass": "weight",
-        "`mass`, `com` and `inertia` stand in the component itself": "inertial", _MATERIAL: "color colour rgba density friction",
-        "joints stand under `joints` of the document: `{type: revolute, parent: ..., child: ...}`": "joint joints",
-        "a component says what it sits on, not what sits on it": "children child components",
-        "the joint that it moves names it: `drive: COMPONENT`": "actuator servo motor drive", "a component is called by its key": "name",
+        "write `mass`, `com` and `inertia` directly in the component": "inertial", _MATERIAL: "color colour rgba density friction",
+        "define joints under `joints` of the document: `{type: revolute, parent: ..., child: ...}`": "joint joints",
+        "a component refers to its parent, not to its children": "children child components",
+        "set it on the joint that it moves: `drive: COMPONENT`": "actuator servo motor drive",
+        "the key is the name of the component": "name",
     },
     poses.PoseSpec: {"xyz": "pos position translation location offset", _XYZ: "x y z", **_TURN_KEYS},
     assembly.TurnSpec: _TURN_KEYS,
@@ -75,22 +76,22 @@ _KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
         "gap": "offset distance", "turn": "angle rotation yaw", "mount": "mine my from child", "to": "on target parent other",
     },
     link_shapes.ShapeSpec: {
-        "it is said under `at`: `at: {xyz: 0 0 10 mm}`": "pos position xyz rpy origin pose offset", "color": "rgba colour",
+        "set it under `at`: `at: {xyz: 0 0 10 mm}`": "pos position xyz rpy origin pose offset", "color": "rgba colour",
         "for": "purpose use kind type",
         "each shape has its own key: `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`, `plane`": "size geometry",
     },
-    link_shapes.LongSpec: {"length": "height h l", "radius": "r", "write half of it: `radius: 20 mm`": "diameter"},
-    link_shapes.RoundSpec: {"radius": "r", "write half of it: `radius: 20 mm`": "diameter"},
+    link_shapes.LongSpec: {"length": "height h l", "radius": "r", "write half the value: `radius: 20 mm`": "diameter"},
+    link_shapes.RoundSpec: {"radius": "r", "write half the value: `radius: 20 mm`": "diameter"},
     assembly.ParameterSpec: {
         "value": "default val", "min": "minimum lower", "max": "maximum upper", "doc": "description comment help",
-        "its bounds are `min` and `max`": "range bounds", "the unit stands in the value: `value: 120 mm`": "unit units type",
+        "use `min` and `max` for bounds": "range bounds", "write the unit in the value: `value: 120 mm`": "unit units type",
     },
     assembly.RepeatSpec: {"count": "n times number", "as": "index var name id"},
     assembly.MimicSpec: {"multiplier": "ratio factor gear scale", "joint": "of follows"},
     assembly.BomSpec: {"cost": "price", "supplier": "vendor manufacturer shop", "number": "part_number order_number sku mpn"},
     modes.SimulationSpec: {
-        "timestep": "dt step time_step", "a mode says it: `modes: {standing: {gravity: floor}}`": "gravity",
-        "what MuJoCo alone knows is written under `raw: {mjcf: {option: {...}}}`": "iterations solver tolerance",
+        "timestep": "dt step time_step", "set it in a mode: `modes: {standing: {gravity: floor}}`": "gravity",
+        "write MuJoCo-specific options under `raw: {mjcf: {option: {...}}}`": "iterations solver tolerance",
     },
     modes.ModeSpec: {
         "base": "type fixed_base mount", "pose": "start initial keyframe home", "poses": "keyframes keys",
@@ -102,10 +103,10 @@ _KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
         "components": "parts bodies elements objects children", "parameters": "variables constants properties args arguments params",
         "poses": "keyframes states configurations", "name": "title model robot",
         _DRIVE: "actuators motors drives transmissions actuator transmission", _MODES: "gravity world base root scene contacts",
-        "a nested document is a component: `hand: {assembly: hand.yaml}`": "include includes import imports assemblies",
-        "every value has its own unit: `120 mm`": "unit units", "the first key says it: `thingc: assembly/1`": "version",
-        "what MuJoCo alone knows is written under `raw: {mjcf: ...}`": "mjcf mujoco",
-        "variants are a document of their own, which begins with `thingc: variants/1`": "variants",
+        "add a nested document as a component: `hand: {assembly: hand.yaml}`": "include includes import imports assemblies",
+        "write the unit in each value: `120 mm`": "unit units", "write it in the first key: `thingc: assembly/1`": "version",
+        "write MuJoCo-specific attributes under `raw: {mjcf: ...}`": "mjcf mujoco",
+        "define variants in a separate document that starts with `thingc: variants/1`": "variants",
     },
     materials.MaterialSpec: {"density": "rho", "color": "colour rgba", "process": "infill walls layer", "friction": "mu slide"},
     materials.ProcessSpec: {
@@ -124,7 +125,7 @@ KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
 }
 """By model of a mapping (and models derived from it): keys of other formats, and the key or sentence for each."""
 
-FREE = "a robot that floats is a mode: `modes: {adrift: {root: COMPONENT, base: free}}`"
+FREE = "define a floating robot as a mode: `modes: {adrift: {root: COMPONENT, base: free}}`"
 
 _WORDS = {
     "revolute continuous": "hinge rotary rotational rotation rotate turn pivot swivel angular servo_joint",
@@ -174,7 +175,7 @@ def choice_hint(word: str, choices: list[str]) -> str | None:
     plain = word.lower().replace("-", "_").replace(" ", "_")
     names = [one for one in WORDS.get(plain, ()) if one in choices]
     if names:
-        return Suggestion(f"here it is called {one_of(names)}", (word, names[0]) if len(names) == 1 else None)
+        return Suggestion(f"use {one_of(names)}", (word, names[0]) if len(names) == 1 else None)
     return FREE if plain in FLOATING and "revolute" in choices else None
 
 

@@ -32,7 +32,7 @@ class LongSpec(Model):
     radius: LengthField
     """Radius of the round cross-section."""
     length: LengthField
-    """Along z; of a capsule without its round ends."""
+    """Length along z; for a capsule without its round ends."""
 
 
 def _shape_rules(schema: dict[str, Any]) -> None:
@@ -49,13 +49,13 @@ class ShapeSpec(Model):
     mesh: str | None = Field(default=None, examples=["meshes/trunk.stl"])
     """A mesh file: STL, OBJ, COLLADA (`.dae`), PLY or glTF (`.glb`), relative to this document."""
     unit: Literal["um", "mm", "cm", "m", "in", "ft"] | None = None
-    """The unit of the numbers in an STL, OBJ or PLY `mesh`, which does not say it; mm unless written."""
+    """The unit of the numbers in an STL, OBJ or PLY `mesh`, which does not specify it; default: mm."""
     scale: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | NumberField | None = Field(
         default=None, examples=[[1, 1, -1], 0.5],
     )
     """Factors for a `mesh`, along x, y and z or one for all; a negative one mirrors it."""
     box: Vector3Length | None = Field(default=None, examples=["380 90 110 mm"])
-    """Its whole lengths along x, y and z."""
+    """Its lengths along x, y and z."""
     sphere: RoundSpec | None = Field(default=None, examples=[{"radius": "20 mm"}])
     """Its radius."""
     cylinder: LongSpec | None = Field(default=None, examples=[{"radius": "20 mm", "length": "80 mm"}])
@@ -65,20 +65,20 @@ class ShapeSpec(Model):
     ellipsoid: Vector3Length | None = Field(default=None, examples=["40 20 20 mm"])
     """Its half axes along x, y and z."""
     plane: Annotated[list[LengthField], Field(min_length=2, max_length=2)] | None = Field(default=None, examples=[[0, 0], ["2 m", "1 m"]])
-    """Its whole lengths along x and y, 0 of one without an end; matter is below it, z points out of it."""
+    """Its lengths along x and y, 0 for an infinite one; the solid is below it, z points out of it."""
     at: PoseSpec | None = Field(default=None, examples=[{"xyz": "0 0 40 mm", "rpy": "0 90 0 deg"}])
-    """Where it is, in the link's frame; at its origin unless written."""
+    """Its pose in the link's frame; default: the origin."""
     for_: Literal["visual", "collision", "both"] = Field(
-        default="both", alias="for", description="Whether it is drawn, touches, or both; both unless written.",
+        default="both", alias="for", description="Whether the shape is visual, for collision, or both; default: both.",
     )
     material: MaterialField | None = Field(default=None, examples=["rubber"])
-    """A material in scope; that of the link unless written."""
+    """A material in scope; default: that of the link."""
     color: ColorField | None = None
-    """Its own colour; that of its material unless written."""
+    """Its own colour; default: that of its material."""
     friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.6}])
     """Its own friction, over that of its material."""
     name: FileName | None = Field(default=None, examples=["left-foot"])
-    """The name of its geom, visual and collision in files; numbered after the component unless written."""
+    """The name of its geom, visual and collision in files; default: numbered after the component."""
 
     @property
     def kind(self) -> ShapeKind:
@@ -89,14 +89,14 @@ class ShapeSpec(Model):
     def _one_kind(self) -> ShapeSpec:
         kinds = [f"`{kind}`" for kind in KINDS if getattr(self, kind) is not None]
         if len(kinds) != 1:
-            these = "here are " + " and ".join(kinds) if kinds else "none is here"
+            these = "found " + " and ".join(kinds) if kinds else "found none"
             raise rule(
-                f"a shape is exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}; {these}",
-                "write each in an item of its own: `- {...}`" if kinds else "write for example `box: 40 40 20 mm`",
+                f"a shape must have exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}, {these}",
+                "write each shape as a separate item: `- {...}`" if kinds else "write for example `box: 40 40 20 mm`",
             )
         for key in ("unit", "scale"):
             if getattr(self, key) is not None and self.mesh is None:
-                raise rule(f"`{key}` belongs to a `mesh`", "take it out: lengths of other shapes have their units", key)
+                raise rule(f"`{key}` can only be used with `mesh`", "remove it: lengths of other shapes include their units", key)
         if self.unit is not None and self.mesh is not None and self.mesh.lower().endswith(SUFFIXES_WITH_UNIT):
-            raise rule(f"`{self.mesh}` says its unit itself: COLLADA and glTF files do", "take `unit` out; `scale` may be there", "unit")
+            raise rule(f"`{self.mesh}` specifies its unit, as all COLLADA and glTF files do", "remove `unit`; `scale` is allowed", "unit")
         return self

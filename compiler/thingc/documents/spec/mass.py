@@ -31,7 +31,7 @@ class CentreOfMassSpec(Model):
 
 
 class InertiaMatrix(Model):
-    """Inertia about the centre of mass, component axes. Products default to 0."""
+    """Inertia about the centre of mass, in component axes. Products default to 0."""
 
     ixx: InertiaField
     """Moment about x."""

@@ -28,7 +28,7 @@ class ProcessSpec(Model):
     kind: Literal["fdm", "resin", "machined", "cast", "molded", "bought"] | None = None
     """Printed from filament (`fdm`) or resin, machined, cast, molded, or bought."""
     walls: CountField | None = None
-    """How many lines a wall is thick."""
+    """Number of lines in a wall."""
     line_width: LengthField | None = None
     """Width of one printed line."""
     layer: LengthField | None = None
@@ -40,18 +40,18 @@ class ProcessSpec(Model):
     infill: RatioField | None = None
     """0 % to 100 %."""
     overlap: RatioField | None = Field(default=None, examples=["25 %"])
-    """How far infill reaches into the walls, of a line: 25 % unless written, as PrusaSlicer has it."""
+    """How far infill reaches into the walls, as a share of the line width; default: 25 %, as in PrusaSlicer."""
     bridge_flow: RatioField | None = Field(default=None, examples=["100 %"])
-    """How much is laid into bridges: 100 % unless written, as PrusaSlicer has it."""
+    """Amount of material in bridges; default: 100 %, as in PrusaSlicer."""
     estimate: Literal["layers", "skin"] | None = None
-    """How the mass of a part with an infill is worked out: `layers` (the default for `fdm`) or `skin` (for all others)."""
+    """How to estimate the mass of a part with infill: `layers` (the default for `fdm`) or `skin` (for all others)."""
 
 
 class MaterialSpec(Model):
     """A material: density, looks, friction and how parts are made of it."""
 
     base: str | None = Field(default=None, examples=["bd_materials:pla"])
-    """A library material to start from: `bd_materials:pla`; what is written here goes over it."""
+    """A library material as the base: `bd_materials:pla`; keys written here override it."""
     density: DensityField | None = None
     """Mass per volume of the solid material."""
     color: ColorField | None = None

@@ -23,7 +23,7 @@ class SimulationSpec(Model):
     timestep: TimeField | None = None
     """Time between two states."""
     integrator: Literal["euler", "rk4", "implicit", "implicitfast"] | None = None
-    """MuJoCo's way from one state to the next."""
+    """The integrator of MuJoCo."""
     cone: Literal["pyramidal", "elliptic"] | None = None
     """The shape of the friction cone of contacts."""
     impratio: NumberField | None = None
@@ -34,38 +34,38 @@ class WorldAtSpec(PoseSpec):
     """The world side of a mode's root: its pose in the world."""
 
     on: Literal["floor"] | None = None
-    """`floor`: as high as it has to be for the robot's lowest point, in the mode's start pose, to touch the plane z = 0."""
+    """`floor`: at the height at which the lowest point of the robot, in the start pose of the mode, touches the plane z = 0."""
 
 
 class ContactsSpec(Model):
-    """Who may touch whom in this mode."""
+    """Contact settings of this mode."""
 
     exclude: list[Annotated[list[ComponentField], Field(min_length=2, max_length=2)]] = Field(
         default=[], examples=[[["plate", "hand"], ["leg_*", "body"]]],
     )
-    """Pairs of components (globs allowed) that never touch."""
+    """Pairs of components without contact; patterns allowed."""
     adhesion: dict[ShownMountField, ForceField] = Field(default={}, examples=[{"front_foot.sole": "300 N"}])
     """Pull-off force per mount."""
 
 
 class HoldSpec(PoseSpec):
-    """Where a further mount is held, the world side as `at` of a root, and what the hold can carry."""
+    """Where a further mount is held in the world, and what the hold can carry."""
 
     at: Literal["here"] | None = None
-    """`here`: where the mode's own pose puts it; else `xyz` and `rpy` say where."""
+    """`here`: where the mode's own pose puts it; otherwise use `xyz` and `rpy`."""
     carries: Literal["force", "force and torque"] = "force and torque"
-    """`force`: a point that stays, about which the link may turn; `force and torque`: a clamp."""
+    """`force`: a fixed point about which the link can rotate; `force and torque`: a clamp."""
 
     @model_validator(mode="after")
     def _one_place(self) -> HoldSpec:
         placed = [key for key in ("xyz", "rpy", "quat") if key in self.model_fields_set]
         if self.at is not None and placed:
-            raise rule(f"a hold is `here` or at a place of its own; here are `at` and `{placed[0]}`", "keep one of them", placed[0])
+            raise rule(f"a hold cannot have both `at` and `{placed[0]}`", "remove one of them", placed[0])
         if self.at is None and not placed:
-            raise rule("a hold says where: `at: here`, or `xyz` and `rpy`", "write for example `at: here`")
+            raise rule("a hold needs `at: here`, or `xyz` and `rpy`", "write for example `at: here`")
         if self.carries == "force" and placed[-1:] in (["rpy"], ["quat"]):
             key = placed[-1]
-            raise rule(f"a hold that carries force alone holds a point: `{key}` turns nothing", f"take `{key}` out", key)
+            raise rule(f"a hold that carries only force fixes a point: `{key}` has no effect", f"remove `{key}`", key)
         return self
 
 
@@ -73,9 +73,9 @@ class StandingSpec(Model):
     """What a floating mode stands on."""
 
     mounts: Annotated[list[ShownMountField], Field(min_length=1)] = Field(examples=[["leg_0.sole", "leg_2.sole", "leg_4.sole"]])
-    """The mounts at which the floor pushes the robot, patterns allowed."""
+    """The mounts at which the floor supports the robot; patterns allowed."""
     friction: NumberField | None = None
-    """Sliding friction between them and the floor; that of their materials unless written."""
+    """Sliding friction between them and the floor; default: that of their materials."""
 
 
 class ModeSpec(Model):
@@ -86,33 +86,33 @@ class ModeSpec(Model):
     base: BaseType | None = None
     """`fixed` (default), `held`, `free`, `planar` (in the x-y plane of `at`) or `ball` (about the root's origin)."""
     at: WorldAtSpec | None = Field(default=None, examples=[{"xyz": "0 0 300 mm", "rpy": "0 0 90 deg"}, {"on": "floor"}])
-    """Where in the world the root is; its origin unless written."""
+    """Where in the world the root is; default: its origin."""
     at_in: dict[OwnPoseKey, PoseSpec] | None = Field(default=None, examples=[{"sit": {"xyz": "0 0 100 mm"}}])
-    """Where in the world the root of a `free` or `held` base is in some of its poses; at `at` in the others."""
+    """The pose of the root of a `free` or `held` base in some poses; `at` applies to the others."""
     gravity: StandsOn | Vector3Acceleration | None = Field(default=None, examples=["wall", "0 0 -1.62 m/s^2"])
-    """What the robot stands on or hangs from, or a vector in the world frame; `floor` unless written."""
+    """`floor` or `ceiling`, or a vector in the world frame; default: `floor`."""
     pose: PoseField | None = None
-    """Where it starts."""
+    """The start pose."""
     poses: list[PoseField] | None = Field(default=None, examples=[["home", "folded"]])
-    """Its keyframes; all unless written."""
+    """Its keyframes; default: all."""
     actuators: list[JointPattern] | None = Field(default=None, examples=[["yaw", "leg_*"]])
-    """The joints driven here, globs allowed; all unless written."""
+    """The driven joints; patterns allowed; default: all."""
     contacts: ContactsSpec | None = Field(default=None, examples=[{"exclude": [["plate", "hand"]]}])
     hold: dict[RootField, HoldSpec | Literal["here"]] | None = Field(
         default=None, examples=[
             {"rear_foot.sole": "here"}, {"rear_foot.sole": {"at": "here", "carries": "force"}}, {"rear_foot.sole": {"xyz": "200 0 0 mm"}},
         ],
     )
-    """Further mounts held to the world, each at a pose or `here`: where the mode's own pose puts it."""
+    """Further mounts that are fixed to the world, each at a pose or `here`: where the mode's own pose puts it."""
     standing_on: StandingSpec | list[ShownMountField] | None = Field(
         default=None, examples=[["leg_0.sole", "leg_2.sole", "leg_4.sole"], {"mounts": ["leg_*.sole"], "friction": 0.6}],
     )
-    """The mounts that a free base stands on: the floor pushes there, and does not hold. What statics asks about."""
+    """The mounts on which a free base stands: the floor can push there, but not pull. Used by statics."""
     cut: list[JointPattern] | None = Field(default=None, examples=[["rear_knee"]])
-    """The joints at which loops are cut, globs allowed."""
+    """The joints at which loops are cut; patterns allowed."""
     simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "1 ms"}])
     """Simulation settings of this mode, which override those of the document."""
     extends: ModeField | None = None
-    """Another mode that this one is merged over."""
+    """The mode on which this mode is based."""
     allow: Allow = allow()
-    """Warnings of this mode, and of those that extend it, that are meant so, by code, each with the reason."""
+    """Suppressed warnings of this mode and of modes that extend it, by code, each with a reason."""

@@ -19,35 +19,35 @@ def _file_name(value: Any) -> str:
     if not is_file_name(value):
         raise fault(
             "name", f"expected a name, found {found(value)}",
-            help=f"write a text of one line and at most {LONGEST} characters, without spaces around it",
+            help=f"write a single line of at most {LONGEST} characters, without leading or trailing spaces",
         )
     return value
 
 
 _FILE_NAME_SCHEMA = {
     "type": "string", "minLength": 1, "maxLength": LONGEST, "examples": ["left-arm"],
-    "description": "What files call it: one line of text.",
+    "description": "The name in files: one line of text.",
 }
 
 FileName = Annotated[str, FieldValidator(_file_name, "a name in files", _FILE_NAME_SCHEMA)]
 
 
 class NamesSpec(Model):
-    """Names in files that differ from those in the document, or are not valid there, such as those of an imported robot."""
+    """Names in output files that differ from those in the document, such as those of an imported robot."""
 
     components: dict[OwnComponentKey, FileName] = Field(default={}, examples=[{"left_arm": "left-arm"}])
-    """Components, and with them the links that are called after them."""
+    """Components, and the links named after them."""
     mounts: dict[OwnExportKey, FileName] = Field(default={}, examples=[{"tool": "tool.0"}])
     """Mounts that this document exports."""
     joints: dict[OwnJointKey, FileName] = Field(default={}, examples=[{"joint_1": "1"}])
-    """Joints; coordinates of one that has several have their numbers behind it."""
+    """Joints; with several coordinates, the index is appended to the name."""
     tendons: dict[OwnTendonKey, FileName] = Field(default={}, examples=[{"cable": "cable.0"}])
     """Tendons."""
     actuators: dict[DrivenKey, FileName] = Field(default={}, examples=[{"knee": "knee_motor"}])
-    """Drives, by their joints or tendons, in MuJoCo's models; without it they are called as these are."""
+    """Drives in MuJoCo models, by joint or tendon; default: the name of the joint or tendon."""
     equalities: dict[OwnJointKey, FileName] = Field(default={}, examples=[{"finger": "coupling"}])
-    """Equalities of MuJoCo's models, by the joint that mimics another one or closes a loop."""
+    """Equalities in MuJoCo models, by the joint that mimics another joint or closes a loop."""
     sensors: dict[SensorKey, FileName] = Field(default={}, examples=[{"imu": "torso-imu", "imu:gyro": "torso_gyro"}])
-    """Sensors, or what MuJoCo has for a part of one: `imu:gyro`."""
+    """Sensors, or single MuJoCo sensors of one: `imu:gyro`."""
     poses: dict[OwnPoseKey, FileName] = Field(default={}, examples=[{"home": "home pose"}])
     """Poses."""

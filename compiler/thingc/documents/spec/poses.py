@@ -16,14 +16,14 @@ class PoseSpec(Model):
     model_config = ConfigDict(json_schema_extra={"not": {"required": ["rpy", "quat"]}})
 
     xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
-    """Where it is, along x, y and z of that frame."""
+    """Position along x, y and z of that frame."""
     rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
     """Extrinsic roll, pitch, yaw, as in URDF."""
     quat: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = Field(default=None, examples=[[0.5, 0.5, 0.5, 0.5]])
-    """In place of `rpy` the unit quaternion w, x, y, z, as in MJCF."""
+    """Instead of `rpy`, the unit quaternion w, x, y, z, as in MJCF."""
 
     @model_validator(mode="after")
     def _one_orientation(self) -> PoseSpec:
         if self.quat is not None and "rpy" in self.model_fields_set:
-            raise rule("an orientation is `rpy` or `quat`; here are both", "keep one of them", "quat")
+            raise rule("an orientation cannot have both `rpy` and `quat`", "remove one of them", "quat")
         return self

@@ -16,7 +16,7 @@ from thingc.documents.spec.link_shapes import LongSpec, RoundSpec
 from thingc.documents.spec.name_types import ComponentField, JointField, ShownMountField, TendonField
 
 _READINGS = (ACCELERATION, ANGULAR_VELOCITY, VELOCITY, FORCE, TORQUE, LENGTH, ANGLE)
-ReadingField = Annotated[Value, quantity(*_READINGS, doc="a value in the unit of what a sensor reads")]
+ReadingField = Annotated[Value, quantity(*_READINGS, doc="a value in the unit of the sensor")]
 
 VOLUMES: tuple[PrimitiveShape, ...] = ("box", "sphere", "cylinder", "capsule", "ellipsoid")
 """The shapes of the volume of a touch sensor."""
@@ -33,7 +33,7 @@ class VolumeSpec(Model):
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [kind]} for kind in VOLUMES]})
 
     box: Vector3Length | None = Field(default=None, examples=["20 20 5 mm"])
-    """Its whole lengths along x, y and z of the mount."""
+    """Its lengths along x, y and z of the mount."""
     sphere: RoundSpec | None = Field(default=None, examples=[{"radius": "10 mm"}])
     """Its radius."""
     cylinder: LongSpec | None = Field(default=None, examples=[{"radius": "10 mm", "length": "5 mm"}])
@@ -52,8 +52,8 @@ class VolumeSpec(Model):
     def _one_kind(self) -> VolumeSpec:
         kinds = [f"`{kind}`" for kind in VOLUMES if getattr(self, kind) is not None]
         if len(kinds) != 1:
-            these = "here are " + " and ".join(kinds) if kinds else "none is here"
-            raise rule(f"a volume is exactly one of {', '.join(f'`{kind}`' for kind in VOLUMES)}; {these}", "keep one of them")
+            these = "found " + " and ".join(kinds) if kinds else "found none"
+            raise rule(f"a volume must have exactly one of {', '.join(f'`{kind}`' for kind in VOLUMES)}, {these}", "remove one of them")
         return self
 
 
@@ -73,25 +73,25 @@ def _rules(schema: dict[str, Any]) -> None:
 
 
 class SensorSpec(Model):
-    """What the robot measures: on a mount, of a joint, a tendon or a drive, of a link, or of all of it."""
+    """A sensor on a mount, or of a joint, a tendon, a drive, a link or the whole robot."""
 
     model_config = ConfigDict(json_schema_extra=_rules)
 
     type: SensorType
-    """What it is, such as an `imu`, a `force`, a `joint`, a `camera`, a `touch` or a `rangefinder`."""
+    """The type, such as an `imu`, a `force`, a `joint`, a `camera`, a `touch` or a `rangefinder`."""
     at: ShownMountField | None = None
-    """The mount it sits on; a camera and a rangefinder look along its z, a camera with its y up."""
+    """The mount of the sensor; a camera and a rangefinder look along its z, and y is up for a camera."""
     in_: ShownMountField | None = Field(
-        default=None, alias="in", description="Of a `pose` or a `twist` the mount that it is seen from; the world unless written.",
+        default=None, alias="in", description="For a `pose` or a `twist`, the mount relative to which it is measured; default: the world.",
     )
     joint: JointField | None = None
     """For a `joint` sensor, the joint (by default that with the name of the sensor); for a `drive`, the driven joint."""
     tendon: TendonField | None = None
-    """A tendon of this document: that is measured, or whose drive is."""
+    """The tendon of this document that is measured, or whose drive is measured."""
     of: ComponentField | None = None
     """For a `contact`, the component whose link is touched."""
     with_: ComponentField | None = Field(
-        default=None, alias="with", description="Of a `contact` the component whose link touches it; anything unless written.",
+        default=None, alias="with", description="For a `contact`, the component whose link is the other side; default: any.",
     )
     volume: VolumeSpec | None = Field(default=None, examples=[{"sphere": {"radius": "10 mm"}}])
     """For a `touch` sensor, the volume about the mount in which contacts of its link count."""
@@ -100,9 +100,9 @@ class SensorSpec(Model):
     fovy: AngleField | None = None
     """For a camera, the vertical field of view; 45 deg by default."""
     noise: ReadingField | dict[ReadingName, ReadingField] | None = Field(default=None, examples=["0.02 m/s^2", {"gyro": "0.001 rad/s"}])
-    """The standard deviation of what is read; of several readings by their names."""
+    """The standard deviation of the reading; a mapping by name for several readings."""
     cutoff: ReadingField | dict[ReadingName, ReadingField] | None = Field(default=None, examples=["160 m/s^2", {"gyro": "35 rad/s"}])
-    """The largest absolute value that is read; of several readings by their names."""
+    """The largest absolute value of the reading; a mapping by name for several readings."""
 
     def said(self, key: SensorKey) -> Any:
         """Return the value of a key, or None."""
@@ -114,14 +114,14 @@ class SensorSpec(Model):
         for key in _KEYS:
             if self.said(key) is not None and key not in kind.keys:
                 able = one_of([one.name for one in SENSORS.values() if key in one.keys])
-                raise rule(f"a sensor of type `{self.type}` has no `{key}`", f"take it out, or choose another `type`: {able}", key)
+                raise rule(f"a sensor of type `{self.type}` cannot have `{key}`", f"remove it, or choose another `type`: {able}", key)
         for group in kind.needs:
             written = [key for key in group if self.said(key) is not None]
             if len(written) != 1:
                 wanted = " or ".join(f"`{key}`" for key in group)
-                here = "both are here" if written else "none is here"
-                help = "keep one of them" if written else f"write for example `{_EXAMPLES[group[0]]}`"
-                raise rule(f"a sensor of type `{self.type}` needs {wanted}; {here}", help)
+                here = "found both" if written else "found none"
+                help = "remove one of them" if written else f"write for example `{_EXAMPLES[group[0]]}`"
+                raise rule(f"a sensor of type `{self.type}` needs {wanted}, {here}", help)
         return self
 
 

@@ -13,7 +13,7 @@ from thingc.documents.spec.name_types import CoordinateKey, ShownMountField
 
 
 class TendonLimitSpec(Model):
-    """Between which lengths a tendon stays."""
+    """Smallest and largest length of a tendon."""
 
     lower: JointValueField | None = None
     """The smallest length."""
@@ -22,7 +22,7 @@ class TendonLimitSpec(Model):
 
 
 class AroundSpec(Model):
-    """A sphere or a cylinder that a tendon goes around, between two mounts."""
+    """A sphere or a cylinder around which a tendon wraps, between two mounts."""
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["sphere"]}, {"required": ["cylinder"]}]})
 
@@ -31,24 +31,24 @@ class AroundSpec(Model):
     sphere: LengthField | None = None
     """The radius of a sphere."""
     cylinder: LengthField | None = None
-    """The radius of a cylinder, which has no ends."""
+    """The radius of an infinite cylinder."""
     side: ShownMountField | None = None
-    """A mount outside of it, on the same link: on that side the tendon goes by; on the shorter one unless written."""
+    """A mount outside it, on the same link: the tendon passes on that side; default: the shorter side."""
 
     @model_validator(mode="after")
     def _one_shape(self) -> AroundSpec:
         if (self.sphere is None) == (self.cylinder is None):
-            here = "none is here" if self.sphere is None else "both are here"
+            here = "found none" if self.sphere is None else "found both"
             help = "write for example `cylinder: 12 mm`, its radius"
-            raise rule(f"a tendon goes around exactly one of `sphere` and `cylinder`; {here}", help)
+            raise rule(f"`around` needs exactly one of `sphere` and `cylinder`, {here}", help)
         return self
 
 
 class PulleySpec(Model):
-    """Where a path begins anew: what is behind counts by a part only, as a rope does that a block divides."""
+    """Splits a path into segments: lengths after it are divided by a factor, as in a block and tackle."""
 
     pulley: NumberField
-    """By what the lengths behind it are divided."""
+    """The divisor of the lengths after it."""
 
 
 def _rules(schema: dict[str, Any]) -> None:
@@ -58,32 +58,32 @@ def _rules(schema: dict[str, Any]) -> None:
 
 
 class TendonSpec(Model):
-    """A sum of coordinates, or a path through mounts: a length, which springs, dampers, limits and a drive act along."""
+    """A tendon: a sum of coordinates or a path through mounts, with a length along which springs, dampers, limits and a drive act."""
 
     model_config = ConfigDict(json_schema_extra=_rules)
 
     joints: Annotated[dict[CoordinateKey, MultiplierField], Field(min_length=1)] | None = Field(
         default=None, examples=[{"left": "12 mm/rad", "right": "-8 mm/rad"}],
     )
-    """By how much it gets longer for each unit of a joint of this document; the length is the sum."""
+    """Change of length per unit of each joint of this document; the length is the sum."""
     path: Annotated[list[ShownMountField | AroundSpec | PulleySpec], Field(min_length=2)] | None = Field(
         default=None, examples=[["arm.hook", {"around": "drum.axle", "cylinder": "12 mm"}, "hand.hook"]],
     )
-    """The mounts that it goes through, with what it goes around between two of them, and pulleys; its length is that of the path."""
+    """The mounts that it passes through, with obstacles between two of them, and pulleys; its length is that of the path."""
     width: LengthField | None = None
     """For a tendon along a path, its diameter when drawn."""
     limit: TendonLimitSpec | None = Field(default=None, examples=[{"lower": "-10 mm", "upper": "25 mm"}])
-    """Between which lengths it stays."""
+    """Its smallest and largest length."""
     dynamics: DynamicsSpec | None = Field(default=None, examples=[{"stiffness": "200 N/m", "rest": "5 mm"}])
-    """What it does by itself."""
+    """Its passive dynamics."""
     drive: DriveSpec | None = Field(default=None, examples=[{"kind": "motor", "effort": "40 N"}])
-    """What pulls it."""
+    """Its drive."""
 
     @model_validator(mode="after")
     def _one_way(self) -> TendonSpec:
         if (self.joints is None) == (self.path is None):
-            here = "none is here" if self.joints is None else "both are here"
-            raise rule(f"a tendon goes over `joints` or along a `path`; {here}", "write for example `path: [arm.hook, hand.hook]`")
+            here = "found none" if self.joints is None else "found both"
+            raise rule(f"a tendon needs exactly one of `joints` and `path`, {here}", "write for example `path: [arm.hook, hand.hook]`")
         if self.width is not None and self.path is None:
-            raise rule("`width` belongs to a tendon on a `path`", "take it out: one over joints is nowhere", "width")
+            raise rule("`width` can only be used with `path`", "remove it: a tendon over joints has no place in space", "width")
         return self

@@ -11,7 +11,7 @@ from thingc.documents.spec.base import Model, rule
 
 
 class _OneKind(Model):
-    """A mapping with one key, which says the kind."""
+    """A mapping with one key, the kind."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
@@ -29,10 +29,10 @@ class _OneKind(Model):
     def _one_kind(self) -> _OneKind:
         written = [kind for kind in kinds() if getattr(self, kind) is not None]
         if not written:
-            raise rule("a test needs a kind; none is here", "write for example `{mass: {max: 2.2 kg}}`")
+            raise rule("a test needs a kind", "write for example `{mass: {max: 2.2 kg}}`")
         if len(written) > 1:
             named = " and ".join(f"`{kind}`" for kind in written)
-            raise rule(f"a test has one kind; here are {named}", "make two tests of it, each with a name of its own")
+            raise rule(f"a test must have exactly one kind, found {named}", "split it into two tests with different names")
         return self
 
 
@@ -40,6 +40,6 @@ if TYPE_CHECKING:
     TestSpec = _OneKind
 else:
     TestSpec = create_model(
-        "TestSpec", __base__=_OneKind, __module__=__name__, __doc__="One named test: exactly one of its keys, which says the kind.",
+        "TestSpec", __base__=_OneKind, __module__=__name__, __doc__="One named test: exactly one of these keys, the kind of the test.",
         **{name: (kind.model | None, Field(default=None, examples=list(kind.examples))) for name, kind in kinds().items()},
     )

@@ -44,7 +44,7 @@ class UnknownKey:
             if self.help != f"did you mean `{self.instead}`?":
                 self.help = f"did you mean `{self.instead}`?"
         elif close := nearest(self.key, self.known):
-            self.help = f"`{close}` is already here"
+            self.help = f"`{close}` already exists here"
         else:
             self.help = did_you_mean(self.key, self.known, what="keys")
 
@@ -53,21 +53,21 @@ class UnknownKey:
         if told not in self.known:
             return told
         if told in self.present:
-            return f"`{told}` says it here, and is there already"
+            return f"use `{told}`, which already exists here"
         self.instead = told
-        return Suggestion(f"here it is called `{told}`", (self.key, told))
+        return Suggestion(f"use `{told}`", (self.key, told))
 
     def _mate(self) -> str | None:
         """Suggest the full form of an `attach` for `turn` or `gap` beside a short form."""
         if not {"mount", "to"} <= set(self.known) - self.present:
             return None
-        return f"in full it is `mount: {shortened(self.key, 40)}, to: {_node_text(node_at(self.document.tree, self.path))}`"
+        return f"write in full: `mount: {shortened(self.key, 40)}, to: {_node_text(node_at(self.document.tree, self.path))}`"
 
     def _place(self, root: type[Model]) -> str | None:
         """Describe where a key belongs: in a mapping inside this one, in one of its parents, or in a section of the document."""
         value = node_at(self.document.tree, self.path)
         if "parameters" in self.known and "part" not in self.known and len(self.path) > 1 and isinstance(value, ScalarNode):
-            return f"a parameter is set by `parameters: {{{shortened(self.key, 40)}: {shortened(value.text, 40)}}}`"
+            return f"set a parameter by `parameters: {{{shortened(self.key, 40)}: {shortened(value.text, 40)}}}`"
         shown = _node_text(value)
         inside = [key for key in self.known if any(self.key in model_keys(one) for one in _models(self.model, key))]
         if inside:
@@ -77,7 +77,7 @@ class UnknownKey:
                 ((mount, to),) = short.entries.items()
                 return f"write it inside, in full: `attach: {{mount: {shortened(mount, 40)}, to: {_node_text(to)}, {self.key}: {shown}}}`"
             if here:
-                return f"it is a key of {one_of(here)}: write it inside"
+                return f"it is a key of {one_of(here)}: move it inside"
             return "it is a key of " + one_of(inside) + f": `{inside[0]}: {{{self.key}: {shown}}}`"
         for depth, shape in reversed(list(enumerate(along(root, self.document, self.path[:-1])))[:-1]):
             if shape.model is not None and self.key in model_keys(shape.model):
@@ -96,7 +96,7 @@ class UnknownKey:
         best = max(likes, key=lambda name: likes[name], default=None)
         if best is None or likes[best] < 2.0:
             return None
-        return f"it looks like one of `{best}`: write it below that key, two spaces further in"
+        return f"it looks like an entry of `{best}`: move it below that key, indented by two more spaces"
 
     def _of_entries(self, root: type[Model]) -> str | None:
         """Describe the sections whose entries have the key."""
@@ -107,7 +107,7 @@ class UnknownKey:
         """Describe how to set the parameters of a part or a nested document."""
         for of, key in (("part", "params"), ("assembly", "parameters")):
             if {of, key} <= set(self.known) and of in self.present and shown != "..." and nearest(self.key, self.known) is None:
-                return f"a parameter of the {of} is set by `{key}: {{{shortened(self.key, 40)}: {shown}}}`"
+                return f"set a parameter of the {of} by `{key}: {{{shortened(self.key, 40)}: {shown}}}`"
         return None
 
 
@@ -188,7 +188,7 @@ def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
     message = f"{shown} {'are' if several else 'is'} {'written' if toml else 'indented'} like a {section.removesuffix('s')}"
     it = "them" if several else "it"
     if owner is None:
-        return f"{message}, and {'are keys' if several else 'is a key'} of one", f"write {it} inside one of the {section}"
+        return f"{message}, and {'are keys' if several else 'is a key'} of one", f"move {it} inside one of the {section}"
     owner = shortened(owner)
     help = f"write `[{section}.{owner}.{fault.value[0]}]`" if toml else f"indent {it} further, like the other keys of `{owner}`"
     return f"{message}, and probably {'belong' if several else 'belongs'} to `{owner}`", help

@@ -73,7 +73,7 @@ def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEnt
     """Return the model of the valid rest of a document (None if there is none), and what was left out (reported)."""
     model = model_of(document.kind)
     if model is None:
-        report.add(Code.WRONG_KIND, f"documents of kind `{document.kind}` cannot be used yet", document.span(("thingc",)))
+        report.add(Code.WRONG_KIND, f"documents of kind `{document.kind}` are not supported yet", document.span(("thingc",)))
         return None, InvalidEntries()
     plain = document.tree.plain()
     assert isinstance(plain, dict)

@@ -74,14 +74,14 @@ def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: 
     for path, node in empty.items():
         paths.add(path)
         named = next((f"`{shortened(step)}`" for step in reversed(path) if isinstance(step, str)), "the document")
-        help: str = "write a value after the colon, indent what belongs to the key, or remove it"
+        help: str = "write a value after the colon, indent the lines that belong to the key, or remove it"
         key = document.span(path, key=True)
         behind = document.line(key.end_line)[key.end_column - 1 :]
         comment = re.match(r":?\s+(#[0-9a-fA-F]{3,8})\b", behind)
         if comment is not None:
-            help = f'a `#` begins a comment: write `"{comment.group(1)}"`'
+            help = f'a `#` starts a comment: write `"{comment.group(1)}"`'
         elif re.match(r"\s*[,}]", behind):
-            help = "in braces a comma ends a value: put quotes around a text that has one"
+            help = "inside braces, a comma ends a value: quote a string that contains a comma"
         message = f"an item of {named} has no value" if path and isinstance(path[-1], int) else f"{named} has no value"
         where = document.span(path, key=True) if node.text == "" else node.span
         code, cut = Code.NO_VALUE, _decimal_comma(document, path)
@@ -94,7 +94,7 @@ def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: 
     return frozenset(paths)
 
 
-_COMMA = "a number is written with a point, not with a comma"
+_COMMA = "use a decimal point, not a comma"
 
 
 def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Suggestion] | None:

@@ -61,7 +61,7 @@ class FaultReporter(FrozenStruct, eq=False):
             if (fault.kind == "missing" and fault.path[:-1] in self.damaged) or (fault.kind == "too_short" and fault.path in self.damaged):
                 continue
             if len(self.report.diagnostics) - before >= MAX_FAULTS:
-                message = f"more than {MAX_FAULTS} faults in one document; the rest is not said"
+                message = f"more than {MAX_FAULTS} errors in one document; the rest is not shown"
                 self._add(Code.TOO_LARGE, message, self._place(fault.path), fault.path, None)
                 return
             if fault.path in unknown:
@@ -109,7 +109,7 @@ class FaultReporter(FrozenStruct, eq=False):
         help = f"`{key}` takes {model_keys(fault.shape.model)[key][0].words}"
         by_default = ("defaults", str(parent[0])[:-1], *parent[2:]) if parent and parent[0] in ("joints", "components") else ()
         if by_default and node_at(self.document.tree, (*by_default, key)) is not None:
-            help += f"; what {owner} says takes the place of all of `{dotted(by_default)}`: change that, or say the rest here, too"
+            help += f"; the value of {owner} replaces `{dotted(by_default)}` completely: change that, or add the missing keys here"
         self._add(Code.MISSING_KEY, f"{owner} needs the key `{key}`", self._place(parent, key=True), parent, help)
 
     def _unknown_choice(self, fault: Fault) -> None:
@@ -165,7 +165,7 @@ class FaultReporter(FrozenStruct, eq=False):
             flag = "true" if value.lower() in ("yes", "on") else "false"
             help = Suggestion(f"write `{flag}`", (value, flag))
         elif help is None and isinstance(value, dict) and len(value) == 1 and any(member.kind == "list" for member in alternatives(shape)):
-            help = f"write a list, one item for each: `[{{{shortened(str(next(iter(value))))}: ...}}]`"
+            help = f"write a list with one item for each: `[{{{shortened(str(next(iter(value))))}: ...}}]`"
         elif help is None and isinstance(value, str) and any(member.kind == "list" for member in alternatives(shape)):
             numbers = re.fullmatch(r"[-+.\deE\s]+", value)  # `0 0 1` is three numbers, `mass < 2 kg` is one rule
             help = f"write `[{shortened(', '.join(value.split()) if numbers else value)}]`"
@@ -191,7 +191,7 @@ def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) 
     if path[-1:] == ("attach",) and all(texts) and len(texts) in (1, 2):
         return f"write `{{{'my_mount' if len(texts) == 1 else shortened(texts[0])}: {shortened(texts[-1])}}}`"
     if path[:-1] == ("poses",) and all(texts) and texts:
-        return f"a pose gives positions to joints: `{{JOINT: {shortened(texts[0])}}}`"
+        return f"a pose sets positions of joints: `{{JOINT: {shortened(texts[0])}}}`"
     for branch in alternatives(shape):
         whole = written_whole(branch.model, texts, value) if branch.model is not None else None
         if whole is not None:
@@ -200,10 +200,10 @@ def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) 
         first: Mapping[str, Node] = node.items[0].entries if node.items and isinstance(node.items[0], MappingNode) else {}
         named, key = first.get("name"), next(iter(first), "")
         if isinstance(named, ScalarNode):
-            return f"write `{shortened(named.text)}:` instead of `- name: {shortened(named.text)}`, and its other keys below it"
+            return f"write `{shortened(named.text)}:` instead of `- name: {shortened(named.text)}`, with its other keys below it"
         if len(first) == 1:
             return f"remove the `-` of every item: write `{shortened(key)}:` instead of `- {shortened(key)}:`"
-        return f"write `{path[-1]}: {{NAME: ...}}`: each entry has its name as the key"
+        return f"write `{path[-1]}: {{NAME: ...}}`: the key of each entry is its name"
     return None
 
 
@@ -212,7 +212,7 @@ def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
     if not isinstance(fault.value, dict) or len(path) != len(fault.path) or fault.shape.field is None:
         return None
     if path[:1] == ("links",):
-        return "`links` gives a name to the link of a component, `base_link: plate`; mass and geometry are those of its components"
+        return "`links` only names the link of a component, such as `base_link: plate`; set mass and geometry on components"
     inside = [one for one in fault.value.values() if isinstance(one, str)]
     if len(fault.value) != 1 or not inside:
         return None

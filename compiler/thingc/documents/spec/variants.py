@@ -18,7 +18,7 @@ from thingc.documents.spec.settable_values import EXAMPLES, VALUES, is_value, pa
 def _choice_path(value: Any) -> str:
     if isinstance(value, str) and parse(value) is not None:
         return value
-    raise fault("reference", f"`{shortened(str(value))}` is nothing that can be chosen", help=f"write {EXAMPLES}")
+    raise fault("reference", f"`{shortened(str(value))}` cannot be a choice", help=f"write {EXAMPLES}")
 
 
 def _rule_text(value: Any) -> Expression:
@@ -41,7 +41,7 @@ def _setting(value: Any) -> str:
     if not isinstance(value, str) or "." not in value:
         return name_of(value)
     if parse(value) is not None:
-        raise fault("reference", f"`{shortened(value)}` is a choice", help="write it under `choices`")
+        raise fault("reference", f"`{shortened(value)}` is a choice", help="move it to `choices`")
     if not is_value(value):
         raise fault("reference", f"`{shortened(value)}` is not the path of a value", help=f"write {VALUES}")
     return value
@@ -81,9 +81,9 @@ class ListedSpec(Model):
     """One variant, written out."""
 
     name: Name | None = None
-    """What it is called; from the name of the document and its number unless written."""
+    """Its name; default: the name of the document with a number."""
     parameters: dict[SettingField, AnyQuantityField] = Field(default={}, examples=[{"leg_length": "100 mm"}])
-    """Values of parameters of the assembly, and of anything else in it by its path."""
+    """Values of parameters of the assembly, or of other values by path."""
     choices: dict[ChoicePathField, ChoiceField] = Field(default={}, examples=[{"components.foot.part": "minchw.foot:WideFoot"}])
     """Parts, assemblies and materials, by their path in the assembly."""
 
@@ -93,27 +93,27 @@ Method = Literal["sobol", "lhs", "uniform"]
 
 
 class SampleSpec(Model):
-    """Variants that are drawn. What is listed under `parameters` and `choices` is drawn, too."""
+    """Randomly drawn variants. Lists under `parameters` and `choices` are also drawn from."""
 
     method: Method = "sobol"
     """`sobol` (scrambled Sobol sequence), `lhs` (Latin hypercube) or `uniform`."""
     count: CountField
-    """How many are drawn."""
+    """Number of variants."""
     seed: CountField
     """The same seed draws the same variants."""
     ranges: dict[SettingField, Annotated[list[AnyQuantityField], Field(min_length=2, max_length=2)]] = Field(
         default={}, examples=[{"leg_length": ["70 mm", "140 mm"], "joints.elbow.dynamics.damping": ["0.1 N*m*s/rad", "1 N*m*s/rad"]}],
     )
-    """The smallest and the largest value of a parameter, or of what stands at a path. Two
-    whole numbers written without a point: whole numbers are drawn."""
+    """The smallest and the largest value of a parameter, or of a value at a path. Two
+    whole numbers without a decimal point mean that whole numbers are drawn."""
 
 
 class ReachSpec(Model):
-    """The distance between two mounts, which the result `reach` states."""
+    """The distance between two mounts for the result `reach`."""
 
     of: ShownMountField
-    """The mount that reaches out: `tip`, `hand.tip`."""
-    from_: ShownMountField = Field(alias="from", description="The mount that it is measured from.")
+    """The mount that reaches: `tip`, `hand.tip`."""
+    from_: ShownMountField = Field(alias="from", description="The mount from which it is measured.")
 
 
 class VariantsSpec(Model):
@@ -124,9 +124,9 @@ class VariantsSpec(Model):
     assembly: AssemblyDocument = Field(examples=["minchw.yaml"])
     """The assembly document."""
     name: Name
-    """The batch, and the folder that it is written to."""
+    """The name of the batch and of its folder."""
     description: str = Field(default="", examples=["How long its legs should be."])
-    """For people."""
+    """A description."""
     parameters: dict[SettingField, list[AnyQuantityField] | AxisSpec | AnyQuantityField] = Field(
         default={}, examples=[{"leg_length": ["80 mm", "100 mm"], "body_width": {"from": "60 mm", "to": "90 mm", "count": 4}}],
     )
@@ -138,23 +138,23 @@ class VariantsSpec(Model):
     )
     """Parts, assemblies, files and materials by their path in the assembly: a list is an axis of the grid."""
     list_: list[ListedSpec] = Field(
-        default=[], alias="list", description="Variants written out, before those of the grid.",
+        default=[], alias="list", description="Single variants, before those of the grid.",
         examples=[[{"name": "short", "parameters": {"leg_length": "80 mm"}}]],
     )
     sample: SampleSpec | None = Field(
         default=None, examples=[{"method": "sobol", "count": 256, "seed": 7, "ranges": {"leg_length": ["70 mm", "140 mm"]}}],
     )
-    """Variants are drawn instead of taken from the grid."""
+    """Draws variants instead of using the grid."""
     keep: list[RuleField] = Field(default=[], examples=[["mass < 2.5 kg", "reach > 400 mm"]])
     """Comparisons over parameters and results: a variant that fails one is recorded, not built."""
     modes: list[ModeField] = Field(default=[], examples=[["bench"]])
-    """The modes that are built; all of the assembly's unless written. Results are of the first."""
+    """The modes to build; default: all modes of the assembly. Results are for the first mode."""
     pose: PoseField | None = None
-    """The pose that results are of; the mode's own unless written."""
+    """The pose for the results; default: the start pose of the mode."""
     reach: ReachSpec | None = Field(default=None, examples=[{"of": "hand.tip", "from": "base"}])
-    """What the result `reach` measures."""
+    """The mounts for the result `reach`."""
     emit: list[str] = Field(default=["mjcf"], examples=[["mjcf", "stl"]])
-    """What is written of each variant, as `thingc build --emit` takes it."""
+    """Targets to write for each variant, as for `thingc build --emit`."""
 
     layout: Literal["folders", "packed"] | None = None
     """`folders`: a folder for each variant; `packed`: 1024 variants in one file.
@@ -165,5 +165,5 @@ class VariantsSpec(Model):
     def _one_source(self) -> VariantsSpec:
         both = [name for name in (self.sample.ranges if self.sample is not None else {}) if name in self.parameters]
         if both:
-            raise rule(f"`{both[0]}` is set under `parameters` and drawn under `sample`", "keep one of them", "parameters")
+            raise rule(f"`{both[0]}` is set under `parameters` and drawn under `sample`", "remove one of them", "parameters")
         return self

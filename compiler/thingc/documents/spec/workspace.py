@@ -13,23 +13,23 @@ from thingc.documents.spec.fields import AngleField, FieldValidator, LengthField
 
 
 class SimulationMeshSpec(Model):
-    """How finely curved surfaces are meshed for simulators."""
+    """Tolerances for meshing curved surfaces for simulators."""
 
     linear: LengthField | None = None
-    """Largest distance between mesh and surface; 0.1 mm unless written, or that of `mesh` where it is larger."""
+    """Largest distance between mesh and surface; default: 0.1 mm, or that of `mesh` if it is larger."""
     angular: AngleField | None = None
-    """Largest angle between neighbouring facets; 30 deg unless written, or that of `mesh` where it is larger."""
+    """Largest angle between neighbouring facets; default: 30 deg, or that of `mesh` if it is larger."""
 
 
 class MeshSpec(Model):
-    """How finely curved surfaces are meshed, to be printed and for checks of clearance."""
+    """Tolerances for meshing curved surfaces for printing and clearance checks."""
 
     linear: LengthField | None = None
-    """Largest distance between mesh and surface; 0.1 mm unless written."""
+    """Largest distance between mesh and surface; default: 0.1 mm."""
     angular: AngleField | None = None
-    """Largest angle between neighbouring facets; 10 deg unless written."""
+    """Largest angle between neighbouring facets; default: 10 deg."""
     simulation: SimulationMeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "30 deg"}])
-    """The same of what simulators draw and touch."""
+    """Tolerances for the visual and collision meshes of simulators."""
 
 
 def _maintainer(value: Any) -> str:
@@ -49,7 +49,7 @@ def _license(value: Any) -> str:
 
 def _version(value: Any) -> str:
     if not isinstance(value, str) or re.fullmatch(VERSION, value) is None:
-        raise fault("type", f"expected three whole numbers with dots between, found {found(value)}", help='write for example `"1.0.0"`')
+        raise fault("type", f"expected three whole numbers separated by dots, found {found(value)}", help='write for example `"1.0.0"`')
     return value
 
 
@@ -68,37 +68,37 @@ VersionField = Annotated[str, FieldValidator(_version, "a version", {"type": "st
 
 
 class AboutSpec(Model):
-    """What the ROS packages of `--emit ros` say of themselves."""
+    """Metadata of the ROS packages of `--emit ros`."""
 
     maintainer: MaintainerField | None = Field(default=None, examples=["Ada Lovelace <ada@example.org>"])
-    """Who maintains them: a name and a mail address; `TODO <todo@todo.todo>` unless written."""
+    """Maintainer: a name and a mail address; default: `TODO <todo@todo.todo>`."""
     license: LicenseField | None = Field(default=None, examples=["Apache-2.0"])
-    """Under which license they are; `TODO: License declaration` unless written."""
+    """License; default: `TODO: License declaration`."""
     version: VersionField | None = Field(default=None, examples=["1.0.0"])
-    """Their version; 0.0.0 unless written."""
+    """Version; default: 0.0.0."""
 
 
 class WorkspaceSpec(Model):
-    """Where parts are looked for and how they are made."""
+    """Where thingc looks for parts, and how it builds them."""
 
     thingc: Literal["workspace/1"]
     """Kind and version of this document."""
     parts: list[str] = Field(default=["parts"], examples=[["parts"]])
-    """Folders whose modules may be named in `part:`."""
+    """Folders with the modules that `part:` may use."""
     packages: list[str] = Field(default=["thingc_stock", "bd_warehouse"], examples=[["thingc_stock", "bd_warehouse"]])
-    """Installed packages that may be, too."""
+    """Installed packages that `part:` may use."""
     build: str = Field(default="build", examples=["build"])
-    """The folder that builds go to."""
+    """The folder of build outputs."""
     emit: list[str] = Field(default=[], examples=[["mjcf", "step", "urdf"], ["all"]])
-    """What `thingc build` writes unless `--emit` says so; unless written, all that is not only written where it is named."""
+    """Default of `--emit` of `thingc build`; default: all targets except those that must be named."""
     mesh_uri: Literal["relative", "package", "absolute"] = Field(default="relative", examples=["package"])
-    """How URDF files name their meshes: relative to the file, in the ROS package of the robot, or where the build lies on this machine."""
+    """Paths of meshes in URDF files: relative to the file, in the ROS package of the robot, or absolute on this machine."""
     about: AboutSpec | None = Field(default=None, examples=[{"maintainer": "Ada Lovelace <ada@example.org>", "license": "Apache-2.0"}])
-    """What the ROS packages of `--emit ros` say of themselves."""
+    """Metadata of the ROS packages of `--emit ros`."""
     compat: list[Literal["mjx", "warp", "drake", "pymjcf"]] = Field(default=[], examples=[["mjx"]])
-    """The programs besides MuJoCo that read its models, unless `--compat` or `compat=` gives others."""
+    """Default of `--compat` and `compat=`: other programs that read MuJoCo models."""
     part_timeout: TimeField | None = None
-    """Longest time for one part; 120 s unless written."""
+    """Longest time for one part; default: 120 s."""
     part_memory: MemoryField | None = Field(default=None, examples=["4 GB"])
     """Most memory for one part; by default half of the machine's."""
     mesh: MeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "10 deg"}])

@@ -53,7 +53,7 @@ def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
     changed.sort(key=lambda label: (not label.startswith("module "), label))
     phrases = list(dict.fromkeys(_phrase(label, old, new) for label in changed))
     if not phrases:
-        return "nothing that it depends on changed"
+        return "no dependency changed"
     return some(phrases, 3, between="; ")
 
 

@@ -72,17 +72,17 @@ class PartCode:
     def _read_code(self, reference: str) -> CodeIngredients | None | PartFailure:
         module_name, colon, name = reference.partition(":")
         if not colon or not all(part.isidentifier() for part in (*module_name.split("."), *name.split("."))):
-            message = f"`{reference}` is no part reference: expected `module:Class`"
+            message = f"`{reference}` is not a part reference: expected `module:Class`"
             return PartFailure(subject=reference, kind="invalid", message=message)
         finder = self.sources.finder
         module = finder.find(module_name)
         top = module_name.partition(".")[0]
         allowed = module.workspace or top in self.workspace.packages
         if not allowed and (module.kind != "absent" or finder.find(top).kind == "installed"):
-            message = f"`{module_name}` is neither in a part folder nor in a package that the workspace allows"
+            message = f"`{module_name}` is neither in a part folder nor in an allowed package"
             if hidden := finder.hidden(top):
                 shown = os.path.relpath(hidden, self.workspace.root)
-                message = f"a module of Python or of what thingc stands on is called `{top}`, and hides `{shown}`: call the file otherwise"
+                message = f"the module `{top}` of Python or of a dependency of thingc hides `{shown}`: rename the file"
             return PartFailure(subject=reference, kind="refused", message=message, candidates=tuple(self.workspace.packages))
         if module.kind == "installed":
             return None
@@ -147,7 +147,7 @@ def file_state(definition: PartDefinition, workspace: Workspace, results: Result
     """Return the state of a part that is a file, as in `reads`, or the failure if there is none."""
     path = os.path.join(workspace.root, definition.reference)
     if os.path.isabs(definition.reference) or not workspace.contains(path):
-        return PartFailure(subject=definition.text, kind="refused", message=f"`{definition.reference}` is outside of the workspace")
+        return PartFailure(subject=definition.text, kind="refused", message=f"`{definition.reference}` is outside the workspace")
     state = results.state(definition.reference, "file:")
     if not state.startswith("file:"):
         folder = os.path.dirname(definition.reference)

@@ -250,14 +250,14 @@ def _matter(value: Any, path: str) -> Moments:
     moments = Moments.of(numbers(value, _MOMENTS, path))
     of = moments.properties
     if moments.volume < 0.0 or moments.volume > 0.0 and physical_fault(of.inertia) is not None:
-        raise BadLock(path, "expected the integrals of 1, x, y, z, xx, yy, zz, xy, xz, yz over something")
+        raise BadLock(path, "expected the integrals of 1, x, y, z, xx, yy, zz, xy, xz, yz over a solid")
     return moments
 
 
 def _direction(value: Any, path: str) -> Vector:
     x, y, z = numbers(value, 3, path)
     if abs(hypot(x, y, z) - 1.0) > _ORTHOGONAL:
-        raise BadLock(path, "expected a direction: three numbers whose squares add up to 1")
+        raise BadLock(path, "expected a direction: three numbers of length 1")
     return x, y, z
 
 
@@ -275,7 +275,7 @@ def _mount(value: Any, path: str) -> MountRecord:
     for i, row in enumerate(rows):
         for j, other in enumerate(rows):
             if abs(sum_of(a * b for a, b in zip(row, other, strict=True)) - (i == j)) > _ORTHOGONAL:
-                raise BadLock(f"{path}.pose", "expected a rotation (nine numbers, rows of a rotation matrix) and a place")
+                raise BadLock(f"{path}.pose", "expected a rotation (nine numbers, the rows of a rotation matrix) and a position")
     return MountRecord(
         pose=Pose(rotation=rows, translation=entries[9:]),  # type: ignore[arg-type]
         interface=_text_at(table, "interface", path), tolerance=_maybe(table, "tolerance", path),
@@ -285,7 +285,7 @@ def _mount(value: Any, path: str) -> MountRecord:
 def _expectation(value: Any, path: str) -> MountExpectation:
     texts = list(_texts(value, path))
     if len(texts) != 4:
-        raise BadLock(path, "expected a mount, a definition, what people call it, and its mount")
+        raise BadLock(path, "expected a mount, a definition, its display name, and its mount")
     mount, text, label, child_mount = texts
     return MountExpectation(mount=mount, text=text, label=label, child_mount=child_mount)
 
@@ -293,7 +293,7 @@ def _expectation(value: Any, path: str) -> MountExpectation:
 def _question(value: Any, path: str) -> PartWarning:
     texts = list(_texts(value, path))
     if len(texts) != 2 or texts[0] not in list(ImpureInputs):
-        raise BadLock(path, "expected what a part asks, and the words for it")
+        raise BadLock(path, "expected a warning of a part and its text")
     return PartWarning(message=texts[1], asked=ImpureInputs(texts[0]))
 
 
@@ -402,14 +402,14 @@ def _one_of(known: Collection[_Word], table: Mapping[str, Any], key: str, path: 
 def _texts(value: Any, path: str) -> list[str]:
     texts = sequence(value, path)
     if not all(isinstance(one, str) for one in texts):
-        raise BadLock(path, "expected a list of texts")
+        raise BadLock(path, "expected a list of strings")
     return texts
 
 
 def _text_table(value: Any, path: str) -> dict[str, str]:
     words = mapping(value, path)
     if not all(isinstance(one, str) for one in words.values()):
-        raise BadLock(path, "expected texts by name")
+        raise BadLock(path, "expected strings by name")
     return dict(words)
 
 

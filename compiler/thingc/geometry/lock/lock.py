@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 LOCK_FILE = "parts.lock.json"
 VERSION = "lock/1"
 MAX_BYTES = 10_000_000
-REMAKE = "run `thingc lock` where the code of the parts may run, and keep what it writes with the documents"
+REMAKE = "run `thingc lock` on a machine that may run part code, and commit the file that it writes"
 """The instruction for any fault of the lock."""
 
 
@@ -109,8 +109,8 @@ def read_lock(workspace: Workspace, report: Report) -> Lock | None:
         return None
     if not os.path.isfile(path) or not workspace.contains(path):
         report.add(
-            Code.LOCK_BROKEN, f"`{LOCK_FILE}` is no file of this workspace", None,
-            help="remove it (a link out of the workspace is not followed); then " + REMAKE,
+            Code.LOCK_BROKEN, f"`{LOCK_FILE}` is not a file of this workspace", None,
+            help="remove it (links out of the workspace are not followed); then " + REMAKE,
         )
         return None
     try:
@@ -130,8 +130,8 @@ def report_missing(workspace: Workspace, report: Report) -> None:
     """Report that there is no lock. If the file exists, `read_lock` has reported it as broken."""
     if not os.path.lexists(lock_path(workspace)):
         report.add(
-            Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the folder of the workspace: without it nothing is known of parts unless their "
-            "code is run", workspace.origin, help=REMAKE,
+            Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the workspace folder: without it, thingc cannot check parts unless "
+            "their code runs", workspace.origin, help=REMAKE,
         )
 
 
@@ -150,9 +150,9 @@ def parse_lock(path: str, data: bytes) -> Lock:
     except UnicodeDecodeError:
         raise BadLock("", "it is not UTF-8") from None
     except RecursionError:
-        raise BadLock("", "it is nested too deep") from None
+        raise BadLock("", "it is nested too deeply") from None
     except json.JSONDecodeError as fault:
-        raise BadLock("", f"line {fault.lineno}, column {fault.colno} is no JSON") from None
+        raise BadLock("", f"line {fault.lineno}, column {fault.colno} is not valid JSON") from None
     except ValueError:
         raise BadLock("", "a whole number in it has too many digits") from None
     table = mapping(value, "")
@@ -172,24 +172,24 @@ def parse_lock(path: str, data: bytes) -> Lock:
         files[file] = (text_at(values, "content", f"files.{file}"), values.get("record"))
     others = table.get("others", [])
     if not isinstance(others, list) or not all(isinstance(one, str) for one in others):
-        raise BadLock("others", "expected a list of texts")
+        raise BadLock("others", "expected a list of strings")
     return Lock(file=path, sha256=hashlib.sha256(data).hexdigest(), things=things, files=files, others=frozenset(others))
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     table = dict(pairs)
     if len(table) != len(pairs):
-        raise BadLock("", "a key stands twice in one mapping")
+        raise BadLock("", "a key occurs twice in one mapping")
     return table
 
 
 def _refuse(word: str) -> NoReturn:
-    raise BadLock("", f"`{word}` is no number")
+    raise BadLock("", f"`{word}` is not a number")
 
 
 def _states(value: Any, path: str) -> dict[str, str]:
     states = mapping(value, path)
     for file, state in states.items():
         if not isinstance(state, str) or os.path.isabs(file) or ".." in file.split("/") or "\0" in file:
-            raise BadLock(path, "expected paths inside the workspace, and what lies there")
+            raise BadLock(path, "expected paths inside the workspace, with their content")
     return dict(states)

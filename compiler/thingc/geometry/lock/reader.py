@@ -215,13 +215,13 @@ class LockOnlyGeometry:
         thing = answers.lock.things.get(reference)
         if thing is None:
             if reference in answers.lock.others:
-                return PartFailure(subject=reference, kind="invalid", message="it is no Thing", file=file, line=line)
-            return PartFailure(subject=reference, kind="unlocked", message=f"`{LOCK_FILE}` does not hold it", file=file, line=line)
+                return PartFailure(subject=reference, kind="invalid", message="it is not a part class", file=file, line=line)
+            return PartFailure(subject=reference, kind="unlocked", message=f"`{LOCK_FILE}` does not contain it", file=file, line=line)
         schema = self._tried(partial(answers.schema, reference))
         if schema is not None:
             return schema
         if answers.current(reference):
-            return PartFailure(subject=reference, kind="unlocked", message=f"what `{LOCK_FILE}` says of it is broken")
+            return PartFailure(subject=reference, kind="unlocked", message=f"its entry in `{LOCK_FILE}` is broken")
         what = "its code" if thing.code != hash_of(reference, code, self._parts) else "a file that it reads"
         return PartFailure(
             subject=reference, kind="stale", message=f"{what} has changed since `{LOCK_FILE}` was written", file=file, line=line,
@@ -280,4 +280,4 @@ def _unlocked_file(definition: PartDefinition, lock: Lock) -> PartFailure:
     reference = definition.reference
     if definition.text in lock.files:
         return PartFailure(subject=reference, kind="stale", message=f"the file has changed since `{LOCK_FILE}` was written")
-    return PartFailure(subject=reference, kind="unlocked", message=f"`{LOCK_FILE}` does not hold it")
+    return PartFailure(subject=reference, kind="unlocked", message=f"`{LOCK_FILE}` does not contain it")

@@ -120,7 +120,7 @@ def differences(held: Mapping[str, Any], made: Mapping[str, Any]) -> list[tuple[
             else:
                 differing += [(name, words) for words in _thing_differences(name, old[name], new[name])]
     if sorted(held.get("others", [])) != made.get("others", []):
-        differing.append(("others", "other classes that are no parts are in the part folders"))
+        differing.append(("others", "the classes in the part folders that are not parts have changed"))
     return differing
 
 
@@ -134,11 +134,11 @@ def _thing_differences(name: str, old: Mapping[str, Any], new: Mapping[str, Any]
     for text in sorted(set(old_records) & set(new_records)):
         path = _first_difference(old_records[text], new_records[text], "")
         if path is not None:
-            phrases.append(f"`{path}` of `{text}` is another now")
+            phrases.append(f"`{path}` of `{text}` has changed")
     path = _first_difference({k: v for k, v in old.items() if k not in ("code", "record", "records")},
                              {k: v for k, v in new.items() if k not in ("code", "record", "records")}, "")
     if path is not None:
-        phrases.append(f"`{path}` of `{name}` is another now")
+        phrases.append(f"`{path}` of `{name}` has changed")
     if old.get("code") != new.get("code") and not phrases:
         phrases.append(f"the code of `{name}` has changed")
     return phrases

@@ -55,7 +55,7 @@ class _Beside(trimesh.resolvers.Resolver):
         with open(os.path.join(self._file.folder, name.strip()), "rb") as stream:
             data = stream.read(LARGEST)
         if hashlib.sha256(data).hexdigest() != content:
-            raise BadMesh(f"takes its colours from `{name.strip()}`, which changes while it is read")
+            raise BadMesh(f"takes its colours from `{name.strip()}`, which changed while it was read")
         return data
 
     def keys(self) -> list[str]:
@@ -72,16 +72,16 @@ def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
     """Return the record of a file, after writing its triangles, and its bytes if MuJoCo reads them, to the store. Raises `BadMesh`."""
     data = read_bounded(os.path.join(file.folder, os.path.basename(file.path)), file.suffix)
     if hashlib.sha256(data).hexdigest() != file.sha256:
-        raise BadMesh("changes while it is read")
+        raise BadMesh("changed while it was read")
     colored = [(color, _placed(file, data, corners)) for color, corners in _triangles(file, data)]
     count = sum(len(corners) for _, corners in colored)
     if count == 0:
-        raise BadMesh("holds no triangles")
+        raise BadMesh("contains no triangles")
     corners = _in_order([corners for _, corners in colored])
     if not np.isfinite(corners).all():
         raise BadMesh("has a coordinate that is not finite")
     if float(np.abs(corners).max()) > FARTHEST:
-        raise BadMesh(f"reaches {float(np.abs(corners).max()):.3g} m, and {FARTHEST:g} m at most are read")
+        raise BadMesh(f"reaches {float(np.abs(corners).max()):.3g} m, but at most {FARTHEST:g} m is supported")
     mesh, matter, turned = _kept(corners, store)
     by_color: dict[str | None, list[Any]] = {}
     for color, some in colored:
@@ -120,7 +120,7 @@ def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArra
             moved = corners @ transform[:3, :3].T + transform[:3, 3]
             yield _color(geometry, file), moved[:, ::-1] if turned else moved
     except MemoryError:
-        raise BadMesh("needs more memory than there is") from None
+        raise BadMesh("needs more memory than is available") from None
     except BadMesh:
         raise
     except Exception as fault:
@@ -133,7 +133,7 @@ def _unreadable(file: MeshFile, data: bytes, fault: Exception) -> str:
     For XML other than COLLADA, such as the error page of a server, trimesh's message is not helpful.
     """
     if file.suffix == ".dae" and isinstance(fault, AttributeError):
-        return "shows nothing: it has no `<scene>`" if _COLLADA.search(data) else "is no COLLADA: it has no `<COLLADA xmlns=...>`"
+        return "is empty: it has no `<scene>`" if _COLLADA.search(data) else "is not COLLADA: it has no `<COLLADA xmlns=...>`"
     return str(damaged(file.suffix, fault))
 
 
@@ -190,7 +190,7 @@ def _placed(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDArra
         try:
             unit = 1.0 if meter is None else float(meter[1])
         except ValueError:
-            raise BadMesh("has a `<unit>` whose `meter` is no number") from None
+            raise BadMesh("has a `<unit>` whose `meter` is not a number") from None
     x, y, z = (corners[..., k] for k in range(3))
     if up == b"Y":
         corners = np.stack([x, -z, y], axis=-1)
@@ -211,7 +211,7 @@ def _kept(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassPropert
     vertices, faces = points[np.sort(first)], order[inverse].reshape(-1, 3)
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
     if len(faces) == 0:
-        raise BadMesh("holds no triangle that has an area")
+        raise BadMesh("contains no triangle with an area")
     closed, matter, turned = _is_closed(faces, len(vertices)), None, False
     flat = _is_flat(vertices)
     if closed and not flat:

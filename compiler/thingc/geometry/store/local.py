@@ -34,7 +34,7 @@ class StoreUnusable(Exception):
     """The store's folder `root` cannot be used; `reason` is the message of the system."""
 
     def __init__(self, root: str, reason: str) -> None:
-        super().__init__(f"the store {root} cannot be used: {reason}")
+        super().__init__(f"the cache {root} cannot be used: {reason}")
         self.root = root
         self.reason = reason
 
@@ -43,7 +43,7 @@ class BlobMissing(Exception):
     """A blob is not in the store, or was damaged and has been removed."""
 
     def __init__(self, sha256: str) -> None:
-        super().__init__(f"the store has no sound blob {sha256}")
+        super().__init__(f"the cache has no valid blob {sha256}")
         self.sha256 = sha256
 
 

@@ -39,7 +39,7 @@ class Actuator:
         gear_ratio: float | tuple[float, str] = 1.0, rotor_inertia: Stated = None, kp: Stated = None, kv: Stated = None,
     ) -> None:
         if kind not in ("position", "velocity", "motor"):
-            raise ValueError(f"the kind of an Actuator is 'position', 'velocity' or 'motor', found {kind!r}")
+            raise ValueError(f"the kind of an Actuator must be 'position', 'velocity' or 'motor', found {kind!r}")
         object.__setattr__(self, "kind", kind)
         sources: dict[str, str] = {}
         numbers = {
@@ -64,7 +64,7 @@ def sourced(what: str, pair: tuple[object, ...]) -> tuple[float, str]:
         raise ValueError(f"{what} must be a number or (number, source), found {pair!r}")
     value, source = pair
     if source not in SOURCES:
-        raise ValueError(f"the source of {what} is one of {', '.join(map(repr, SOURCES))}, found {source!r}")
+        raise ValueError(f"the source of {what} must be one of {', '.join(map(repr, SOURCES))}, found {source!r}")
     return value, source  # type: ignore[return-value]
 
 

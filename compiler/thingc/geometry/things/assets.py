@@ -30,7 +30,7 @@ def asset(path: str, beside: str | None = None) -> Path:
     absolute path or one that leaves those folders, `FileNotFoundError` if there is no such file.
     """
     if os.path.isabs(path):
-        raise ValueError(f"asset() takes a path relative to the part's module or to the workspace, found `{path}`")
+        raise ValueError(f"asset() expects a path relative to the part's module or to the workspace, found `{path}`")
     module = beside if beside is not None else running_file()
     folders = [os.path.dirname(os.path.realpath(module))] if module else []
     folders += _roots or ([] if beside is not None else [os.path.realpath(os.getcwd())])
@@ -47,5 +47,5 @@ def asset(path: str, beside: str | None = None) -> Path:
         if os.path.isfile(candidate):
             return Path(candidate)
     if not allowed:
-        raise ValueError(f"asset() cannot leave the part's folder and the workspace, as `{path}` does")
-    raise FileNotFoundError(f"there is no data file `{path}` beside the part's module or in the workspace")
+        raise ValueError(f"`{path}` is outside the part's folder and the workspace, which asset() does not allow")
+    raise FileNotFoundError(f"there is no data file `{path}` next to the part's module or in the workspace")

@@ -121,7 +121,7 @@ def make(cls: type[Any], parameters: dict[str, Value], adjustments: Adjustments)
     if key in _made:
         return _made[key]
     if key in _making:
-        raise RecursionError(f"making `{shown(cls, parameters)}` needs itself")
+        raise RecursionError(f"`{shown(cls, parameters)}` depends on itself")
     _making.add(key)
     try:
         thing = _constructed(cls, parameters, adjustments)

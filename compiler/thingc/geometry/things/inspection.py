@@ -104,7 +104,7 @@ def lacking_result(part: PartLike) -> MissingMember | None:
     if not isinstance(part, type) or not issubclass(part, Thing):
         return None
     if part.result is Thing.result:
-        return MissingMember(words="has no `result()`: nothing says what its geometry is", place=_code_location(part))
+        return MissingMember(words="has no `result()`, which must return its geometry", place=_code_location(part))
     function = inspect.unwrap(part.result)
     tree = syntax_of(function)
     ends = (ast.Return, ast.Raise, ast.Yield, ast.YieldFrom, ast.Lambda)
@@ -167,7 +167,7 @@ def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
     maker = cast("Callable[..., object]", part)
     shape = maker(**values)
     if not isinstance(shape, Shape):
-        raise TypeError(f"`{part.__name__}` must return a build123d shape, it returned {shape!r}")
+        raise TypeError(f"`{part.__name__}` must return a build123d shape, but returned {shape!r}")
     bought = {"make": "buy"} if shape.__class__.__module__.split(".")[0] == "bd_warehouse" else {}
     return wrapped(_ShapePart, values, _family=part.__name__, _shape=shape, bom=bought)
 
@@ -264,7 +264,7 @@ def bom_of(thing: Thing) -> dict[str, str]:
     """Return the entries of the part for the bill of materials. Raises `TypeError` if they are not a mapping of texts."""
     bom = thing.bom
     if not isinstance(bom, Mapping) or not all(isinstance(word, str) for pair in bom.items() for word in pair):
-        raise TypeError(f"`bom` of `{type(thing).__name__}` must map texts to texts, found {bom!r}")
+        raise TypeError(f"`bom` of `{type(thing).__name__}` must map strings to strings, found {bom!r}")
     return dict(bom)
 
 
@@ -278,11 +278,11 @@ def up_of(thing: Thing) -> Vector | None:
         return None
     what = f"`print` of `{type(thing).__name__}`"
     if not isinstance(stated, Mapping) or set(stated) != {"up"}:
-        raise TypeError(f"{what} has one key, `up`: write for example {{\"up\": (0, 0, 1)}}; found {stated!r}")
+        raise TypeError(f"{what} must have one key, `up`: write for example {{\"up\": (0, 0, 1)}}; found {stated!r}")
     up = _vector(what, stated["up"])
     length = math.hypot(*up)
     if not length > 0.0:
-        raise ValueError(f"`up` in {what} must have a direction, found {stated['up']!r}")
+        raise ValueError(f"`up` in {what} must not be zero, found {stated['up']!r}")
     return up[0] / length + 0.0, up[1] / length + 0.0, up[2] / length + 0.0
 
 

@@ -49,7 +49,7 @@ class MountPoint(Framed):
         if not isinstance(location, Location):
             raise TypeError(f"a MountPoint needs a Location, a Plane or another MountPoint, found {location!r}")
         if interface is not None and not isinstance(interface, str):
-            raise TypeError(f"the interface of a MountPoint is a text, found {interface!r}")
+            raise TypeError(f"the interface of a MountPoint must be a string, found {interface!r}")
         if tolerance is not None and not 0 <= tolerance < float("inf"):
             raise ValueError(f"the tolerance of a MountPoint must be at least 0 mm and finite, found {tolerance!r}")
         if facing is not None or mate_x is not None:
@@ -97,12 +97,12 @@ class MountPoint(Framed):
         mount is assigned. Raises `TypeError` or `ValueError` if `other` is not a mount of a finished Thing.
         """
         if not isinstance(other, MountPoint):
-            raise TypeError(f"align() takes a mount of the other Thing, such as `PenCap().seat`; found {other!r}")
+            raise TypeError(f"align() expects a mount of another Thing, such as `PenCap().seat`, found {other!r}")
         thing, name = other._owner, other._name
         if thing is None or name is None:
-            raise ValueError("align() takes a mount of another Thing, such as `PenCap().seat`; this one belongs to no Thing")
+            raise ValueError("align() expects a mount of another Thing, such as `PenCap().seat`; this mount does not belong to a Thing")
         if not thing._construction.finished:
-            raise ValueError(f"align() takes a mount of another Thing; `{name}` belongs to the Thing that is being made")
+            raise ValueError(f"align() expects a mount of another Thing; `{name}` belongs to the Thing under construction")
         being_made = self._owner is None or not self._owner._construction.finished
         if being_made and (thing, name) not in self._expected:
             self._expected.append((thing, name))
@@ -126,7 +126,7 @@ def _directed(location: Location, facing: VectorLike | None, mate_x: VectorLike 
     z, wanted = Plane(location).z_dir, Vector(facing if facing is not None else mate_x)
     along = wanted - z * wanted.dot(z)
     if (facing is not None and mate_x is not None) or along.length < 1e-6:
-        raise ValueError(f"a MountPoint takes one of `facing` and `mate_x`, a direction across its z axis; found {facing!r} and {mate_x!r}")
+        raise ValueError(f"a MountPoint needs one of `facing` and `mate_x`, a direction across its z axis; found {facing!r} and {mate_x!r}")
     return Location(Plane(location.position, x_dir=along if facing is not None else z.cross(along), z_dir=z))
 
 
@@ -156,7 +156,7 @@ def settle(thing: Thing, name: str, value: Any, mounts: dict[str, MountPoint]) -
     def named(own_name: str, mount: MountPoint) -> MountPoint:
         mount = _owned(thing, own_name, mount)
         if own_name in mounts:
-            raise ValueError(f"two mounts of `{type(thing).__name__}` are called `{own_name}`")
+            raise ValueError(f"two mounts of `{type(thing).__name__}` are named `{own_name}`")
         if any(mount is known for known in mounts.values()):
             mount = MountPoint(mount, mount.interface, mount.tolerance)
             mount._owner = thing
@@ -183,7 +183,7 @@ def _mapped(name: str, value: Any, change: Callable[[str, MountPoint], MountPoin
 def _owned(thing: Thing, name: str, mount: MountPoint) -> MountPoint:
     plain = name.isascii() and name.isidentifier()
     if not plain or name in RESERVED:
-        why = "the name is reserved" if plain else "a name is letters, digits and _"
+        why = "the name is reserved" if plain else "use letters, digits and _"
         raise ValueError(f"`{name}` of `{type(thing).__name__}` cannot be a mount: {why}")
     if mount._owner is None:
         mount._owner, mount._name = thing, name

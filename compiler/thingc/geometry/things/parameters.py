@@ -66,7 +66,7 @@ class Range:
             if bound is not None and (isinstance(bound, bool) or not isinstance(bound, (int, float)) or math.isnan(bound)):
                 raise SignatureError(f"a bound of Range must be a number, found {bound!r}")
         if self.minimum is not None and self.maximum is not None and self.minimum > self.maximum:
-            raise SignatureError(f"Range({self.minimum!r}, {self.maximum!r}) leaves nothing between its bounds")
+            raise SignatureError(f"Range({self.minimum!r}, {self.maximum!r}) is empty")
 
 
 Length: TypeAlias = Annotated[float, Kind("length")]

@@ -106,7 +106,7 @@ def placed(value: Any, location: Location) -> Any:
     if isinstance(value, type):
         return _calling(value, location) if issubclass(value, (Framed, Shape)) else value
     if isinstance(value, (Matrix, OrientedBoundBox, Joint)):
-        raise TypeError(f"a {type(value).__name__} cannot be seen through a moved view: keep a Location or a Shape instead")
+        raise TypeError(f"a {type(value).__name__} cannot be used through a moved view: use a Location or a Shape instead")
     if isinstance(value, Actuator) or type(value).__module__.startswith("build123d."):
         return value
     if dataclasses.is_dataclass(value):
@@ -131,7 +131,7 @@ def _location(location: object) -> Location:
     if isinstance(location, Plane):
         location = location.location
     if not isinstance(location, Location):
-        raise TypeError(f"move() takes a Location, found {location!r}")
+        raise TypeError(f"move() expects a Location, found {location!r}")
     return location
 
 

@@ -112,7 +112,7 @@ class Signature:
         """
         if len(args) > self.positional:
             raise self._error(
-                f"`{self.owner}` takes {self.positional} argument{'' if self.positional == 1 else 's'} by place, found {len(args)}",
+                f"`{self.owner}` expects {self.positional} positional argument{'' if self.positional == 1 else 's'}, found {len(args)}",
                 self.names[0] if self.parameters else "",
             )
         given = dict(zip(self.names, args))
@@ -177,7 +177,7 @@ def _parameter(function: Callable[..., Any], argument: inspect.Parameter, owner:
     where = f"`{argument.name}` of `{owner}`"
     if argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD, argument.POSITIONAL_ONLY):
         stars = "*" * (argument.kind is argument.VAR_POSITIONAL) or "**" * (argument.kind is argument.VAR_KEYWORD)
-        reason = "give every parameter a name of its own" if stars else "documents give parameters by name: take the `/` away"
+        reason = "name every parameter explicitly" if stars else "documents set parameters by name: remove the `/`"
         raise SignatureError(f"`{stars}{argument.name}` of `{owner}` cannot be a parameter: {reason}")
     required = argument.default is argument.empty
     if argument.annotation is argument.empty:
@@ -214,7 +214,7 @@ def _kind_of_default(default: object, where: str) -> str:
         return "number"
     if isinstance(default, str):
         return "text"
-    raise SignatureError(f"{where} cannot be a parameter: its default is {default!r}, not a number, a text or a flag")
+    raise SignatureError(f"{where} cannot be a parameter: its default is {default!r}, not a number, a string or a boolean")
 
 
 def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
@@ -254,7 +254,7 @@ def _kind_of_annotation(annotation: Any, where: str, shown: str) -> tuple[str, f
         kind = "choice"
         choices = typing.get_args(annotation)
         if not all(isinstance(choice, (str, int)) for choice in choices):
-            raise SignatureError(f"{where} cannot be a parameter: a choice is a text, a whole number or a flag")
+            raise SignatureError(f"{where} cannot be a parameter: a choice must be a string, an integer or a boolean")
     elif origin in (Union, types.UnionType) and set(typing.get_args(annotation)) == {int, float}:
         kind = "number"
     elif isinstance(annotation, type) and annotation in _PLAIN:

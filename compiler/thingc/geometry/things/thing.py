@@ -45,7 +45,7 @@ class Thing(Framed, metaclass=ThingType):
     def __init__(self, material: str | None = None, color: str | None = None) -> None:
         for what, value in (("material", material), ("color", color)):
             if value is not None and (not isinstance(value, str) or not value):
-                raise TypeError(f"the {what} of a Thing is a name, such as \"petg\" or \"white\"; found {value!r}")
+                raise TypeError(f"the {what} of a Thing must be a name such as \"petg\" or \"white\", found {value!r}")
         self._construction.material = material
         self._construction.color = color
 
@@ -126,20 +126,20 @@ class Thing(Framed, metaclass=ThingType):
 
     def _must_be_finished(self, what: str) -> None:
         if not self._construction.finished:
-            raise RuntimeError(f"`{type(self).__name__}` cannot use its own {what}() in `__init__`: it is being made")
+            raise RuntimeError(f"`{type(self).__name__}` cannot use its own {what}() in `__init__`, before it is complete")
 
     if not TYPE_CHECKING:  # hidden from type checkers, which would otherwise accept any attribute
 
         def __setattr__(self, name: str, value: Any) -> None:
             if self._construction.finished:
                 raise AttributeError(
-                    f"`{type(self).__name__}` is immutable: `{name}` can be assigned in `__init__` only; "
-                    "adjust() gives the same family with other parameters"
+                    f"`{type(self).__name__}` is immutable: `{name}` can only be assigned in `__init__`; "
+                    "use adjust() to change parameters"
                 )
             if name in _OVERRIDES:
                 raise AttributeError(f"`{name}` of a Thing is a method: write `def {name}(self)` in the class")
             if name in _TAKEN:
-                raise AttributeError(f"`{name}` has a meaning for every Thing: choose another name")
+                raise AttributeError(f"`{name}` is reserved in every Thing: choose another name")
             object.__setattr__(self, name, value if name.startswith("_") else adopt(self, name, value))
 
         def __delattr__(self, name: str) -> None:

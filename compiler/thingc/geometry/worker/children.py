@@ -156,7 +156,7 @@ class Child:
         if self.status is not None and self.status >> 8 == OUT_OF_MEMORY:
             over = "starved"
         words = {
-            "hung": "", "swarmed": f"more than {PROCESSES} of its processes were alive at once",
+            "hung": "", "swarmed": f"it had more than {PROCESSES} processes at once",
             "starved": f"more than {self.request.get('memory', DEFAULT_MEMORY) / 1e9:.3g} GB",
         }
         if over in words:
@@ -198,14 +198,14 @@ class Child:
 def in_words(status: int | None) -> str:
     """Describe how a process ended, from its wait status."""
     if status is None:
-        return "it closed its pipe and went on"
+        return "it closed its pipe but did not exit"
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
         try:
             return f"killed by {signal.Signals(number).name}"
         except ValueError:
             return f"killed by signal {number}"
-    return f"it ended the interpreter with exit status {os.WEXITSTATUS(status)}"
+    return f"it exited the interpreter with status {os.WEXITSTATUS(status)}"
 
 
 def kill_group(process: int) -> None:

@@ -126,10 +126,10 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
     if event in _PROCESSES:
         program = _PROCESSES[event](*arguments)
         named = "a process" if program is None else f"`{_name_text(program)}`"
-        _ask(ImpureInputs.PROCESS, f"starts {named}, and is not made anew when that would answer otherwise")
+        _ask(ImpureInputs.PROCESS, f"starts {named}; thingc does not rebuild it when the output of that changes")
     else:
         asked = _name_text(_CONNECTIONS[event](*arguments))
-        _ask(ImpureInputs.NETWORK, f"asks `{asked}` in the network, and is not made anew when that would answer otherwise")
+        _ask(ImpureInputs.NETWORK, f"accesses `{asked}` in the network; thingc does not rebuild it when the answer changes")
 
 
 def _name_text(name: Any) -> str:
@@ -150,8 +150,8 @@ def _wrap_environment() -> None:
             return original(self, key)
         except KeyError as fault:  # existing variables are fixed, or set by the part itself
             name = _name_text(key)
-            if _ask(ImpureInputs.ENVIRONMENT, f"asks the environment for `{name}`, which no part is given"):
-                fault.add_note(f"the environment of a part is fixed, and has no `{name}`")
+            if _ask(ImpureInputs.ENVIRONMENT, f"reads the environment variable `{name}`, which parts do not have"):
+                fault.add_note(f"the environment of a part is fixed and does not contain `{name}`")
             raise
 
     family.__getitem__ = getitem
@@ -159,7 +159,7 @@ def _wrap_environment() -> None:
 
 # --- the clock --------------------------------------------------------------------------------------------------------
 
-_CLOCK = "asks the clock, and is kept as it was made"
+_CLOCK = "reads the clock; the first result stays cached"
 _OF_DATES = frozenset({"now", "today", "utcnow"})
 _CLOCKS = {
     "time": 0, "time_ns": 0, "monotonic": 0, "monotonic_ns": 0, "perf_counter": 0, "perf_counter_ns": 0, "process_time": 0,
@@ -247,7 +247,7 @@ def _stand_in(real: Any, new: Callable[..., Any], body: Mapping[str, Any]) -> ty
 
 # --- random numbers ---------------------------------------------------------------------------------------------------
 
-_CHANCE = "draws random numbers without a seed, and is kept as it was made"
+_CHANCE = "uses random numbers without a seed; the first result stays cached"
 _SEEDING = frozenset({"seed", "setstate", "set_state", "set_bit_generator"})
 _LOOKING = frozenset({"getstate", "get_state", "get_bit_generator"})
 

@@ -200,5 +200,5 @@ def kind_of(part: Any, reference: str) -> SchemaKind:
 
     kind = is_part(part)
     if kind is None:
-        raise NoPart("invalid", f"`{reference}` is no part: expected a Thing, a build123d shape class or a function that returns a shape")
+        raise NoPart("invalid", f"`{reference}` is not a part: expected a Thing, a build123d shape class or a function returning a shape")
     return kind

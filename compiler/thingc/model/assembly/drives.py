@@ -46,12 +46,9 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
             span = joint.spans.get("limit.effort")
             unit = "N*m" if twist.turns else "N"
             findings.warn(
-                Code.EFFORT,
-                f"joint `{joint.name}` asks for {limit.effort:.6g} {unit}, "
-                f"and its actuator gives at most {drive.effort:.6g} {unit}",
-                ((span,) + origin[1:]) if span is not None else origin, path=path,
-                help="lower `limit.effort`, or drive the joint by a stronger actuator",
-                notes=noted("its actuator is named here", drive.origin),
+                Code.EFFORT, f"joint `{joint.name}` has an effort limit of {limit.effort:.6g} {unit}, "
+                f"but its actuator provides at most {drive.effort:.6g} {unit}", ((span,) + origin[1:]) if span is not None else origin,
+                path=path, help="lower `limit.effort`, or use a stronger actuator", notes=noted("the actuator is set here", drive.origin),
             )
         limit = replace(
             limit, effort=limit.effort if limit.effort is not None else drive.effort,
@@ -61,14 +58,14 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
             dynamics = replace(dynamics, armature=drive.armature)
         if drive.kind == "position" and drive.kp is None:
             findings.error(
-                Code.NO_GAIN, f"joint `{joint.name}` is driven to a position, and its actuator states no gain `kp`", place, path=path,
-                help=f"state `kp` in the Thing's `Actuator`, or drive inline: {_INLINE[twist.core]}",
+                Code.NO_GAIN, f"joint `{joint.name}` has a position drive, but its actuator has no gain `kp`", place, path=path,
+                help=f"set `kp` in the part's `Actuator`, or write the drive inline: {_INLINE[twist.core]}",
                 notes=_drive_notes(tree, instance, drive),
             )
         if joint.drive is not None and joint.drive.component is not None and joint.drive.kind == "velocity" and drive.kv is None:
             findings.error(
-                Code.NO_GAIN, f"joint `{joint.name}` is driven at a velocity, and its actuator states no gain `kv`", place, path=path,
-                help=f"write `kv` beside `component`, such as `kv: 0.1 {'N*m*s/rad' if twist.turns else 'N*s/m'}`",
+                Code.NO_GAIN, f"joint `{joint.name}` has a velocity drive, but its actuator has no gain `kv`", place, path=path,
+                help=f"add `kv` next to `component`, for example `kv: 0.1 {'N*m*s/rad' if twist.turns else 'N*s/m'}`",
                 notes=_drive_notes(tree, instance, drive),
             )
         actuator = ActuatorModel(
@@ -131,15 +128,13 @@ def _no_actuator(instance: Instance, joint: Joint, twist: Twist, text: str, name
             if child.part is not None and child.part.record is not None and child.part.record.actuator is not None
         )
     elif named.part is not None and named.part.record is not None:
-        what = f" (`{named.part.definition.label}`), which declares no actuator"
+        what = f" (`{named.part.definition.label}`), which has no actuator"
         notes = written_at(f"`{named.part.definition.label}`", named.part.record.code)
     else:
         what = ", which is a frame"
     findings.error(
-        Code.NO_ACTUATOR, f"joint `{joint.name}` is driven by `{text}`{what}", origin, path=instance.within(joint.path),
-        help=(
+        Code.NO_ACTUATOR, f"joint `{joint.name}` is driven by `{text}`{what}", origin, path=instance.within(joint.path), help=(
             did_you_mean(text, able, what="components with an actuator") if able
-            else f"declare `actuator = Actuator(...)` in its class, or drive inline: {_INLINE[twist.core]}"
-        ),
-        notes=notes,
+            else f"add `actuator = Actuator(...)` to its class, or write the drive inline: {_INLINE[twist.core]}"
+        ), notes=notes,
     )

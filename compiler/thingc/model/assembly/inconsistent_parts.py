@@ -67,14 +67,14 @@ class _Field(FrozenStruct, kw_only=False):
             one, other = ("nothing" if value is None else self.show(value, digits) for value in (first, second))
             if one != other:
                 break
-        return RecordDifference(self.name, f"its {self.name} is {one} and {other}")
+        return RecordDifference(self.name, f"its {self.name} is {one}, then {other}")
 
     def _of_names(self, first: Mapping[str, Any], second: Mapping[str, Any]) -> RecordDifference | None:
         names = [name for name in dict.fromkeys((*first, *second)) if first.get(name) != second.get(name)]
         if names:
             return RecordDifference(self.name, f"its {self.name} differ: {_listed(names)}")
         if list(first) != list(second):
-            return RecordDifference(self.name, f"its {self.name} come in another order: {_listed(first)}, and {_listed(second)}")
+            return RecordDifference(self.name, f"its {self.name} change order: {_listed(first)}, then {_listed(second)}")
         return None
 
 
@@ -88,10 +88,10 @@ FIELDS: Mapping[str, _Field] = {
     "centre": _Field("centre", _lengths), "inertia": _Field("inertia"), "box": _Field("bounding box", _corners),
     "mass": _Field("stated mass", _number("kg")), "com": _Field("stated centre of mass", _lengths),
     "matrix": _Field("stated inertia"), "density": _Field("stated density", _number("kg/m^3")),
-    "mounts": _Field("mounts"), "expectations": _Field("list of what its mounts were cut for"),
-    "references": _Field("list of parts that it was cut for"), "actuator": _Field("actuator"),
-    "bom": _Field("entries in the bill of materials"),
-    "up": _Field("way to lie on a printer"), "apart": _Field("number of bodies, or their volume"),
+    "mounts": _Field("mounts"), "expectations": _Field("expected parts of mounts"),
+    "references": _Field("list of parts that it is cut for"), "actuator": _Field("actuator"),
+    "bom": _Field("bill of materials entries"),
+    "up": _Field("print orientation"), "apart": _Field("number or volume of its solids"),
     "meshes": _Field("meshes"), "pieces": _Field("collision geometry"), "fits": _Field("smallest enclosing shapes"),
 }
 """Compared fields of a record, most informative first."""
@@ -125,7 +125,7 @@ def compare(assembly: Assembly, again: Mapping[str, PartRecord | PartFailure], r
         of = f"`{occurrence.definition.label}`"
         notes = list(written_at(of, occurrence.record.code))
         if isinstance(second, PartFailure):
-            words = f"the second time it fails: {second.message}"
+            words = f"the second build failed: {second.message}"
             if second.file is not None:
                 notes = [Note(message="in the part file, here", span=line_of(second.file, second.line or 1))]
         else:
@@ -134,5 +134,5 @@ def compare(assembly: Assembly, again: Mapping[str, PartRecord | PartFailure], r
                 continue
             words = differing[0].words
             if len(differing) > 1:
-                notes.append(Note(message=f"what differs, too: {', '.join(other.name for other in differing[1:])}"))
-        report.add(Code.NOT_TWICE, f"{of} is not the same twice: {words}", occurrence.origin, path=occurrence.path, notes=notes, help=_HELP)
+                notes.append(Note(message=f"also different: {', '.join(other.name for other in differing[1:])}"))
+        report.add(Code.NOT_TWICE, f"two builds of {of} differ: {words}", occurrence.origin, path=occurrence.path, notes=notes, help=_HELP)

@@ -34,9 +34,9 @@ def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
         if fault is None or inertia != ZERO and physical_fault(robot.links[robot.link_of[index]].properties.inertia) is None:
             continue
         faulty.append(index)
-        help = "inertia is about the centre of mass, in component axes: check units and signs"
+        help = "inertia is relative to the centre of mass, in component axes: check units and signs"
         if inertia == ZERO:
-            help = "leave it out: it is that of the geometry then, and a frame is a point"
+            help = "remove it: the inertia then follows from the geometry, and a frame is a point mass"
         findings.error(
             Code.NOT_PHYSICAL, f"the inertia of `{one.component.name}` is not physical: {fault}",
             stated.origin + one.origin[len(one.component.origin):], path=one.path, help=help,
@@ -74,29 +74,28 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
         if mass > 0.0 and light is not None and fault is None:
             heaviest = max(members, key=lambda one: one.properties.mass)
             findings.error(
-                Code.TOO_LIGHT, f"link `{link.name}` moves in mode `{mode}` and is too light for MuJoCo: {light} ({_measured(heaviest)})",
+                Code.TOO_LIGHT, f"link `{link.name}` moves in mode `{mode}`, but is too light for MuJoCo: {light} ({_measured(heaviest)})",
                 link.origin, path=link.name, help=_cause(heaviest),
             )
         elif fault is None:
             findings.error(
-                Code.MASSLESS, f"link `{link.name}` moves in mode `{mode}` and has no mass ({named})", link.origin,
-                path=link.name,
-                help="give one of its components `mass:` (and `inertia:` where it has no geometry), or attach it to another link; "
-                "without a mass it may only join two joints",
+                Code.MASSLESS, f"link `{link.name}` moves in mode `{mode}`, but has no mass ({named})", link.origin, path=link.name,
+                help="give one of its components `mass:` (and `inertia:` if it has no geometry), or attach it to another link; "
+                "a link without mass may only connect two joints",
             )
         else:
             findings.error(
-                Code.NOT_PHYSICAL, f"link `{link.name}` moves in mode `{mode}` and its inertia is not physical: {fault} ({named})",
-                link.origin, path=link.name, help="give a component with geometry a mass, or state `inertia:` on one of them",
+                Code.NOT_PHYSICAL, f"link `{link.name}` moves in mode `{mode}`, but its inertia is not physical: {fault} ({named})",
+                link.origin, path=link.name, help="give a component with geometry a mass, or add `inertia:` to one of them",
             )
 
 
 def _light(mass: float, least: float) -> str | None:
     """Describe why the mass or the smallest principal moment [kg m^2] of a moving link is too small for MuJoCo; None if neither is."""
     if mass <= LEAST_MASS:
-        return f"it weighs {mass_words(mass)}, and must weigh more than {mass_words(LEAST_MASS)}"
+        return f"its mass is {mass_words(mass)}, but must be more than {mass_words(LEAST_MASS)}"
     if least < LEAST_MOMENT * (1.0 + _ROOM):
-        return f"its smallest moment of inertia is {least:.3g} kg m^2, and must be {LEAST_MOMENT:g} at least"
+        return f"its smallest moment of inertia is {least:.3g} kg m^2, but must be at least {LEAST_MOMENT:g}"
     return None
 
 

@@ -137,8 +137,8 @@ class Tree:
                 if name in definition.mounts or name in instance.children:
                     origin = extra.origin + instance.origin[len(component.origin):]
                     self._findings.error(
-                        Code.MOUNT_CLASH, f"`{component.name}` already shows `{name}`", origin, path=instance.path,
-                        help="give the mount that is added here another name", notes=_shown_by(definition),
+                        Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`", origin, path=instance.path,
+                        help="rename the mount that is added here", notes=_shown_by(definition),
                     )
                 elif instance.index is not None:
                     frame = MountFrame(pose=extra.pose, interface=extra.interface)
@@ -204,7 +204,7 @@ class Tree:
             definition = instance.assembly
             if (instance.path, name) in met:
                 return _Fault(
-                    message=f"the mount `{name}` of `{definition.label}` stands for itself", help="let it name a component's mount",
+                    message=f"the mount `{name}` of `{definition.label}` refers to itself", help="use a mount of a component",
                 )
             met.add((instance.path, name))
             component = instance.component
@@ -227,7 +227,7 @@ class Tree:
             else:
                 added = component.mounts if component is not None else {}
                 return _Fault(
-                    code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} shows no mount `{name}`",
+                    code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} exports no mount `{name}`",
                     help=_mount_help(name, [*definition.mounts, *added, "origin"], document), notes=_shown_by(definition),
                 )
         if instance.part is not None and instance.index is not None and name in instance.part.mounts:
@@ -246,7 +246,7 @@ def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> 
         return _SILENT
     return _Fault(
         code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} has no mount `{name}`",
-        help=f"the part has `{name}`, but not as a mount: write `self.{name} = MountPoint(...)`"
+        help=f"the part has an attribute `{name}`, but it is not a mount: write `self.{name} = MountPoint(...)`"
         if part.record is not None and name in part.record.references else _mount_help(name, part.mounts, document),
         notes=written_at(f"`{part.definition.label}`", part.record.code) if part.record is not None else (),
     )
@@ -291,4 +291,4 @@ def _owner(instance: Instance, shown: str) -> str:
 def _shown_by(definition: AssemblyDefinition) -> tuple[Note, ...]:
     """Return the note that shows where an assembly exports its mounts."""
     places = [reference.origin[0] for reference in definition.mounts.values() if reference.origin] or list(definition.origin[:1])
-    return (Note(message=f"the mounts that `{definition.label}` shows are written here", span=places[0]),) if places else ()
+    return (Note(message=f"`{definition.label}` exports its mounts here", span=places[0]),) if places else ()

@@ -27,7 +27,7 @@ from thingc.model.assembly.types import Assembly, Connected, Mate, Occurrence
 from thingc.model.resolve.types import AssemblyDefinition
 
 ABSENT = {
-    "decompose": "there is no convex decomposition of it", "part": "its Thing has no `collision()`", "hull": "it has no hull",
+    "decompose": "it has no convex decomposition", "part": "its part class has no `collision()`", "hull": "it has no hull",
     "mesh": "it has no mesh",
 }
 """Why there is no shape, by value of `collision`."""
@@ -43,10 +43,9 @@ def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> N
         if one.record is None or not one.record.meshes or choice == "none" or one.touching:
             continue
         findings.error(
-            Code.COLLISION_MISSING,
-            f"`{one.path}` ({one.definition.label}) asks for `collision: {choice}`, but "
-            + ABSENT.get(choice, f"no {choice} could be fitted to it"),
-            one.origin, path=one.path, help="write `collision: hull`, or `none` if it shall touch nothing",
+            Code.COLLISION_MISSING, f"`{one.path}` ({one.definition.label}) has `collision: {choice}`, but "
+            + ABSENT.get(choice, f"no {choice} could be fitted to it"), one.origin, path=one.path,
+            help="write `collision: hull`, or `none` to disable contacts",
         )
 
 
@@ -126,8 +125,8 @@ def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findin
         return
     alone = next((one for k, one in enumerate(tree.occurrences) if k not in at), tree.top)
     findings.error(
-        Code.INCOMPLETE, f"`{alone.path or model.name}` does not hang together with the base of `{model.name}`",
-        alone.origin or model.origin, path=alone.path or None, help="place every component, once, on another one",
+        Code.INCOMPLETE, f"`{alone.path or model.name}` is not connected to the base of `{model.name}`",
+        alone.origin or model.origin, path=alone.path or None, help="place every component once, on another component",
     )
 
 

@@ -101,8 +101,8 @@ def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[i
             if other is not None and other.document == naming.document:
                 before = other.name.rsplit("/", 1)[-1]
                 findings.error(
-                    Code.LINK_NAMED_TWICE, f"`{line.name}` and `{before}` name one link: nothing moves between them", naming.origin,
-                    path=naming.name, help="keep one of the two names", notes=noted(f"`{before}` is written here", other.origin),
+                    Code.LINK_NAMED_TWICE, f"`{line.name}` and `{before}` name the same link: no joint moves between them", naming.origin,
+                    path=naming.name, help="remove one of the two names", notes=noted(f"`{before}` is written here", other.origin),
                 )
             elif other is None or naming.depth < other.depth:
                 chosen[link] = naming
@@ -114,8 +114,8 @@ def _clash(other: Link, link: Link, *, named: bool, occurrences: Sequence[Occurr
     written, called = (link, other) if named else (other, link)
     first = occurrences[called.members[0]]
     findings.error(
-        Code.DUPLICATE_LINK, f"`{link.name}` names two links: this one, and the one of component `{first.path}`", written.origin,
-        path=link.name, help=f"choose another name, or name the link of `{first.path}` under `links:`, too",
+        Code.DUPLICATE_LINK, f"`{link.name}` names two links: this one and the link of component `{first.path}`", written.origin,
+        path=link.name, help=f"choose another name, or also name the link of `{first.path}` under `links:`",
         notes=noted(f"`{first.path}` is here", called.origin),
     )
 

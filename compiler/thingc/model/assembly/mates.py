@@ -82,9 +82,8 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findi
         findings.error(
             Code.PLACED_ON_ITSELF,
             f"joint `{joint.name.joint}` connects `{joint.child.path[0]}` with itself: its mounts are `{joint.parent.text}` and "
-            f"`{joint.child.text}`",
-            joint.parent.origin + instance.origin, path=instance.within(joint.path), help="name mounts of two components",
-            notes=noted("the child", joint.child.origin),
+            f"`{joint.child.text}`", joint.parent.origin + instance.origin, path=instance.within(joint.path),
+            help="use mounts of two different components", notes=noted("the child", joint.child.origin),
         )
         return
     edges = tuple(joint_edge(tree, instance, one, one.twist, findings) for one in coordinates if one.twist is not None)
@@ -116,7 +115,7 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
             name = links[link_of[mate.parent]].name
             findings.error(
                 Code.LOOP, f"joint `{mate.loop}` closes no loop: both its mounts are on link `{name}`", mate.origin,
-                path=mate.loop, help="name mounts of two links that move against each other, or take the joint out",
+                path=mate.loop, help="use mounts of two links that move relative to each other, or remove the joint",
                 notes=noted(f"link `{name}` begins here", links[link_of[mate.parent]].origin),
             )
 
@@ -175,12 +174,10 @@ def _check_circles(instance: Instance, definition: AssemblyDefinition, findings:
             hops += f" and {len(circle) - MAX_CIRCLE} more"
         findings.leave_out()
         findings.error(
-            Code.PLACEMENT_CIRCLE, f"components placed in a circle: {hops}", stands[circle[0]][1] + instance.origin,
-            path=instance.within(circle[0]),
-            help="place one of them on a component outside of the circle" + (
-                "; or, where a joint of it closes a loop, write `loop: true` in that" if jointed & set(circle) else ""
-            ),
-            notes=[note for member in circle[1:MAX_CIRCLE] for note in noted(f"`{member}` is placed here", stands[member][1])],
+            Code.PLACEMENT_CIRCLE, f"components are placed in a cycle: {hops}", stands[circle[0]][1] + instance.origin,
+            path=instance.within(circle[0]), help="place one of them on a component outside the cycle" + (
+                "; if one of the joints closes a loop, add `loop: true` to it" if jointed & set(circle) else ""
+            ), notes=[note for member in circle[1:MAX_CIRCLE] for note in noted(f"`{member}` is placed here", stands[member][1])],
         )
 
 
@@ -191,6 +188,6 @@ def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: L
         return
     first, second = (instance.children[name] for name in bases[:2])
     findings.error(
-        Code.TWO_BASES, f"nothing places `{bases[1]}`, nor `{bases[0]}`: an assembly has one base", second.origin, path=second.path,
-        help=f"give `{bases[1]}` an `attach`, an `at` or a joint", notes=noted(f"`{bases[0]}` is here", first.origin),
+        Code.TWO_BASES, f"neither `{bases[0]}` nor `{bases[1]}` is placed: an assembly has only one base", second.origin, path=second.path,
+        help=f"add `attach`, `at` or a joint that places `{bases[1]}`", notes=noted(f"`{bases[0]}` is here", first.origin),
     )

@@ -92,7 +92,7 @@ def _holds(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[LinkedHold]
         if other is not linked:
             findings.error(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}` twice", hold.origin, path=choice.path,
-                help="keep one of the two", notes=noted("the other one is here", other.origin),
+                help="remove one of the two", notes=noted("also held here", other.origin),
             )
             continue
         yield linked
@@ -112,8 +112,8 @@ def _feet(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[Foot]:
         hold = held.get((choice.occurrence, choice.mount))
         if hold is not None:
             findings.error(
-                Code.STANDING, f"mode `{mode.name}` stands on `{choice.path}` and holds it", reference.origin, path=choice.path,
-                help="keep one of the two", notes=noted("it is held here", hold.origin),
+                Code.STANDING, f"`{choice.path}` is in both `hold` and `standing_on` of mode `{mode.name}`", reference.origin,
+                path=choice.path, help="remove one of the two", notes=noted("it is held here", hold.origin),
             )
             continue
         part = tree.occurrences[choice.occurrence].part
@@ -224,7 +224,7 @@ def check_poses(
         for name in mode.poses:
             if name not in names and not findings.earlier:
                 findings.error(
-                    Code.UNKNOWN_POSE, f"mode `{mode.name}` uses a pose `{name}` that the document does not have", mode.origin,
+                    Code.UNKNOWN_POSE, f"mode `{mode.name}` uses pose `{name}`, which the document does not define", mode.origin,
                     path=mode.name, help=did_you_mean(name, names, what="poses"),
                 )
     by_path = {joint.path: joint for joint in joints}
@@ -232,7 +232,7 @@ def check_poses(
         for path in pose.values:
             if path not in by_path and not findings.earlier and not findings.incomplete:
                 findings.error(
-                    Code.UNKNOWN_JOINT, f"pose `{pose.name}` sets `{path}`, which is no joint that moves",
+                    Code.UNKNOWN_JOINT, f"pose `{pose.name}` sets `{path}`, which is not a moving joint",
                     pose.origins.get(path, pose.origin), path=pose.name, help=did_you_mean(path, by_path, what="joints"),
                 )
         for path, q in coordinates(joints, pose.values).items():
@@ -259,8 +259,8 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
     twist, lower, upper = joint.twist, joint.limit.lower, joint.limit.upper
     if not isfinite(q):
         findings.error(
-            Code.POSE_LIMITS, f"pose `{pose.name}` brings `{joint.name}` beyond what a number can be", pose.origin, path=pose.name,
-            help="write a smaller value", notes=noted(f"`{joint.name}` follows another joint here", joint.origin),
+            Code.POSE_LIMITS, f"pose `{pose.name}` moves `{joint.name}` to a value that is not finite", pose.origin, path=pose.name,
+            help="write a smaller value", notes=noted(f"`{joint.name}` mimics another joint here", joint.origin),
         )
         return
     below = lower is not None and q < lower - _ROUNDING * maximum(1.0, abs(lower))
@@ -282,11 +282,11 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
             Code.POSE_LIMITS,
             f"pose `{pose.name}` puts `{joint.name}`, which mimics `{joint.mimic.joint}`, at {twist.shown(q)}, outside {limits}",
             pose.origins.get(joint.mimic.joint.path, pose.origin), path=pose.name,
-            help=f"set `{joint.mimic.joint}` so that both stay within their limits, or widen them", notes=notes,
+            help=f"set `{joint.mimic.joint}` so that both are within their limits, or widen the limits", notes=notes,
         )
     else:
         findings.error(
-            Code.POSE_LIMITS, f"pose `{pose.name}` does not set `{joint.name}`, and 0 is outside {limits}", pose.origin,
+            Code.POSE_LIMITS, f"pose `{pose.name}` does not set `{joint.name}`, and its default 0 is outside {limits}", pose.origin,
             path=pose.name, help=f"set `{joint.name}` in the pose", notes=notes,
         )
 

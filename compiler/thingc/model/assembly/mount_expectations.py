@@ -62,14 +62,14 @@ def _warn(owner: Occurrence, one: MountExpectation, others: Sequence[tuple[Occur
     found = other.definition.label if other is not None else ""
     if other is not None and found == wanted:  # labels are equal; the difference is in digits that they do not show
         wanted, found = one.text, other.definition.text
-    cut = f"`{name}.{one.mount}` was cut for `{wanted}`"
-    help = f"put `{wanted}` there by its mount `{one.child_mount}`; {allow_hint(Code.EXPECTATION)}"
+    cut = f"`{name}.{one.mount}` is cut for `{wanted}`"
+    help = f"attach `{wanted}` there by its mount `{one.child_mount}`; {allow_hint(Code.EXPECTATION)}"
     if other is None:
-        findings.warn(Code.EXPECTATION, f"{cut}, and nothing sits there", owner.origin, path=owner.path, help=help)
+        findings.warn(Code.EXPECTATION, f"{cut}, but nothing is attached there", owner.origin, path=owner.path, help=help)
         return
     if _is(other, one, owner):
-        message = f"{cut} by its mount `{one.child_mount}`, but `{other.component.name}` sits there by `{mount}`"
+        message = f"{cut} by its mount `{one.child_mount}`, but `{other.component.name}` is attached there by `{mount}`"
     else:
-        message = f"{cut}, but `{other.component.name}` (`{found}`) sits there"
+        message = f"{cut}, but `{other.component.name}` (`{found}`) is attached there"
     notes = noted(f"`{name}` is here", owner.origin)
     findings.warn(Code.EXPECTATION, message, other.origin, path=other.path, help=help, notes=notes)

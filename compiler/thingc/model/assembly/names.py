@@ -67,6 +67,6 @@ def _check(things: Iterable[tuple[str, Origin]], given: Mapping[str, tuple[str, 
         if other != path:
             mine = path in given
             findings.error(
-                Code.SAME_NAME, f"files would call both `{other}` and `{path}` `{name}`", where if mine else place, path=path,
-                help="give one of them another name", notes=noted(f"`{other if mine else path}` is here", place if mine else where),
+                Code.SAME_NAME, f"`{other}` and `{path}` would both be named `{name}` in files", where if mine else place, path=path,
+                help="rename one of them", notes=noted(f"`{other if mine else path}` is here", place if mine else where),
             )

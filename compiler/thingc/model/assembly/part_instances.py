@@ -35,30 +35,30 @@ from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
 from thingc.model.resolve.plausibility import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
 from thingc.model.resolve.types import AssemblyDefinition, BomEntry, Component, Material, Process
 
-_WRITE_WHERE = "let it write nothing, or into `tempfile.gettempdir()`, which is its own and goes with it"
+_WRITE_WHERE = "write no files, or only into `tempfile.gettempdir()`, which is private to the part and removed after it"
 _FAILED: Mapping[FailureKind, tuple[Code, str, str]] = {
-    "raised": (Code.PART_RAISED, "raised an exception", "change its `params`, or mend the part file"),
-    "hung": (Code.PART_HUNG, "took too long", "mend the part, or allow more time with `--part-timeout`"),
-    "crashed": (Code.PART_CRASHED, "crashed the interpreter", "change its `params`, or what the part asks of the CAD kernel"),
-    "trespassed": (Code.PART_WRITES, "writes outside of its own folder", _WRITE_WHERE),
-    "swarmed": (Code.PART_SWARMED, "starts too many processes", "let it start fewer, and wait for each"),
-    "starved": (Code.PART_STARVED, "needs too much memory", "make it simpler, or allow more with `part_memory` in `thingc.toml`"),
-    "empty": (Code.PART_EMPTY, "has no volume", "let `result()` return a solid, or None for a part without geometry"),
-    "refused": (Code.PART_REFUSED, "is refused", "take a part from the workspace's `parts` folders or its `packages`"),
-    "missing": (Code.PART_MISSING, "is not there", "write `module:Class` with a module on the part path and a class in it"),
-    **dict.fromkeys(("invalid", "resultless", "absent"), (Code.PART_INVALID, "is not valid", "mend the part file")),
-    "unbounded": (Code.PART_INVALID, "cannot have so few triangles", "allow more `faces`"),
-    "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and keep what it writes with the documents"),
-    "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and keep what it writes with the documents"),
+    "raised": (Code.PART_RAISED, "raised an exception", "change its `params`, or fix the part file"),
+    "hung": (Code.PART_HUNG, "took too long", "fix the part, or allow more time with `--part-timeout`"),
+    "crashed": (Code.PART_CRASHED, "crashed the interpreter", "change its `params`, or the CAD operations of the part"),
+    "trespassed": (Code.PART_WRITES, "writes files outside its own folder", _WRITE_WHERE),
+    "swarmed": (Code.PART_SWARMED, "starts too many processes", "start fewer processes, and wait for each"),
+    "starved": (Code.PART_STARVED, "needs too much memory", "simplify the part, or raise `part_memory` in `thingc.toml`"),
+    "empty": (Code.PART_EMPTY, "has no volume", "return a solid from `result()`, or None for a part without geometry"),
+    "refused": (Code.PART_REFUSED, "is not allowed", "use a part from the `parts` folders or the `packages` of the workspace"),
+    "missing": (Code.PART_MISSING, "does not exist", "write `module:Class`, with a module in a part folder and a class in that module"),
+    **dict.fromkeys(("invalid", "resultless", "absent"), (Code.PART_INVALID, "is not valid", "fix the part file")),
+    "unbounded": (Code.PART_INVALID, "cannot be simplified to so few triangles", "increase `faces`"),
+    "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and commit the file that it writes"),
+    "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and commit the file that it writes"),
 }
 """By kind of failure: the code, the phrase that follows the part, and the help."""
 _INSTEAD: Mapping[ImpureInputs, str] = {
-    ImpureInputs.ENVIRONMENT: "make it a parameter, or a file that the part reads with `asset(...)`",
-    ImpureInputs.CLOCK: "make it a parameter",
+    ImpureInputs.ENVIRONMENT: "pass it as a parameter, or in a file that the part reads with `asset(...)`",
+    ImpureInputs.CLOCK: "pass it as a parameter",
     ImpureInputs.CHANCE: "seed the generator: `random.Random(7)`, `numpy.random.default_rng(7)`",
-    ImpureInputs.PROCESS: "let it write a file beforehand, and read that with `asset(...)`",
-    ImpureInputs.NETWORK: "fetch it into a file beforehand, and read that with `asset(...)`",
-    ImpureInputs.LEFT: "let it wait for what it starts: `subprocess.run(...)`, or `with` a pool",
+    ImpureInputs.PROCESS: "write its output to a file beforehand, and read that with `asset(...)`",
+    ImpureInputs.NETWORK: "download it to a file beforehand, and read that with `asset(...)`",
+    ImpureInputs.LEFT: "wait for processes that the part starts: use `subprocess.run(...)`, or a pool in a `with` block",
 }
 """By impure input of a part: what to use instead."""
 _SHOWN_PLACES = 8
@@ -111,21 +111,19 @@ class PartInstances:
             hint = did_you_mean(name, scope.materials, what="materials")
             near = nearest(name, scope.materials)
             if near is None:
-                hint += "; list a document that has it under `materials:` (`thingc_stock.materials` has the usual ones)"
-                hint += ", or write `material:` here"
-            notes = list(noted(f"`{near}` is written here", scope.materials[near].origin)) if near is not None else []
+                hint += "; list a document that defines it under `materials:` (`thingc_stock.materials` defines common ones)"
+                hint += ", or set `material:` here"
+            notes = list(noted(f"`{near}` is defined here", scope.materials[near].origin)) if near is not None else []
             notes += written_at(f"`{component.label}`", record.code)
             places = {place: other for other, _, _, _, place in reversed(users[1:]) if place[:1] != origin[:1]}
-            others = [note for place, other in reversed(places.items()) for note in noted(f"so is `{other.name}`", place)]
+            others = [note for place, other in reversed(places.items()) for note in noted(f"`{other.name}` also uses it", place)]
             notes += others[: _SHOWN_PLACES - 1]
             if len(others) >= _SHOWN_PLACES:
                 notes.append(Note(message=f"and {counted(len(others) - _SHOWN_PLACES + 1, 'more component')}"))
             say = self._findings.error if needed else self._findings.warn
             say(
-                Code.UNKNOWN_MATERIAL,
-                f"`{component.name}` (`{component.label}`) is made of `{name}` by default, "
-                f"which is not among the materials of `{scope.name}`",
-                origin, path=path, help=hint, notes=notes,
+                Code.UNKNOWN_MATERIAL, f"`{component.name}` (`{component.label}`) is made of `{name}` by default, "
+                f"which is not among the materials of `{scope.name}`", origin, path=path, help=hint, notes=notes,
             )
 
     def report_failures(self) -> None:
@@ -136,7 +134,7 @@ class PartInstances:
             if not isinstance(failure, PartFailure) or not isinstance(component.definition, PartDefinition):
                 continue
             code, what, help = _FAILED[failure.kind]
-            notes = [note for other, _, place in users[1:_SHOWN_PLACES] for note in noted(f"`{other.name}` is one, too", place)]
+            notes = [note for other, _, place in users[1:_SHOWN_PLACES] for note in noted(f"`{other.name}` also uses this part", place)]
             if len(users) > _SHOWN_PLACES:
                 notes.append(Note(message=f"and {counted(len(users) - _SHOWN_PLACES, 'more component')}"))
             if component.definition.parameters:
@@ -148,10 +146,10 @@ class PartInstances:
             if failure.candidates:
                 help = did_you_mean(failure.subject, failure.candidates, what="parts")
             elif component.definition.kind == "file" and failure.kind in ("invalid", "raised", "crashed"):
-                help = "open the file in a CAD program and export it anew as a solid"
+                help = "open the file in a CAD program and export it again as a solid"
             elif component.definition.kind == "file" and code is Code.PART_EMPTY:
-                unit = "" if said_by_file(component.definition) else "say what its numbers are in (`unit: m`; mm unless given), or "
-                help = f"{unit}export it anew as a solid"
+                unit = "" if said_by_file(component.definition) else "set the unit of its numbers (such as `unit: m`; default: mm), or "
+                help = f"{unit}export it again as a solid"
             self._findings.error(code, message, origin, path=path, notes=notes, detail=failure.detail, help=help)
 
     def _work_out(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
@@ -214,8 +212,8 @@ class PartInstances:
             volumes = ", ".join(f"{float(f'{1e6 * volume:.3g}'):g}" for volume in record.apart[:_SHOWN_PLACES])
             more = ", ..." if len(record.apart) > _SHOWN_PLACES else ""
             if key not in self._warned and findings.warn(
-                Code.APART, f"{of} is {len(record.apart)} solids that do not touch ({volumes}{more} cm^3)", origin, path=path,
-                notes=place, help=f"let them overlap; several on purpose are a list: `return [a, b]`; {allow_hint(Code.APART)}",
+                Code.APART, f"{of} is {len(record.apart)} separate solids ({volumes}{more} cm^3)", origin, path=path,
+                notes=place, help=f"make them overlap, or return a list if this is intended: `return [a, b]`; {allow_hint(Code.APART)}",
             ):
                 self._warned.add(key)
 
@@ -228,14 +226,14 @@ class PartInstances:
         bought = bom.make == "buy" or bom.make is None and process is not None and (process.kind or "").lower() == "bought"
         if record.own_image and component.image_of is None:
             code = Code.OWN_IMAGE
-            message = f"`{component.name}` is the mirror image of `{plain.label}`, which is the same part, and counts as another"
-            help = f"take `mirror` out; {allow_hint(code)}"
+            message = f"`{component.name}` is the mirror image of `{plain.label}`, which has the same shape, but counts as a different part"
+            help = f"remove `mirror`; {allow_hint(code)}"
         elif bought and bom.number is None:
             code = Code.MIRRORED_BOUGHT
-            message = f"`{component.name}` is the mirror image of `{plain.label}`, which is bought: is there one to buy?"
-            help = f"take `mirror` out, or write the order number of the mirror image: `bom: {{number: ...}}`; {allow_hint(code)}"
+            message = f"`{component.name}` is the mirror image of `{plain.label}`, a purchased part: a mirrored version may not exist"
+            help = f"remove `mirror`, or add the order number of the mirror image: `bom: {{number: ...}}`; {allow_hint(code)}"
             if component.image_of is not None:
-                help = f"take it out of the assembly that is mirrored, and place it in the one around that; {allow_hint(code)}"
+                help = f"move it from the mirrored assembly to the assembly that contains it; {allow_hint(code)}"
         else:
             return
         if (record.text, code.code) not in self._warned and self._findings.warn(code, message, origin, path=path, help=help):
@@ -262,17 +260,16 @@ class PartInstances:
                 findings.leave_out()
         elif weighed is None and record is not None and material is None:
             findings.error(
-                Code.NO_MATERIAL, f"`{component.name}` (`{component.label}`) has neither a material nor a mass", origin, path=path,
-                help=(
+                Code.NO_MATERIAL, f"`{component.name}` (`{component.label}`) has neither a material nor a mass", origin, path=path, help=(
                     "add `material:` (" + did_you_mean("", scope.materials, what="materials") + ") or `mass:`" if scope.materials
-                    else "list a document under `materials:` and name one of its materials in `material:`, or add `mass:`"
+                    else "list a document under `materials:` and set `material:` to one of its materials, or add `mass:`"
                 ),
             )
         elif weighed is None and material is not None:
             findings.error(
                 Code.NO_MATERIAL, f"`{component.name}` is made of `{material.name}`, which has no density", origin, path=path,
                 help=f"add `density:` to `{material.name}`, or `mass:` to `{component.name}`",
-                notes=noted(f"`{material.name}` is written here", material.origin),
+                notes=noted(f"`{material.name}` is defined here", material.origin),
             )
         if needs_density and weighed is not None and missing_keys(process):
             if unsaid := unsaid_keys(process):
@@ -347,11 +344,11 @@ class PartInstances:
         of_material = material is not None and material.process is not None and layers_too_high(material.process)
         self._findings.error(
             Code.HIGH_LAYERS, f"`layer` is {1e3 * (process.layer or 0.0):g} mm, and `line_width` only "
-            f"{1e3 * (process.line_width or 0.0):g} mm: a line is at least as wide as it is high",
+            f"{1e3 * (process.line_width or 0.0):g} mm: a line must be at least as wide as it is high",
             material.process_origin if of_material and material is not None else origin, path=path,
-            help="write for example `layer: 0.2 mm, line_width: 0.45 mm`",
+            help="for example `layer: 0.2 mm, line_width: 0.45 mm`",
             notes=noted(f"`{component.name}` is made of it", origin) if of_material else
-            noted(f"the process of `{material.name}` is written here", material.process_origin) if material is not None else (),
+            noted(f"the process of `{material.name}` is defined here", material.process_origin) if material is not None else (),
         )
 
     def _unsliced(self, component: Component, record: PartRecord | None, process: Process, path: str, origin: Origin) -> None:
@@ -362,8 +359,8 @@ class PartInstances:
             return
         self._told.add((record.text, slices))
         self._findings.warn(
-            Code.UNSLICED, f"`{component.name}` (`{component.label}`) cannot be cut into layers: it {slices.reason}; its mass is estimated "
-            "by its skin", origin, path=path, help="mend the part, or write `process: {estimate: skin}` here",
+            Code.UNSLICED, f"`{component.name}` (`{component.label}`) cannot be sliced: it {slices.reason}; its mass is estimated "
+            "from its surface", origin, path=path, help="fix the part, or write `process: {estimate: skin}` here",
         )
 
     def _incomplete(self, component: Component, material: Material | None, missing: tuple[str, ...], path: str, origin: Origin) -> None:
@@ -372,7 +369,7 @@ class PartInstances:
         keys = unsaid_keys(of_material) or missing
         listed = " and ".join(filter(None, (", ".join(f"`{key}`" for key in keys[:-1]), f"`{keys[-1]}`")))
         needed = {"walls", "line_width"} & set(keys)
-        instead = "`infill: 100 %`" if needed else "`estimate: skin`, which needs `walls` and `line_width` only"
+        instead = "`infill: 100 %`" if needed else "`estimate: skin`, which needs only `walls` and `line_width`"
         if material is not None and of_material is not None:
             self._findings.error(
                 Code.INFILL, f"`{material.name}` is printed with an infill, but its `process` has no {listed}", material.process_origin,
@@ -382,7 +379,7 @@ class PartInstances:
         self._findings.error(
             Code.INFILL, f"`{component.name}` is printed with an infill, but its process has no {listed}", origin, path=path,
             help=f"add {listed} to the `process` of the material or of the component, or write {instead}",
-            notes=noted(f"the process of `{material.name}` is written here", material.process_origin) if material is not None else (),
+            notes=noted(f"the process of `{material.name}` is defined here", material.process_origin) if material is not None else (),
         )
 
     def _physical(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> bool:
@@ -396,8 +393,8 @@ class PartInstances:
             fault = physical_fault(record.matrix.value)
             if fault is not None:
                 self._findings.error(
-                    Code.NOT_PHYSICAL, f"the inertia that `{component.label}` states is not physical: {fault}", origin, path=path,
-                    help="`matrix_of_inertia()` is about the centre of mass, in Thing axes, in kg m^2",
+                    Code.NOT_PHYSICAL, f"the inertia of `{component.label}` is not physical: {fault}", origin, path=path,
+                    help="`matrix_of_inertia()` returns the inertia relative to the centre of mass, in the axes of the part, in kg m^2",
                     notes=written_at(f"`{component.label}`", record.code),
                 )
             return fault is None
@@ -415,7 +412,7 @@ class PartInstances:
                 place = extra.origin + origin[len(component.origin):]
                 self._findings.error(
                     Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`", place, path=path,
-                    help="give the mount that is added here another name",
+                    help="rename the mount that is added here",
                     notes=written_at(f"`{component.label}`", record.code) if record is not None and name in record.mounts else (),
                 )
                 continue

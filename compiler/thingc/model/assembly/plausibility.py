@@ -51,7 +51,7 @@ def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
             part, opposite, parent = (assembly.occurrences[index].path for index in (other.child, one.child, one.parent))
             if turn and findings.warn(
                 Code.MIRRORED_TURN,
-                f"`{part}` is turned by {abs(turn)} deg against the mirror image of `{opposite}`, on the other side of `{parent}`",
+                f"`{part}` is rotated by {abs(turn)} deg relative to the mirror image of `{opposite}`, on the other side of `{parent}`",
                 other.origin, path=part, notes=noted(f"`{opposite}` is placed here", one.origin),
                 help=f"add {turn} deg to its `turn`, or use `facing` or `mate_x` for the mounts; {allow_hint(Code.MIRRORED_TURN)}",
             ):
@@ -143,7 +143,7 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> boo
             continue
         bound = f"under {1000.0 * SMALLEST:g} mm" if maximum(sides) < SMALLEST else f"over {LARGEST:g} m"
         if findings.warn(
-            Code.SIZE, f"`{one.component.name}` (`{one.definition.label}`) is {bound} long: it measures {measures(one.box)}",
+            Code.SIZE, f"`{one.component.name}` (`{one.definition.label}`) is {bound} long: its bounding box is {measures(one.box)}",
             one.origin, path=one.path, notes=written_at(f"`{one.definition.label}`", one.record.code) if one.record is not None else (),
             help=f"{unit_meant(one.component.definition, maximum(sides))}; {allow_hint(Code.SIZE)}",
         ):
@@ -174,15 +174,15 @@ def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None
         return None
     (low, high), centre, inertia = one.box, one.properties.centre, one.properties.inertia
     size = dist(low, high)
-    across = f"and it measures {length_words(size, 3)} across"
+    across = f"which is {length_words(size, 3)} across"
     away = hypot(*(maximum(least - at, at - most, 0.0) for least, at, most in zip(low, centre, high, strict=True)))
     if away > size:
-        what = f"the centre of mass of `{one.component.name}` is {length_words(away, 3)} outside of it, {across}"
-        return one.overrides.com, what, "mind the unit (`mm`, `m`; a Thing's `centre()` is in mm), and that it is in the component's axes"
+        what = f"the centre of mass of `{one.component.name}` is {length_words(away, 3)} outside its geometry, {across}"
+        return one.overrides.com, what, "check the unit (`mm`, `m`; mm in `centre()` of a part class) and the axes (those of the component)"
     radius = sqrt(maximum(inertia[0][0] + inertia[1][1] + inertia[2][2], 0.0) / (2.0 * mass))
     if not size / COMPACT <= radius <= SPREAD * size:
         what = f"the inertia of `{one.component.name}` is that of {mass_words(mass)} at {length_words(radius, 3)} from its centre, {across}"
-        return one.overrides.inertia, what, "mind the unit: 1 kg*m^2 is 1e6 kg*mm^2, or 1e9 g*mm^2"
+        return one.overrides.inertia, what, "check the unit: 1 kg*m^2 is 1e6 kg*mm^2, or 1e9 g*mm^2"
     return None
 
 
@@ -199,7 +199,8 @@ def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: Li
             if doubt is not None and material.density_origin not in weighing:
                 findings.warn(
                     Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin + instance.origin,
-                    path=instance.within(material.name), notes=noted(f"no part of `{definition.name}` weighs by it", definition.origin),
+                    path=instance.within(material.name),
+                    notes=noted(f"no part of `{definition.name}` uses it for its mass", definition.origin),
                     help=doubted(density_cure(doubt)),
                 )
 
@@ -210,8 +211,8 @@ def _check_mass(top: Instance, mass: float, findings: LinkReport) -> None:
     if definition is None or mass <= 0.0 or FEATHER <= mass <= ELEPHANT:
         return
     findings.warn(
-        Code.ROBOT_MASS, f"`{definition.name}` weighs {mass_words(mass)} as a whole", definition.origin, path="name",
-        help=f"`thingc info` shows what each part weighs: check units of densities, masses and files; {allow_hint(Code.ROBOT_MASS)}",
+        Code.ROBOT_MASS, f"`{definition.name}` has a total mass of {mass_words(mass)}", definition.origin, path="name",
+        help=f"check units of densities, masses and files; `thingc info` lists the mass of each part; {allow_hint(Code.ROBOT_MASS)}",
     )
 
 
@@ -228,11 +229,11 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
     wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * pi and not twist.pitch]  # screws make many turns
     for key in wide:
         text, number, unit = _written_value(joint, key)
-        cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "there is a digit too many"
+        cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "the value has a digit too many"
         findings.warn(
             Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * pi))} turns (`{text}`)",
             _origin_of(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
-            help=f"probably {cause}; a joint that turns without end is `continuous`; {allow_hint(Code.LIMIT_TURNS)}",
+            help=f"probably {cause}; use `type: continuous` for a joint without limits; {allow_hint(Code.LIMIT_TURNS)}",
         )
     if wide or len(ends) < 2 or not all(ends.values()):
         return
@@ -242,9 +243,9 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
         key, value = ("upper", upper) if high_unit == "rad" else ("lower", lower)
         findings.warn(
             Code.LIMIT_UNITS,
-            f"of joint `{joint.name}` the lower limit is in {low_unit} (`{lower}`), the upper one in {high_unit} (`{upper}`)",
+            f"joint `{joint.name}` has its lower limit in {low_unit} (`{lower}`), its upper limit in {high_unit} (`{upper}`)",
             _origin_of(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
-            help=f"write both in one unit: `{value}` is `{twist.shown(ends[key])}`; {allow_hint(Code.LIMIT_UNITS)}",
+            help=f"use the same unit for both: `{value}` is `{twist.shown(ends[key])}`; {allow_hint(Code.LIMIT_UNITS)}",
         )
 
 
@@ -277,19 +278,19 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
     if friction >= DRAG * effort:
         key = "dynamics.friction"
         words = "more than" if friction > effort else f"{100.0 * friction / effort:.0f} % of"
-        said = f"dry friction of {friction:.4g} {force}, {words} what its drive gives ({effort:.4g} {force})"
+        said = f"dry friction of {friction:.4g} {force}, {words} the effort of its drive ({effort:.4g} {force})"
     elif fastest and damping and (effort - friction) / damping < SLOW * fastest:
         key = "dynamics.damping"
         slowest = (effort - friction) / damping
         said = (
-            f"so much damping that its drive ({effort:.4g} {force}) moves it by {slowest:.3g} {speed} at most, "
-            f"{100.0 * slowest / fastest:.2g} % of its speed without a load ({fastest:.3g} {speed})"
+            f"so much damping that its drive ({effort:.4g} {force}) reaches at most {slowest:.3g} {speed}, "
+            f"{100.0 * slowest / fastest:.2g} % of its no-load speed ({fastest:.3g} {speed})"
         )
     else:
         return
     findings.warn(
         Code.STUCK, f"joint `{joint.name}` has {said}", _origin_of(joint, key, joint.origin + instance.origin), path=edge.path,
-        notes=_elsewhere(joint, key), help=f"mind the unit (`m{force}`, `{force}`); {allow_hint(Code.STUCK)}",
+        notes=_elsewhere(joint, key), help=f"check the unit (`m{force}`, `{force}`); {allow_hint(Code.STUCK)}",
     )
 
 
@@ -324,13 +325,12 @@ def _check_actuators(
             continue
         still = [edge for edge in turning if edge.actuator is None]
         nearby = (still or turning)[:1]
-        help = f"write `drive: {name}` on the joint that it moves"
+        help = f"add `drive: {name}` to the joint that it moves"
         if still:
-            help = f"if it moves joint `{still[0].path}`, write `drive: {name}` there"
+            help = f"if it moves joint `{still[0].path}`, add `drive: {name}` there"
         findings.warn(
-            Code.IDLE_ACTUATOR, f"`{name}` (`{one.definition.label}`) has an actuator, and no joint is driven by it", one.origin,
-            path=one.path, help=f"{help}; {allow_hint(Code.IDLE_ACTUATOR)}",
-            notes=[
+            Code.IDLE_ACTUATOR, f"`{name}` (`{one.definition.label}`) has an actuator, but does not drive a joint", one.origin,
+            path=one.path, help=f"{help}; {allow_hint(Code.IDLE_ACTUATOR)}", notes=[
                 note for edge in nearby
                 for note in noted(f"joint `{edge.path}` is on it, " + ("without a drive" if still else "with another drive"), edge.origin)
             ],
@@ -351,9 +351,9 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> No
                 continue
             meant = ".".join((*reference.path, name))
             findings.warn(
-                Code.OTHER_MOUNT, f"the mount `{name}` of `{definition.name}` is `{reference.text}`, and there is a `{meant}`, too",
+                Code.OTHER_MOUNT, f"the mount `{name}` of `{definition.name}` is `{reference.text}`, although `{meant}` also exists",
                 reference.origin + instance.origin, path=instance.within(name),
-                help=f"write `{name}: {meant}`, or give it another name; {allow_hint(Code.OTHER_MOUNT)}",
+                help=f"write `{name}: {meant}`, or rename the mount; {allow_hint(Code.OTHER_MOUNT)}",
             )
 
 
@@ -380,7 +380,7 @@ def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: LinkR
                 findings.warn(
                     Code.FAR, f"{offset.words} {length_words(offset.length)}, {times_words(times)} times the size of the largest part "
                     f"(`{largest.path}`, {length_words(size, 3)} across)", offset.origin + instance.origin,
-                    path=instance.within(offset.path), notes=offset.notes, help=f"mind the {offset.mind}; {allow_hint(Code.FAR)}",
+                    path=instance.within(offset.path), notes=offset.notes, help=f"check the {offset.mind}; {allow_hint(Code.FAR)}",
                 )
 
 
@@ -412,8 +412,8 @@ def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
         of, place, notes = f"`{key}` of joint `{joint.name}`", _origin_of(joint, key, joint.origin), _elsewhere(joint, key)
         if turns and key != "lead":
             yield _Offset(
-                words=f"{of} lets it advance by", length=length, path=joint.name, origin=place, notes=notes,
-                mind=f"unit (`deg`, `rev`): it takes {length_words(lead)} in a turn",
+                words=f"{of} is an advance of", length=length, path=joint.name, origin=place, notes=notes,
+                mind=f"unit (`deg`, `rev`): the lead is {length_words(lead)}",
             )
         else:
             yield _Offset(words=f"{of} is", length=length, path=joint.name, origin=place, notes=notes)
@@ -427,7 +427,7 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport
             findings.warn(
                 Code.FAR, f"mode `{mode.name}` puts its root {length_words(offset)} from the origin of the world, "
                 f"{times_words(offset / reach)} times the robot's reach ({length_words(reach, 3)})", mode.origin,
-                path=mode.name, help=f"mind the unit (`mm`, `m`); {allow_hint(Code.FAR)}",
+                path=mode.name, help=f"check the unit (`mm`, `m`); {allow_hint(Code.FAR)}",
             )
 
 
@@ -447,9 +447,9 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
             rest = whole - mass
             if mass > BURDEN * rest > 0.0:
                 findings.warn(
-                    Code.BARE_MASS, f"`{one.component.name}` weighs {mass_words(mass)}, {times_words(mass / rest)} times all the rest "
+                    Code.BARE_MASS, f"`{one.component.name}` weighs {mass_words(mass)}, {times_words(mass / rest)} times the rest "
                     f"of the robot ({mass_words(rest)})", stated.origin + one.origin[len(one.component.origin):],
-                    path=one.path, help=f"mind the unit (`g`, `kg`); {allow_hint(Code.BARE_MASS)}",
+                    path=one.path, help=f"check the unit (`g`, `kg`); {allow_hint(Code.BARE_MASS)}",
                 )
             elif boxes and not findings.has_said(Code.FAR):
                 # include the origin of the link: a joint may be there, with the parts far along the link
@@ -467,7 +467,8 @@ def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector
         place = placement.origin + one.origin[len(one.component.origin):] if isinstance(placement, At) else one.origin
         findings.warn(
             Code.BARE_MASS, f"the mass of `{one.component.name}` is {length_words(away, 3)} away from the parts of its link, "
-            f"which measure {length_words(size, 3)}", place, path=one.path, help=f"mind the unit (`mm`, `m`); {allow_hint(Code.BARE_MASS)}",
+            f"which are {length_words(size, 3)} across", place, path=one.path,
+            help=f"check the unit (`mm`, `m`); {allow_hint(Code.BARE_MASS)}",
         )
 
 

@@ -30,9 +30,9 @@ def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: LinkR
             said = ", ".join(f"{key}: {value}" for key, value in unused.items())
             findings.warn(
                 Code.NESTED_SIMULATION,
-                f"`simulation: {{{said}}}` of the nested document `{definition.name}` is not used, and `{top.name}` does not state it",
+                f"`simulation: {{{said}}}` of the nested document `{definition.name}` is not used, and `{top.name}` does not set it",
                 (definition.step_origin or definition.origin) + instance.origin, path=instance.path,
-                help=f"write `simulation: {{{said}}}` in the document of `{top.name}`; {allow_hint(Code.NESTED_SIMULATION)}",
+                help=f"add `simulation: {{{said}}}` to the document of `{top.name}`; {allow_hint(Code.NESTED_SIMULATION)}",
             )
 
 
@@ -56,7 +56,7 @@ def _check_steps(top: AssemblyDefinition, findings: LinkReport) -> None:
         if isinstance(step, float) and step >= LONG_STEP:
             findings.warn(
                 Code.LONG_STEP, f"a time step of {1e3 * step:g} ms is too long for contacts: parts sink into each other, or bounce",
-                owner.step_origin, path=path, help=f"1 to 5 ms are usual, 2 ms is MuJoCo's own; {allow_hint(Code.LONG_STEP)}",
+                owner.step_origin, path=path, help=f"use 1 to 5 ms; the default of MuJoCo is 2 ms; {allow_hint(Code.LONG_STEP)}",
             )
 
 
@@ -66,7 +66,7 @@ def _check_gravity(modes: Sequence[Mode], findings: LinkReport) -> None:
         x, y, z = mode.gravity
         if mode.gravity_origin and x == y == 0.0 < z:
             findings.warn(
-                Code.GRAVITY_UP, f"gravity points up: what is loose falls away from the floor, with {z:.6g} m/s^2", mode.gravity_origin,
+                Code.GRAVITY_UP, f"gravity points up ({z:.6g} m/s^2): loose objects fall away from the floor", mode.gravity_origin,
                 path=mode.name, help="write `gravity: floor` for -9.81 m/s^2 along z, and `gravity: ceiling` for a robot that hangs "
                 f"from one; {allow_hint(Code.GRAVITY_UP)}",
             )
@@ -85,10 +85,10 @@ def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: f
             times = f"{times_words(ratio)} times" if ratio > 1.0 else f"{ratio:.2g} of"
             said.add((reference.text, force))
             findings.warn(
-                Code.MAGNET, f"the magnet `{reference.text}` pulls with {Quantity(force, FORCE)}, {times} what the robot weighs "
+                Code.MAGNET, f"the magnet `{reference.text}` pulls with {Quantity(force, FORCE)}, {times} the weight of the robot "
                 f"({Quantity(float(f'{weight:.3g}'), FORCE)})", reference.origin, path=mode.name,
                 notes=noted(f"mode `{mode.name}` is here", mode.origin),
-                help=f"mind the unit (`mN`, `N`, `kN`); {allow_hint(Code.MAGNET)}",
+                help=f"check the unit (`mN`, `N`, `kN`); {allow_hint(Code.MAGNET)}",
             )
 
 
@@ -104,9 +104,9 @@ def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: C
             continue
         shown, other = (path.replace("/", ".") for path in (off, on[0]))
         findings.warn(
-            Code.HELD_OFF, f"mode `{mode.name}` is held at `{shown}`, whose magnet is off in it, and that of `{other}` is on", mode.origin,
-            path=mode.name, notes=noted(f"that of `{other}` pulls here", written[mode.name].get(other, ())),
-            help=f"write `root: {other}`, or let the magnet at `{shown}` pull, too; {allow_hint(Code.HELD_OFF)}",
+            Code.HELD_OFF, f"mode `{mode.name}` is held at `{shown}`, whose magnet is off, while the magnet of `{other}` is on",
+            mode.origin, path=mode.name, notes=noted(f"the magnet of `{other}` is switched on here", written[mode.name].get(other, ())),
+            help=f"write `root: {other}`, or also switch on the magnet at `{shown}`; {allow_hint(Code.HELD_OFF)}",
         )
 
 
@@ -117,9 +117,9 @@ def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
         first = met.setdefault(_content(mode), mode)
         if first is not mode:
             findings.warn(
-                Code.ALIKE, f"mode `{mode.name}` is the same as mode `{first.name}` in everything", mode.origin, path=mode.name,
+                Code.ALIKE, f"mode `{mode.name}` is identical to mode `{first.name}`", mode.origin, path=mode.name,
                 notes=noted(f"mode `{first.name}` is here", first.origin),
-                help=f"write what is to be different in it (check its `extends`), or take one of them out; {allow_hint(Code.ALIKE)}",
+                help=f"add the intended differences (check `extends`), or remove one of the two modes; {allow_hint(Code.ALIKE)}",
             )
 
 

@@ -56,7 +56,7 @@ def check_processes(tree: Tree, occurrences: Sequence[Occurrence], findings: Lin
                 _warn(doubt, under, (), one.path, noted(f"`{one.component.name}` is made of it", one.origin), findings)
         if own is not None:
             for doubt in _doubts(merged(own, under) or own, own.origins):
-                notes = noted(f"`{one.component.name}` is printed so", one.component.origin)
+                notes = noted(f"`{one.component.name}` is printed with it", one.component.origin)
                 beside = own.origins[doubt.key][0].line == one.component.origin[0].line
                 _warn(doubt, own, one.origin[len(one.component.origin) :], one.path, () if beside else notes, findings)
     for instance, definition in tree.assemblies:
@@ -78,15 +78,15 @@ def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:
     """Yield the suspicious values among `keys` of a process."""
     lines = process.kind in (None, "fdm")
     for key, value, (least, most), usual, words in (
-        ("line_width", process.line_width, WIDTHS, USUAL_WIDTHS, "lines are {} to {} wide") if lines else
-        ("line_width", process.line_width, SKINS, USUAL_SKINS, "walls are {} to {} thick"),
-        ("layer", process.layer, HEIGHTS, USUAL_HEIGHTS, "layers are {} to {} high"),
+        ("line_width", process.line_width, WIDTHS, USUAL_WIDTHS, "lines are usually {} to {} wide") if lines else
+        ("line_width", process.line_width, SKINS, USUAL_SKINS, "walls are usually {} to {} thick"),
+        ("layer", process.layer, HEIGHTS, USUAL_HEIGHTS, "layers are usually {} to {} high"),
     ):
         if key in keys and value is not None and not least <= value <= most:
             meant = next((value * slip for slip in _SLIPS if usual[0] <= value * slip <= usual[1]), None)
             yield _Doubt(
                 key=key, words=f"`{key}` is {length_words(value)}: {words.format(length_words(least), length_words(most))}",
-                help="mind the unit (`mm`, `um`)" if meant is None else f"probably `{length_words(meant)}` was meant",
+                help="check the unit (`mm`, `um`)" if meant is None else f"probably `{length_words(meant)}` was meant",
             )
     for key, count, most, unit, size, some in (
         ("walls", process.walls, WALLS, "lines side by side", process.line_width, "2 to 6"),
@@ -96,12 +96,12 @@ def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:
         if key in keys and count is not None and count > most:
             thick = "" if size is None else f", together {length_words(count * size)}"
             yield _Doubt(
-                key=key, words=f"`{key}` is {count}: so many {unit}{thick}",
-                help=f"it counts {unit}, {some} are usual; a solid part is `infill: 100 %`",
+                key=key, words=f"`{key}` is {count} {unit}{thick}",
+                help=f"`{key}` is a number of {unit}, usually {some}; for a solid part, use `infill: 100 %`",
             )
     for key, share in (("infill", process.infill), ("overlap", process.overlap)):
         if key in keys and share is not None and 0.0 < share < LEAST_SHARE:
             yield _Doubt(
-                key=key, words=f"`{key}` is {100.0 * share:.6g} %, less than a hundredth",
+                key=key, words=f"`{key}` is {100.0 * share:.6g} %, less than 1 %",
                 help=f"write `{key}: {10_000.0 * share:.6g} %` if that is meant",
             )

@@ -62,7 +62,7 @@ class LinkReport:
         """Return whether a diagnostic is new and within the limit; report once that the limit is exceeded."""
         if len(self._said) == MAX_FAULTS and key not in self._said:
             self._said.add(key)
-            self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} faults; the rest is not said", None)
+            self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors; the rest is not shown", None)
         return key not in self._said and len(self._said) < MAX_FAULTS
 
 
@@ -73,4 +73,4 @@ def _key(code: Code, message: str, origin: Origin) -> _Key:
 
 def written_at(what: str, code: tuple[str, int] | None) -> tuple[Note, ...]:
     """Return the note "`arm:Pen` is written here"; empty if the place is unknown (parts from files, built-ins)."""
-    return (Note(message=f"{what} is written here", span=line_of(*code)),) if code is not None else ()
+    return (Note(message=f"{what} is defined here", span=line_of(*code)),) if code is not None else ()

@@ -119,7 +119,7 @@ def _matter(shape: LinkShape, meshes: Meshes) -> MassProperties:
     if record is None:
         raise MissingDensity("")
     if record.matter is None:
-        raise MissingDensity(f"weighs by its shapes, and the surface of `{shape.solid.path}` is not closed, so that it holds nothing")
+        raise MissingDensity(f"gets its mass from its shapes, but the surface of `{shape.solid.path}` is not closed and has no volume")
     return record.matter.seen_from(shape.pose)
 
 
@@ -137,7 +137,7 @@ def weight_of(definition: LinkDefinition, material: Material | None, meshes: Mes
     weights = [(density, _matter(shape, meshes)) for shape, density in dense]
     others = [shape for shape in solid_shapes(definition) if shape not in [one for one, _ in dense]]
     if weights and any(_matter(shape, meshes).mass > 0.0 for shape in others):
-        raise MissingDensity("weighs by the densities of its shapes, and some have none")
+        raise MissingDensity("gets its mass from the densities of its shapes, but some of them have no density")
     return total(matter.with_mass(density * matter.mass) for density, matter in weights)
 
 

@@ -53,8 +53,8 @@ def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> b
     if step.mount is None or step.side is None or link_of[step.mount.occurrence] == link_of[step.side.occurrence]:
         return True
     findings.error(
-        Code.TENDON_PATH, f"`{step.side.path}` is not on the link of `{step.mount.path}`, which the tendon goes around", step.origin,
-        help="name a mount beside it for `side`", path=step.side.path,
+        Code.TENDON_PATH, f"`{step.side.path}` is not on the link of `{step.mount.path}`, around which the tendon wraps", step.origin,
+        help="set `side` to a mount on the same link", path=step.side.path,
     )
     return False
 
@@ -76,8 +76,8 @@ def rested(tendon: LinkedTendon, occurrences: Sequence[Occurrence], rest: Mappin
             x, y, z = at[step.mount.path].inverse().apply(at[step.side.path].translation)
             if x * x + y * y + (z * z if step.shape == "sphere" else 0.0) <= step.radius**2:
                 findings.error(
-                    Code.TENDON_PATH, f"`{step.side.path}` is inside of the {step.shape} that the tendon goes around", step.origin,
-                    help="name a mount outside of it: the tendon goes by on that side", path=step.side.path,
+                    Code.TENDON_PATH, f"`{step.side.path}` is inside the {step.shape} around which the tendon wraps", step.origin,
+                    help="set `side` to a mount outside it: the tendon passes on that side", path=step.side.path,
                 )
                 return tendon
     if tendon.dynamics.stiffness is None or tendon.dynamics.rest is not None:

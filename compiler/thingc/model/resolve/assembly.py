@@ -76,8 +76,8 @@ def _check_count(context: ResolveRun, scope: Scope) -> None:
     if len(context.tables) >= MAX_DEFINITIONS and not context.overfull:
         context.overfull = True
         scope.error(
-            Code.TOO_MANY, f"more than {MAX_DEFINITIONS} assemblies, each with parameters of its own, are nested here", ("name",),
-            help="nest fewer documents, or with fewer different parameters",
+            Code.TOO_MANY, f"more than {MAX_DEFINITIONS} nested assemblies with different parameters", ("name",),
+            help="nest fewer documents, or use fewer different parameters",
         )
 
 
@@ -140,7 +140,7 @@ def _check_names(scope: Scope, spec: AssemblySpec) -> None:
     for name in spec.parameters:
         if name in CONSTANTS or name in FUNCTIONS:
             scope.error(
-                Code.RESERVED_NAME, f"`{name}` means something in expressions and cannot name a parameter", ("parameters", name),
+                Code.RESERVED_NAME, f"`{name}` is reserved in expressions and cannot be the name of a parameter", ("parameters", name),
                 key=True, help="choose another name",
             )
     sections: tuple[tuple[str, Mapping[str, object], str, bool], ...] = (

@@ -30,7 +30,7 @@ def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choice
     sound: dict[str, str] = {}
     for path, text in choices.items():
         if parse(path) is None and not is_value(path):
-            context.say_of_option(path, f"`{shortened(path)}` is nothing that can be set", f"write {VALUES}; {EXAMPLES}")
+            context.say_of_option(path, f"`{shortened(path)}` cannot be set", f"write {VALUES}; {EXAMPLES}")
         else:
             sound[path] = text
     return tuple(sorted(sound.items()))
@@ -128,27 +128,27 @@ def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSp
         if key == "material":
             if kind == "assembly":
                 context.say_of_option(
-                    path, f"`{label}` is an assembly, which has no material of its own",
-                    f"choose `components.{label}.{DEFAULT_MATERIAL}`, or the material of one of its components",
+                    path, f"`{label}` is an assembly, which has no material",
+                    f"set `components.{label}.{DEFAULT_MATERIAL}`, or the material of one of its components",
                 )
                 continue
             if not _known_material(context, table, text, path):
                 continue
         elif key != kind:
-            said, help = f"is written with `{kind}`, not with `{key}`", f"choose `components.{label}.{kind}`"
+            said, help = f"is defined by `{kind}`, not by `{key}`", f"set `components.{label}.{kind}`"
             if kind in ("link", "frame"):
                 said = "is a frame, without geometry" if kind == "frame" else "is a link, whose shapes are listed"
-                help = "choose for a component with geometry" if kind == "frame" else "choose its material, or for another component"
+                help = "set it on a component with geometry" if kind == "frame" else "set its material, or use another component"
             context.say_of_option(path, f"component `{label}` {said}", help)
             continue
         if key == "file" and spec.unit is not None and text.lower().endswith(SUFFIXES_WITH_UNIT):
-            context.say_of_option(path, f"`{shortened(text)}` says its unit itself, and `{label}` has `unit: {spec.unit}`", UNIT_OF_ITS_OWN)
+            context.say_of_option(path, f"`{shortened(text)}` contains its unit, but `{label}` has `unit: {spec.unit}`", UNIT_OF_ITS_OWN)
             continue
         taken[key] = text
     inside = below(table.choices, *names)
     if inside and kind != "assembly":
         path = f"components.{label}.{inside[0][0]}"
-        context.say_of_option(path, f"component `{label}` is not an assembly: there is nothing inside it", None)
+        context.say_of_option(path, f"component `{label}` is not an assembly and has no components", None)
     return (spec.model_copy(update=dict(taken)) if taken else spec), frozenset(taken)
 
 
@@ -166,14 +166,14 @@ def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> boo
 def refuse_file(context: ResolveRun, node: ComponentScope, text: str) -> None:
     """Report a chosen file that is not a part."""
     context.say_of_option(
-        f"components.{node.name}.file", f"`{shortened(text)}` is not a file of a part in this workspace",
-        f"name it from `{context.documents.root.relative}`, for example `parts/motor.step`",
+        f"components.{node.name}.file", f"`{shortened(text)}` is not a part file in this workspace",
+        f"write a path relative to `{context.documents.root.relative}`, for example `parts/motor.step`",
     )
 
 
 def refuse_circle(context: ResolveRun, node: ComponentScope, relative: str) -> None:
     """Report an assembly that would contain itself."""
-    context.say_of_option(f"components.{node.name}.assembly", f"`{relative}` would stand inside itself", "choose another assembly")
+    context.say_of_option(f"components.{node.name}.assembly", f"`{relative}` would contain itself", "choose another assembly")
 
 
 def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: str) -> bool:
@@ -181,7 +181,7 @@ def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: 
         return True
     if not table.materials_unreadable:
         context.say_of_option(
-            path, f"no material `{shortened(name)}` is in scope of `{table.spec.name}`",
+            path, f"there is no material `{shortened(name)}` in scope of `{table.spec.name}`",
             did_you_mean(name, table.materials, what="materials"),
         )
     return False

@@ -50,8 +50,8 @@ def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[Co
             if not context.overfull:  # report once: enclosing documents exceed the limit, too
                 context.overfull = True
                 node.scope.error(
-                    Code.TOO_MANY, f"with `{node.name}` this assembly has {table.occurrences + added} occurrences; "
-                    f"at most {MAX_OCCURRENCES} are possible", node.path, key=True,
+                    Code.TOO_MANY, f"with `{node.name}`, this assembly has {table.occurrences + added} occurrences; "
+                    f"at most {MAX_OCCURRENCES} are allowed", node.path, key=True,
                 )
             node.definition, node.table, node.unsound = None, None, True
             continue
@@ -93,8 +93,9 @@ def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefin
         name, its = other
         inner = dict(table.all_nodes())[name]
         node.scope.error(
-            Code.MIRROR_AXES, f"`{node.name}` is mirrored along {axis}, and `{name}` in it along {its} already", (*node.path, "mirror"),
-            help=f"write `mirror: {its}` here, or `mirror: {axis}` there: to what is placed by mounts the axis makes no difference",
+            Code.MIRROR_AXES, f"`{node.name}` is mirrored along {axis}, but `{name}` in it is already mirrored along {its}",
+            (*node.path, "mirror"),
+            help=f"write `mirror: {its}` here, or `mirror: {axis}` there: for components placed by mounts, the axis makes no difference",
             notes=[Note(message=f"`{inner.name}` is mirrored here", span=inner.scope.span((*inner.path, "mirror")))],
         )
         return None

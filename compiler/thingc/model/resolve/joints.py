@@ -26,7 +26,7 @@ from thingc.model.resolve.repeats import Unrolled
 from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.types import Drive, Joint, Reference
 
-_ENDLESS = "; a joint that turns without end is `continuous`"
+_ENDLESS = "; use `type: continuous` for a joint without limits"
 
 DRIVE_KINDS: tuple[str, ...] = get_args(DriveKind)
 """The kinds of an inline drive."""
@@ -128,10 +128,10 @@ def _coordinates(
         if said is None or key not in item.spec.model_fields_set or (several == (count > 1) and all(n < count for n in numbers)):
             continue
         if count > 1:
-            words = f"joint `{item.name}` is {kind.name} and has {count} coordinates: its `{key}` is a list of {count}"
-            help = "write for example `[" + ", ".join("..." for _ in range(count)) + "]`, or `{0: ...}` where only some have one"
+            words = f"joint `{item.name}` is {kind.name} and has {count} coordinates: `{key}` must be a list of {count}"
+            help = "write for example `[" + ", ".join("..." for _ in range(count)) + "]`, or `{0: ...}` if only some have one"
         else:
-            words, help = f"joint `{item.name}` is {kind.name}: its `{key}` is not a list", "write what stands in it without the list"
+            words, help = f"joint `{item.name}` is {kind.name}: `{key}` must not be a list", "write the value without a list"
         scope.error(
             Code.COORDINATES, words, (*path, key), key=True, help=help,
             notes=scope.beside(f"it is {kind.name} here", (*path, "type"), (*path, key)),
@@ -152,21 +152,21 @@ def _ball(
     for key in ("limit", "dynamics"):
         if isinstance(getattr(spec, key), (list, dict)):
             scope.error(
-                Code.COORDINATES, f"joint `{name}` is a ball: its `{key}` is one for all of its turns, and no list", (*path, key), key=True,
-                help="write what stands in it without the list",
+                Code.COORDINATES, f"joint `{name}` is a ball: `{key}` must be a single value for all axes, not a list", (*path, key),
+                key=True, help="write the value without a list",
             )
     if spec.offset is not None:
         scope.error(
-            Code.JOINT_FIELD, f"joint `{name}` is a ball: it has no `offset`", (*path, "offset"), key=True,
-            help="turn one of its mounts, or write `turn`",
+            Code.JOINT_FIELD, f"joint `{name}` is a ball and cannot have an `offset`", (*path, "offset"), key=True,
+            help="rotate one of its mounts, or use `turn`",
         )
     one = _resolve_joint(table, item, kind, None, mounts, layers, None)
     limit, dynamics = _cone(scope, name, layers.sub("limit")), _dynamics(scope, name, ANGLE, layers.sub("dynamics"))
     rest = layers.sub("dynamics").pick("rest")
     if rest is not None and rest[1][0] == "joints":
         scope.error(
-            Code.JOINT_FIELD, f"joint `{name}` is a ball: its `dynamics` have no `rest`", rest[1], key=True,
-            help="its spring rests at q = 0: turn one of its mounts",
+            Code.JOINT_FIELD, f"joint `{name}` is a ball: its `dynamics` cannot have a `rest`", rest[1], key=True,
+            help="the spring rests at q = 0: rotate one of its mounts instead",
         )
     drives = _drives_of_ball(table, item)
     return tuple(
@@ -183,25 +183,26 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
         return {}
     if not isinstance(written, list) or len(written) > 3:
         scope.error(
-            Code.DRIVE, f"joint `{name}` is a ball: its `drive` is a list of one to three, each about its own axis", path, key=True,
-            help="write for example `[{axis: [1, 0, 0], kind: motor, effort: 2 N*m}]`",
+            Code.DRIVE, f"joint `{name}` is a ball: its `drive` must be a list of one to three drives, each with its own axis", path,
+            key=True, help="write for example `[{axis: [1, 0, 0], kind: motor, effort: 2 N*m}]`",
         )
         return {}
     drives: dict[int, Drive] = {}
     for number, spec in enumerate(written):
         if not isinstance(spec, DriveSpec) or spec.axis is None:
             scope.error(
-                Code.DRIVE, f"drive {number} of the ball `{name}` needs its `axis`" if isinstance(spec, DriveSpec)
-                else f"drive {number} of the ball `{name}` names a component, which has no `axis`: it is written out", (*path, number),
-                help="write for example `{axis: [1, 0, 0], kind: motor, effort: 2 N*m}`: in the parent mount's axes, at q = 0",
+                Code.DRIVE, f"drive {number} of ball joint `{name}` needs an `axis`" if isinstance(spec, DriveSpec)
+                else f"drive {number} of ball joint `{name}` is a component, which has no `axis`: it must be written inline",
+                (*path, number),
+                help="write for example `{axis: [1, 0, 0], kind: motor, effort: 2 N*m}`; axis in the parent mount's frame, at q = 0",
             )
             continue
         place = (*path, number, "axis")
         drive = _drive(table, scope, f"{name}[{number}]", ANGLE, (spec, place[:-1]))
         if spec.armature is not None:
             scope.error(
-                Code.DRIVE, f"drive {number} of the ball `{name}` has an `armature`: a ball has one for all of its turns",
-                (*place[:-1], "armature"), key=True, help="write it under `dynamics` of the joint",
+                Code.DRIVE, f"drive {number} of ball joint `{name}` has an `armature`: a ball has one `armature` for all axes",
+                (*place[:-1], "armature"), key=True, help="set it under `dynamics` of the joint",
             )
         axis = _direction(scope, spec.axis, place, f"the axis of drive {number} of joint `{name}`", Code.DRIVE)
         if axis is not None and drive is not None:
@@ -215,7 +216,7 @@ def _direction(scope: Scope, written: Sequence[Any], place: Path, what: str, cod
     size = 0.0 if axis is None else hypot(*axis)
     if axis is None or size > 0.0:
         return None if axis is None else (axis[0] / size, axis[1] / size, axis[2] / size)
-    scope.error(code, f"{what} is 0 long: it has no direction", place, help="write for example `[1, 0, 0]`")
+    scope.error(code, f"{what} has length 0 and thus no direction", place, help="write for example `[1, 0, 0]`")
     return None
 
 
@@ -238,8 +239,8 @@ def _resolve_joint(
         for key in ("limit", "dynamics", "offset", "drive"):
             if key in spec.model_fields_set and getattr(spec, key) is not None:
                 code = Code.DRIVE if key == "drive" else Code.JOINT_FIELD
-                scope.error(code, f"joint `{name}` is {spec.type} and does not move: it has no `{key}`", (*path, key), key=True,
-                            help="take it out, or choose another `type`",
+                scope.error(code, f"joint `{name}` is {spec.type} and does not move: it cannot have `{key}`", (*path, key), key=True,
+                            help="remove it, or choose another `type`",
                             notes=scope.beside(f"it is {spec.type} here", (*path, "type"), (*path, key)))
     else:
         limit = _limit(scope, item, kind, twist.coordinate, layers.sub("limit", number))
@@ -262,8 +263,8 @@ def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | 
     """Report an axis of a drive whose joint is not a ball."""
     if said is not None and isinstance(said[0], DriveSpec) and said[0].axis is not None and said[1][0] == "joints":
         scope.error(
-            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: its drive has no `axis`", (*said[1], "axis"), key=True,
-            help="take it out: the drive turns or slides as the joint does",
+            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: its drive cannot have an `axis`", (*said[1], "axis"), key=True,
+            help="remove it: the drive acts along the coordinate of the joint",
         )
 
 
@@ -274,8 +275,8 @@ def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
     place = (*path, "axis")
     if not kind.axial:
         scope.error(
-            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: it has no `axis`", place, key=True,
-            help="take it out: it has the axes of the parent's mount" if kind.moves else "take it out: nothing moves",
+            Code.JOINT_FIELD, f"joint `{name}` is {kind.name} and cannot have an `axis`", place, key=True,
+            help="remove it: the joint uses the axes of the parent mount" if kind.moves else "remove it: the joint does not move",
             notes=scope.beside(f"it is {kind.name} here", (*path, "type"), place),
         )
         return None
@@ -288,21 +289,21 @@ def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
     if spec.lead is None:
         if kind.leads and not scope.doubts.touch(path):
             scope.error(
-                Code.LEAD, f"joint `{name}` is a {kind.name} and needs its `lead`, the advance in one turn", path, key=True,
-                help="write for example `lead: 8 mm`; a left-hand thread has a negative one",
+                Code.LEAD, f"joint `{name}` is a {kind.name} and needs a `lead`, the advance per turn", path, key=True,
+                help="write for example `lead: 8 mm`; use a negative value for a left-hand thread",
             )
         return None
     if not kind.leads:
         scope.error(
-            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: it has no `lead`", (*path, "lead"), key=True,
-            help="take it out, or make it `type: screw`", notes=scope.beside(f"it is {kind.name} here", (*path, "type"), (*path, "lead")),
+            Code.JOINT_FIELD, f"joint `{name}` is {kind.name} and cannot have a `lead`", (*path, "lead"), key=True,
+            help="remove it, or use `type: screw`", notes=scope.beside(f"it is {kind.name} here", (*path, "type"), (*path, "lead")),
         )
         return None
     lead = scope.number(spec.lead, (*path, "lead"), LENGTH, f"`lead` of joint `{name}`")
     if lead == 0.0:
         scope.error(
-            Code.LEAD, f"the `lead` of joint `{name}` is 0: nothing would advance", (*path, "lead"),
-            help="write the advance in one turn, or make it `type: revolute` or `continuous`",
+            Code.LEAD, f"the `lead` of joint `{name}` is 0: the joint would not advance", (*path, "lead"),
+            help="write the advance per turn, or use `type: revolute` or `continuous`",
         )
         return None
     return lead
@@ -336,16 +337,16 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
     cone = layers.pick("cone")
     if cone is not None and cone[1][0] == "joints":
         scope.error(
-            Code.LIMIT, f"joint `{name}` is {kind.name} and has no `limit.cone`", cone[1], key=True,
-            help="a cone is the limit of a `ball`; others have `lower` and `upper`",
+            Code.LIMIT, f"joint `{name}` is {kind.name} and cannot have a `limit.cone`", cone[1], key=True,
+            help="only a `ball` has a cone; use `lower` and `upper`",
         )
     if not kind.may_stop:
         own = [(key, said[1]) for key, said in (("lower", lower), ("upper", upper)) if said is not None and said[1][0] == "joints"]
         if own:
-            named = " and no ".join(f"`limit.{key}`" for key, _ in own)
+            named = " or ".join(f"`limit.{key}`" for key, _ in own)
             scope.error(
-                Code.LIMIT, f"joint `{name}` is {kind.name} and has no {named}", own[0][1], key=True,
-                help="a joint that stops somewhere is `type: revolute`",
+                Code.LIMIT, f"joint `{name}` is {kind.name} and cannot have {named}", own[0][1], key=True,
+                help="use `type: revolute` for a joint with limits",
                 notes=scope.beside(f"it is {kind.name} here", (*path, "type"), own[0][1]),
             )
     else:
@@ -361,13 +362,13 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
                 help=f"write for example `limit: {example}`" + (_ENDLESS if coordinate == ANGLE else ""),
             )
         if low is not None and high is not None and lower is not None and upper is not None and not low < high:
-            fault = "are reversed" if low > high else "leave no room"
+            fault = "are reversed" if low > high else "are equal"
             shown = [scope.shown(Quantity(q, coordinate), said[1]) for q, said in ((low, lower), (high, upper))]
             scope.error(
                 Code.LIMIT, f"limits of joint `{name}` {fault}: expected lower < upper, "
                 f"found {(', and ' if any(',' in one for one in shown) else ' and ').join(shown)}",
-                lower[1], help="swap them" if low > high else "let the joint move, or make it `fixed`",
-                notes=scope.beside("the upper limit is written here", upper[1], lower[1]),
+                lower[1], help="swap them" if low > high else "widen the limits, or use `type: fixed`",
+                notes=scope.beside("the upper limit is set here", upper[1], lower[1]),
             )
             low = high = None
     return Limit(lower=low, upper=high, **_values(scope, name, coordinate, "limit", layers, ("effort", "velocity")))
@@ -378,8 +379,8 @@ def _cone(scope: Scope, name: str, layers: DefaultLayers) -> Limit:
     own = [(key, said[1]) for key in ("lower", "upper", "effort", "velocity") if (said := layers.pick(key)) and said[1][0] == "joints"]
     if own:
         scope.error(
-            Code.LIMIT, f"joint `{name}` is a ball and has no `limit.{own[0][0]}`", own[0][1], key=True,
-            help="how far it may turn is its `cone`; what its drives give stands in them",
+            Code.LIMIT, f"joint `{name}` is a ball and cannot have `limit.{own[0][0]}`", own[0][1], key=True,
+            help="limit its angle by `cone`, and effort and velocity in its drives",
         )
     said = layers.pick("cone")
     return Limit(cone=None if said is None else scope.number(*said, ANGLE, f"`limit.cone` of joint `{name}`", above=0.0))
@@ -387,7 +388,7 @@ def _cone(scope: Scope, name: str, layers: DefaultLayers) -> Limit:
 
 def _type(scope: Scope, item: Unrolled[JointSpec], said: tuple[Any, Path]) -> list[Note]:
     """Return the note that shows why a value of a joint must have this dimension."""
-    return scope.beside(f"`{item.name}` is {item.spec.type} here", (*item.path, "type"), said[1])
+    return scope.beside(f"the type of `{item.name}` is set here", (*item.path, "type"), said[1])
 
 
 def _dynamics(scope: Scope, name: str, coordinate: Dimension, layers: DefaultLayers) -> Dynamics:
@@ -399,8 +400,8 @@ def _dynamics(scope: Scope, name: str, coordinate: Dimension, layers: DefaultLay
         rest = scope.number(*said, coordinate, f"`dynamics.rest` of joint `{name}`")
         if said[1][0] == "joints" and layers.pick("stiffness") is None and not scope.doubts.touch(said[1][:-1]):
             scope.error(
-                Code.JOINT_FIELD, f"joint `{name}` has a `dynamics.rest` and no `stiffness`: there is no spring that could rest", said[1],
-                key=True, help="write its `stiffness` beside it, or take it out",
+                Code.JOINT_FIELD, f"joint `{name}` has a `dynamics.rest` but no `stiffness`: `rest` is the rest position of a spring",
+                said[1], key=True, help="add `stiffness`, or remove `rest`",
             )
     return Dynamics(**_values(scope, name, coordinate, "dynamics", layers, keys), rest=rest)
 
@@ -430,7 +431,7 @@ def _drive(table: DocumentScope, scope: Scope, name: str, coordinate: Dimension,
         kind = spec if spec in DRIVE_KINDS else "position"
         gain = f", kp: {'20 N*m/rad' if coordinate == ANGLE else '200 N/m'}" if kind == "position" else ""
         scope.error(
-            Code.DRIVE, f"`drive` names a component with an actuator, or is a mapping; `{spec}` is no component", path,
+            Code.DRIVE, f"`drive` must be a component with an actuator or a mapping; `{spec}` is not a component", path,
             help=f"write `{{kind: {kind}{gain}}}`",
         )
         return None
@@ -447,8 +448,8 @@ def _driving_part(table: DocumentScope, scope: Scope, name: str, text: str, path
     if node.bare is not None or node.spec.assembly is not None:
         what = f"a {node.bare}" if node.bare is not None else "an assembly"
         scope.error(
-            Code.DRIVE, f"joint `{name}` is driven by a part with an actuator; `{reference.text}` is {what}", path,
-            help=f"name the part inside it, as in `{reference.text}.servo`" if node.spec.assembly is not None else "name a part",
+            Code.DRIVE, f"joint `{name}` must be driven by a part with an actuator; `{reference.text}` is {what}", path,
+            help=f"use a part inside it, for example `{reference.text}.servo`" if node.spec.assembly is not None else "use a part",
             notes=references.declared(node),
         )
         return None

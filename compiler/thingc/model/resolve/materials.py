@@ -42,11 +42,10 @@ def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str,
             first = materials.setdefault(name, entry)
             if first is not None and entry is not None and first is not entry:
                 context.report.add(
-                    Code.NAME_CLASH, f"material `{name}` is defined in two documents in scope", entry.origin,
-                    help="rename one of them, or list only one of the documents", path=f"materials.{name}",
-                    notes=[
+                    Code.NAME_CLASH, f"material `{name}` is defined in two listed documents", entry.origin,
+                    help="rename one of them, or list only one of the documents", path=f"materials.{name}", notes=[
                         Note(message=f"`{name}` is also defined here", span=first.origin[0]),
-                        Note(message="both are listed here", span=scope.span(("materials",))),
+                        Note(message="both documents are listed here", span=scope.span(("materials",))),
                     ],
                 )
     return materials
@@ -168,7 +167,7 @@ def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | 
     match = _BASE.fullmatch(text.strip())
     if match is None:
         scope.error(
-            Code.REFERENCE, f"a library material is written `bd_materials:NAME`, found `{shortened(text)}`", path,
+            Code.REFERENCE, f"a library material must be `bd_materials:NAME`, found `{shortened(text)}`", path,
             help=f"write for example `bd_materials:{shortened(text.strip().rpartition(':')[2]) or 'abs'}`",
         )
         return None
@@ -176,14 +175,14 @@ def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | 
         import bd_materials
     except ImportError:
         scope.error(Code.LIBRARY, f"`{shortened(text)}` needs the package `bd_materials`, which is not installed", path,
-                    help="install it, or write `density` and `color` instead of `base`")
+                    help="install it, or use `density` and `color` instead of `base`")
         return None
     name = match.group(1).strip()
     try:
         entry = bd_materials.resolve(name)
     except ValueError:
         scope.error(
-            Code.UNKNOWN_MATERIAL, f"the library bd_materials has no material `{shortened(name)}`", path,
+            Code.UNKNOWN_MATERIAL, f"the library `bd_materials` has no material `{shortened(name)}`", path,
             help=did_you_mean(name, bd_materials.material_names(), what="library materials"),
         )
         return None

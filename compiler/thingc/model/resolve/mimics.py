@@ -40,32 +40,32 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
         return None  # a list for a single coordinate: already reported
     coordinate = joint.twist.coordinate if joint.twist is not None else None
     if joint.kind.at_once:
-        scope.error(Code.MIMIC, f"joint `{joint.name.joint}` is a ball: it cannot mimic", path, key=True, help="take it out")
+        scope.error(Code.MIMIC, f"joint `{joint.name.joint}` is a ball: it cannot mimic", path, key=True, help="remove `mimic`")
         return None
     if coordinate is None:
         scope.error(
             Code.MIMIC, f"joint `{item.name}` is {joint.kind.name} and does not move: it cannot mimic", path, key=True,
-            help="take it out", notes=scope.beside(f"it is {joint.kind.name} here", (*item.path, "type"), path),
+            help="remove `mimic`", notes=scope.beside(f"it is {joint.kind.name} here", (*item.path, "type"), path),
         )
         return None
     followed = _followed(table, item, spec, path)
     if followed is None:
         return None
-    name, notes = followed.name, [Note(message=f"`{followed.name}` is written here", span=followed.joint.origin[0])]
+    name, notes = followed.name, [Note(message=f"`{followed.name}` is defined here", span=followed.joint.origin[0])]
     if spec.polynomial is not None:
         return _polynomial(item, followed, coordinate, spec.polynomial, path, notes)
     ratio = coordinate / followed.coordinate
     what = f"`mimic.multiplier` of joint `{item.name}`"
     if "multiplier" not in spec.model_fields_set and ratio != NUMBER:
         scope.error(
-            Code.DIMENSION, f"joint `{item.name}` and `{name}` differ in kind: `mimic` needs a `multiplier` that is {ratio.words}", path,
-            key=True, help=f"write for example `multiplier: {ratio.example}`", notes=notes,
+            Code.DIMENSION, f"joint `{item.name}` and `{name}` have different units: `mimic` needs a `multiplier` that is {ratio.words}",
+            path, key=True, help=f"write for example `multiplier: {ratio.example}`", notes=notes,
         )
         return None
     raw = spec.multiplier
     multiplier = scope.number(raw, (*path, "multiplier"), ratio, what, notes=notes)
     if multiplier is not None and isinstance(raw, Quantity) and raw.value == 0.0:
-        scope.error(Code.MIMIC, f"{what} is 0: the joint would never move", (*path, "multiplier"), help="make it `type: fixed`")
+        scope.error(Code.MIMIC, f"{what} is 0: the joint would never move", (*path, "multiplier"), help="use `type: fixed`")
         return None
     offset = scope.number(spec.offset, (*path, "offset"), coordinate, f"`mimic.offset` of joint `{item.name}`")
     if multiplier is None or offset is None:
@@ -90,7 +90,7 @@ def _polynomial(
     if not any(values[1:]):
         scope.error(
             Code.MIMIC, f"the `polynomial` of joint `{item.name}` is a constant: the joint would never move", place,
-            help="make it `type: fixed`",
+            help="use `type: fixed`",
         )
         return None
     offset, multiplier, *higher = values
@@ -119,26 +119,26 @@ def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, 
         others = [one for one in table.joints if one != item.name]
         hint = references.suggested(name, others, what="joints") if others else "there is no other joint in this document"
         if len(parts) > 1:
-            scope.error(Code.MIMIC, f"`mimic.joint` names a joint of the same document, found `{name}`", place, help=hint)
+            scope.error(Code.MIMIC, f"`mimic.joint` must be a joint of the same document, found `{name}`", place, help=hint)
         elif not any(f"{name}_".startswith(prefix) for prefix in table.unbuilt_joints):
             scope.error(Code.UNKNOWN_JOINT, f"this document has no joint `{name}`", place, help=hint)
         return None
     if name == item.name:
-        scope.error(Code.MIMIC, f"joint `{name}` cannot mimic itself", place, help="name the joint that it follows")
+        scope.error(Code.MIMIC, f"joint `{name}` cannot mimic itself", place, help="set `joint` to the joint that it follows")
         return None
     other = table.joints[name]
     if other is None:
         return None
     if other.kind.at_once:
         scope.error(
-            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`: `{name.joint}` is a ball, whose turn is no number", place,
-            notes=[Note(message=f"`{name.joint}` is written here", span=other.origin[0])],
+            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`: `{name.joint}` is a ball, whose rotation is not a single number",
+            place, notes=[Note(message=f"`{name.joint}` is defined here", span=other.origin[0])],
         )
         return None
     if other.twist is None:
         scope.error(
             Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`, which is {other.kind.name} and does not move", place,
-            notes=[Note(message=f"`{name}` is written here", span=other.origin[0])],
+            notes=[Note(message=f"`{name}` is defined here", span=other.origin[0])],
         )
         return None
     return _Followed(name, other, other.twist.coordinate)
@@ -150,9 +150,8 @@ def _break_cycles(table: DocumentScope, items: dict[str, Unrolled[JointSpec]]) -
     for circle in find_cycles(follows, follows.get):
         first = items[circle[0]]
         first.scope.error(
-            Code.MIMIC, f"joints mimic each other in a circle: {circle_words(circle)}", (*first.path, "mimic", "joint"),
-            help="let one of them move by itself",
-            notes=[
+            Code.MIMIC, f"joints mimic each other in a cycle: {circle_words(circle)}", (*first.path, "mimic", "joint"),
+            help="remove `mimic` from one of them", notes=[
                 Note(message=f"`{step}` mimics here", span=items[step].scope.span((*items[step].path, "mimic", "joint")))
                 for step in circle[1:MAX_CIRCLE]
             ],

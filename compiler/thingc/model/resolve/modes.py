@@ -61,7 +61,7 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
     for index, pattern in enumerate(patterns):
         at = (*path, index)
         if pattern in patterns[:index]:
-            scope.error(Code.CUT, f"`{pattern}` stands twice in `cut`", at, help="take one of the two out: a joint is cut once")
+            scope.error(Code.CUT, f"`{pattern}` is listed twice in `cut`", at, help="remove one of the two")
             continue
         fitting = [CoordinateName(pattern)] if pattern in joints else [name for name in joints if fnmatchcase(name.joint, pattern)]
         known = [(name.joint, joint) for name in fitting if (joint := joints[name]) is not None]
@@ -72,8 +72,8 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
         if cuttable or (fitting and not known):
             continue
         if known:
-            fixed = "is fixed: it makes" if pattern in joints else "fits fixed joints alone: they make"
-            message = f"`{pattern}` {fixed} one link of two components, and no loop is cut there"
+            fixed = "is fixed: it makes" if pattern in joints else "matches only fixed joints: they make"
+            message = f"`{pattern}` {fixed} one link of two components, so no loop can be cut there"
             scope.error(Code.CUT, message, at, help=suggested(pattern, moving, what="joints"))
         elif not table.unsure_joints():
             report_unmatched(scope, pattern, moving, at, "joint")
@@ -91,8 +91,8 @@ def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayer
     written, path = said
     if base != "free":
         scope.error(
-            Code.STANDING, f"mode `{name}` stands on mounts, and its base is `{base}`: that carries it already", path,
-            help="write `base: free`, or take `standing_on` out",
+            Code.STANDING, f"mode `{name}` has `standing_on`, but its base is `{base}`, which already supports the robot", path,
+            help="write `base: free`, or remove `standing_on`",
         )
         return None
     texts, friction = written, None
@@ -117,7 +117,7 @@ def mounts_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) ->
     fitting = [f"{name}.{mount}" for name, _ in references.matching(table, components)]
     if not fitting and not table.unbuilt:
         scope.error(
-            Code.NO_MATCH, f"pattern `{text}` fits no mount", path,
+            Code.NO_MATCH, f"pattern `{text}` matches no mount", path,
             help=suggested(components, table.nodes, what="components") if components else "write for example `leg_*.sole`",
         )
     shown = (references.shown_mount(table, scope, one, path) for one in fitting)
@@ -161,8 +161,8 @@ def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
         several = len(circle) > 1
         scope.error(
             Code.EXTENDS_CYCLE,
-            f"modes extend each other in a circle: {circle_words(circle)}" if several else f"mode `{circle[0]}` extends itself",
-            ("modes", circle[0], "extends"), help="let one of them extend none" if several else "take `extends` out",
+            f"modes extend each other in a cycle: {circle_words(circle)}" if several else f"mode `{circle[0]}` extends itself",
+            ("modes", circle[0], "extends"), help="remove `extends` from one of them" if several else "remove `extends`",
             notes=[Note(message=f"`{step}` extends here", span=scope.span(("modes", step, "extends"))) for step in circle[1:MAX_CIRCLE]],
         )
     return circular
@@ -176,9 +176,7 @@ def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[s
         if step in circular:
             return None
         if len(items) == MAX_EXTENDED:
-            scope.error(
-                Code.TOO_MANY, f"mode `{name}` extends more than {MAX_EXTENDED} modes, one through the other", ("modes", name, "extends"),
-            )
+            scope.error(Code.TOO_MANY, f"mode `{name}` extends a chain of more than {MAX_EXTENDED} modes", ("modes", name, "extends"))
             return None
         if step not in specs:
             if scope.doubts.at(("modes", step)) or scope.doubts.lacks("modes"):
@@ -186,10 +184,7 @@ def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[s
             last = items[-1][1]
             if len(items) == 1:
                 others = [one for one in specs if one != name]
-                scope.error(
-                    Code.UNKNOWN_MODE, f"there is no mode `{step}` to extend", (*last, "extends"),
-                    help=suggested(step, others, what="modes"),
-                )
+                scope.error(Code.UNKNOWN_MODE, f"there is no mode `{step}`", (*last, "extends"), help=suggested(step, others, what="modes"))
             return None
         items.append((specs[step], ("modes", step)))
         step = specs[step].extends
@@ -240,7 +235,7 @@ def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: Base
     said, path = layers.pick("at_in") or ({}, ())
     poses: dict[str, Pose] = {}
     if said and base not in ("free", "held"):
-        scope.error(Code.STANDING, f"the base is `{base}`: it is at the same place in all poses", path, help="take `at_in` out")
+        scope.error(Code.STANDING, f"the base is `{base}`, so it is at the same place in all poses", path, help="remove `at_in`")
     for name, spec in said.items():
         place = (*path, name)
         pose = scope.pose(spec, place)
@@ -271,8 +266,8 @@ def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
         return pose, False
     if z != 0.0 and other == own:
         scope.error(
-            Code.HEIGHT, f"mode `{name}` is `on: floor` and {Quantity(z, LENGTH)} above it: both say how high it is", (*xyz[1], 2),
-            help="write `0` for z, or take `on` out",
+            Code.HEIGHT, f"mode `{name}` is `on: floor` and also at a height of {Quantity(z, LENGTH)}: both determine its height",
+            (*xyz[1], 2), help="set z to `0`, or remove `on`",
         )
     return replace(pose, translation=(x, y, 0.0)), True
 
@@ -284,8 +279,8 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: 
         if hold.pose is not None and on is not None:
             mount = ".".join((*hold.mount.path, *((hold.mount.mount,) if hold.mount.mount else ())))
             scope.error(
-                Code.HEIGHT, f"mode `{name}` is `on: floor` and holds `{mount}` at a place: both say how high it is",
-                ("modes", name, "hold"), span=hold.origin[0], help=f"write `{mount}: here`, or a height in `at`",
+                Code.HEIGHT, f"mode `{name}` is `on: floor` and also holds `{mount}` at a fixed place: both determine its height",
+                ("modes", name, "hold"), span=hold.origin[0], help=f"write `{mount}: here`, or set a height in `at`",
                 notes=[Note(message="`on: floor` is written here", span=scope.span(on[1]))],
             )
 
@@ -346,7 +341,7 @@ def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Pat
             if joint is not None and joint.drive is None and "drive" not in joint.spans:  # an invalid drive has been reported
                 scope.error(
                     Code.DRIVE, f"joint `{pattern}` has no `drive`: it is not an actuator", at, help="give the joint a `drive`",
-                    notes=[Note(message=f"`{pattern}` is written here", span=joint.origin[0])],
+                    notes=[Note(message=f"`{pattern}` is defined here", span=joint.origin[0])],
                 )
             chosen.add(pattern)
             continue
@@ -369,8 +364,8 @@ def _exclude(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tup
         origin = scope.origin((*said[1], index))
         if len(pairs) + len(sides[0]) * len(sides[1]) > MAX_EXCLUDED:
             scope.error(
-                Code.TOO_MANY, f"with this entry more than {MAX_EXCLUDED} pairs are excluded from contact", (*said[1], index),
-                help="write patterns that fit fewer components",
+                Code.TOO_MANY, f"with this entry, more than {MAX_EXCLUDED} pairs are excluded from contact", (*said[1], index),
+                help="use patterns that match fewer components",
             )
             break
         for first, second in product(*sides):
@@ -387,7 +382,7 @@ def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path
         return [".".join(component[0].path)] if component is not None else []
     names = [name for name, _ in references.matching(table, text)]
     if not names and not table.unbuilt:
-        scope.error(Code.NO_MATCH, f"pattern `{text}` fits no component", path, help=suggested(text, table.nodes, what="components"))
+        scope.error(Code.NO_MATCH, f"pattern `{text}` matches no component", path, help=suggested(text, table.nodes, what="components"))
     return names
 
 

@@ -47,15 +47,13 @@ def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
                     scope.error(code, f"this document has no {what} `{own}`", place, key=True, help=help)
                 continue
             if name in TAKEN.get(kind, ()):
-                scope.error(
-                    Code.RESERVED_NAME, f"`{name}` means something in files and cannot name `{own}`", place, help="choose another name",
-                )
+                scope.error(Code.RESERVED_NAME, f"`{name}` is reserved in files and cannot name `{own}`", place, help="choose another name")
                 continue
             other = owners.setdefault(name, own)
             if other != own:
                 scope.error(
-                    Code.SAME_NAME, f"files would call both `{other}` and `{own}` `{name}`", place, help="give one of them another name",
-                    notes=scope.beside(f"`{other}` is called so here", ("names", kind, other), place),
+                    Code.SAME_NAME, f"`{other}` and `{own}` would both be named `{name}` in files", place, help="rename one of them",
+                    notes=scope.beside(f"`{other}` gets this name here", ("names", kind, other), place),
                 )
                 continue
             path = CoordinateName(own).path if kind == "actuators" else own

@@ -31,8 +31,8 @@ def refuse_on_assembly(node: ComponentScope) -> None:
         if key in node.spec.model_fields_set and getattr(node.spec, key) is not None:
             node.scope.error(
                 Code.OVERRIDE, f"`{key}` cannot be set on the nested assembly `{node.name}`", (*node.path, key), key=True,
-                help="write it on a component of the nested document; a parameter of it may carry the value",
-                notes=node.scope.beside(f"`{node.name}` is an assembly here", (*node.path, "assembly"), (*node.path, key)),
+                help="set it on a component of the nested document, if needed from a parameter of that document",
+                notes=node.scope.beside(f"`{node.name}` is defined as an assembly here", (*node.path, "assembly"), (*node.path, key)),
             )
 
 
@@ -89,12 +89,12 @@ def _up(scope: Scope, layers: DefaultLayers) -> Vector | None:
     if said is None:
         return None
     raw, path = said
-    x, y, z = (scope.number(part, (*path, index), NUMBER, "a part of `up`") for index, part in enumerate(raw))
+    x, y, z = (scope.number(part, (*path, index), NUMBER, "a component of `up`") for index, part in enumerate(raw))
     if x is None or y is None or z is None:
         return None
     length = hypot(x, y, z)
     if not length > 0.0:
-        scope.error(Code.OUT_OF_RANGE, "`up` must have a direction, found `0 0 0`", path, help="write for example `up: [0, 0, 1]`")
+        scope.error(Code.OUT_OF_RANGE, "`up` must not be zero, found `0 0 0`", path, help="write for example `up: [0, 0, 1]`")
         return None
     return x / length + 0.0, y / length + 0.0, z / length + 0.0
 
@@ -116,8 +116,8 @@ def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | No
     if not unreadable:
         help = did_you_mean(name, known, what="materials")
         if not known:
-            help = "list a document of materials: `materials: [materials.yaml]`"
-        scope.error(Code.UNKNOWN_MATERIAL, f"no material `{name}` is in scope", path, help=help)
+            help = "list a materials document: `materials: [materials.yaml]`"
+        scope.error(Code.UNKNOWN_MATERIAL, f"there is no material `{name}` in scope", path, help=help)
     # A placeholder with a density, so that no later pass reports it as missing.
     return Material(name=name, density=1000.0, origin=scope.origin(path))
 

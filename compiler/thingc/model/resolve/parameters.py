@@ -100,10 +100,10 @@ def _report_cycle(document: Document, spec: AssemblySpec, chain: list[str], plac
     turned = chain[start:] + chain[:start]
     shown = circle_words(turned)
     several = len(chain) > 1
-    message = f"parameters depend on each other in a circle: {shown}" if several else f"parameter `{chain[0]}` depends on itself"
+    message = f"parameters depend on each other in a cycle: {shown}" if several else f"parameter `{chain[0]}` depends on itself"
     report.add(
         Code.PARAMETER_CYCLE, message, document.span(places[turned[0]]), path=f"parameters.{turned[0]}",
-        help="give one of them a value of its own" if several else "give it a value of its own",
+        help="give one of them a value that does not depend on the others" if several else "give it a value that does not depend on itself",
         notes=[Note(message=f"`{step}` is set here", span=document.span(places[step])) for step in turned[1:MAX_CIRCLE]],
     )
 
@@ -187,11 +187,11 @@ def _complain_kind(
     if isinstance(own, Quantity):
         message, help = dimension_message(value, (own.dimension,), label, None, names)
         if own.dimension == NUMBER and own.value == 0.0 and isinstance(value, Quantity):
-            help = f"its own value is a bare 0: write `0 {value.dimension.example.partition(' ')[2]}` there"
+            help = f"its default is 0 without a unit: write `0 {value.dimension.example.partition(' ')[2]}` there"
         complain(name, Code.DIMENSION, message, help=help, notes=notes)
     else:
         wanted = "`true` or `false`" if isinstance(own, bool) else "a text"
-        complain(name, Code.VALUE_KIND, f"{label} is {wanted}, found {kind_of(value)} (`{shortened(words_of(value))}`)", notes=notes)
+        complain(name, Code.VALUE_KIND, f"{label} must be {wanted}, found {kind_of(value)} (`{shortened(words_of(value))}`)", notes=notes)
 
 
 def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
@@ -251,14 +251,14 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionVa
         at = (*path, "value")
         message, help = dimension_message(value, (own[0].dimension,), f"the value of parameter `{name}`", scope.written(at))
         bounded = "min" if isinstance(entry, ParameterSpec) and entry.min is not None else "max"
-        note = Note(message="as its bound is", span=scope.span((*path, bounded)))
+        note = Note(message="because its bound is", span=scope.span((*path, bounded)))
         scope.error(Code.DIMENSION, message, at, help=help, notes=[note])
         return
     if not isinstance(value, Quantity):
         key = "min" if isinstance(entry, ParameterSpec) and entry.min is not None else "max"
         scope.error(
-            Code.VALUE_KIND, f"`{key}` belongs to a parameter with a number; `{name}` is {kind_of(value)}", (*path, key),
-            help="take it out", key=True, notes=scope.beside(f"`{name}` is set here", (*path, "value"), (*path, key)),
+            Code.VALUE_KIND, f"`{key}` can only bound a number; `{name}` is {kind_of(value)}", (*path, key),
+            help="remove it", key=True, notes=scope.beside(f"`{name}` is set here", (*path, "value"), (*path, key)),
         )
         return
     bounds = _bounds(scope, spec, name)
@@ -314,7 +314,7 @@ def from_command_line(
             if fault is None and context.doubts(document):
                 continue
             complain(
-                name, Code.PARAMETER_OPTION, fault.message if fault else f"`{shortened(expression.text)}` cannot be worked out",
+                name, Code.PARAMETER_OPTION, fault.message if fault else f"`{shortened(expression.text)}` cannot be evaluated",
                 help=fault.help if fault else None,
             )
             continue
@@ -331,7 +331,7 @@ def _as_written(
     expressions: dict[str, Expression] = {}
     for name, text in texts.items():
         if (bad := forbidden(text)) is not None:
-            complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {bad[1]}", help="take it out")
+            complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {bad[1]}", help="remove it")
             continue
         try:
             value = _parse_parameter(text, table.values.get(name))

@@ -77,7 +77,7 @@ def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
             scope.error(
                 Code.UNKNOWN_PARAMETER, f"`{schema.reference}` has no parameter `{name}`", (*path, name), key=True,
                 help=did_you_mean(name, by_name, what="parameters"),
-                notes=[*scope.beside("the part is named here", (*node.path, "part"), (*path, name)), *_declared_at(schema)],
+                notes=[*scope.beside("the part is used here", (*node.path, "part"), (*path, name)), *_declared_at(schema)],
             )
             sound = False
             continue
@@ -93,7 +93,7 @@ def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
         examples = (f"{one.name}: {DIMENSIONS[one.kind].example if one.kind in DIMENSIONS else '...'}" for one in missing)
         s, them = ("s", "them") if len(missing) > 1 else ("", "it")
         scope.error(
-            Code.MISSING_PARAMETER, f"`{schema.reference}` needs the parameter{s} {named}, and nothing sets {them}",
+            Code.MISSING_PARAMETER, f"`{schema.reference}` needs the parameter{s} {named}, but nothing sets {them}",
             (*node.path, "part"), help=f"write `params: {{{', '.join(examples)}}}`", notes=_declared_at(schema),
         )
     return values if sound and not missing else None
@@ -111,20 +111,20 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given
             return given
         if isinstance(given, Quantity) and literal and written is not None:
             return written.strip()
-        message = f"{what} is a text, found {kind_of(given)} ({scope.shown(given, path)})"
+        message = f"{what} must be a string, found {kind_of(given)} ({scope.shown(given, path)})"
         scope.error(Code.VALUE_KIND, message, path, help="put quotes around it" if literal else None, notes=_declared_at(schema))
         return None
     if parameter.kind == "flag":
         if isinstance(given, bool):
             return given
-        message = f"{what} is `true` or `false`, found {kind_of(given)} ({scope.shown(given, path)})"
+        message = f"{what} must be `true` or `false`, found {kind_of(given)} ({scope.shown(given, path)})"
         scope.error(Code.VALUE_KIND, message, path, help="write `true` or `false`", notes=_declared_at(schema))
         return None
     dimension = DIMENSIONS[parameter.kind]
     if not isinstance(given, Quantity) or not given.fits(dimension):
         message, help = dimension_message(given, (dimension,), what, written, scope.names)
         if parameter.kind in ("number", *WHOLE) and isinstance(given, Quantity):
-            help = "the part takes a plain number here, without a unit"
+            help = "the part expects a plain number without a unit"
         scope.error(Code.DIMENSION, message, path, help=help, notes=_declared_at(schema))
         return None
     value = given.value + 0.0
@@ -159,7 +159,7 @@ def _choice(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given:
     shown = [words_of(choice) if isinstance(choice, (bool, str)) else f"{choice:g}" for choice in parameter.choices]
     text = shortened(written or words_of(given))
     help = did_you_mean(text, shown, what="choices") if nearest(text, shown) is not None else None
-    scope.error(Code.VALUE_KIND, f"{what} is one of {quoted(shown, 12)}, found `{text}`", path, help=help, notes=_declared_at(schema))
+    scope.error(Code.VALUE_KIND, f"{what} must be one of {quoted(shown, 12)}, found `{text}`", path, help=help, notes=_declared_at(schema))
     return None
 
 
@@ -167,7 +167,7 @@ def _declared_at(schema: PartSchema) -> list[Note]:
     if not schema.file or schema.line < 1:
         return []
     place = Span(file=schema.file, line=schema.line, column=1, end_line=schema.line, end_column=2)
-    return [Note(message=f"`{schema.reference}` is written here", span=place)]
+    return [Note(message=f"`{schema.reference}` is used here", span=place)]
 
 
 USES_SHOWN = 3
@@ -188,22 +188,22 @@ def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, f
     if failure.file is not None and failure.line is not None:
         place = line_of(failure.file, failure.line)
         notes.append(Note(message="in the part file, here", span=place))
-    help: str | None = None if failure.kind == "missing" else "mend the part file"
+    help: str | None = None if failure.kind == "missing" else "fix the part file"
     message = f"part `{reference}`: {failure.message}"
     if failure.kind == "raised":
         message = f"part `{reference}` cannot be loaded: {failure.message}"
     elif failure.kind == "trespassed":
-        message = f"part `{reference}` writes outside of its own folder: {failure.message}"
+        message = f"part `{reference}` writes files outside its own folder: {failure.message}"
     elif failure.message.startswith(f"`{reference}`"):
         message = failure.message
         help = missing_hint(context, reference, failure) if failure.candidates else _reference_hint(context, reference)
     if failure.kind == "resultless":
-        message, help = failure.message, "write `def result(self):` that returns a shape, or `return None` for a part without geometry"
+        message, help = failure.message, "add `def result(self):` that returns a shape, or None for a part without geometry"
     elif failure.kind in ("stale", "unlocked"):
-        help = "run `thingc lock` where the code of the parts may run, and keep what it writes with the documents"
+        help = "run `thingc lock` on a machine that may run part code, and commit the file that it writes"
     elif failure.kind == "refused":
         allowed = ", ".join(f"`{package}`" for package in failure.candidates)
-        help = f"parts come from the part folders of the workspace{' and from ' + allowed if allowed else ''}"
+        help = f"use a part from the part folders of the workspace{' or from ' + allowed if allowed else ''}"
     elif failure.kind == "missing":
         help = missing_hint(context, reference, failure)
     context.report.add(
@@ -229,7 +229,7 @@ def _report_unloaded(context: ResolveRun, where: Span, reference: str, failure: 
         notes.append(Note(message="also used: " + ", ".join(f"`{used}`" for used in list(uses)[USES_SHOWN:])))
     context.report.add(
         Code.PART_RAISED, f"part `{reference}`{others} cannot be loaded: {failure.message}",
-        line_of(file, line), help="mend the part file", notes=notes, detail=failure.detail,
+        line_of(file, line), help="fix the part file", notes=notes, detail=failure.detail,
     )
 
 
@@ -237,7 +237,7 @@ def _reference_hint(context: ResolveRun, text: str) -> str:
     """Return a hint for a text that is not `module:Class`."""
     called = re.fullmatch(r"([\w.]+:[\w.]+)\((.*)\)", text, re.DOTALL)
     if called is not None:
-        return f"write `part: {shortened(called.group(1))}`, and the parameters beside it: `params: {{...}}`"
+        return f"write `part: {shortened(called.group(1))}`and set its parameters: `params: {{...}}`"
     module, _, name = text.rpartition(":") if ":" in text else text.rpartition(".")
     for folder in context.workspace.parts:
         relative = context.workspace.relative(folder)
@@ -246,7 +246,7 @@ def _reference_hint(context: ResolveRun, text: str) -> str:
     meant = f"{module}:{name}"
     if re.fullmatch(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*", meant) and meant != text:
         return f"did you mean `{shortened(meant)}`?"
-    return "write a module of a part folder and a class in it, for example `arm:BasePlate`"
+    return "write `module:Class`, for example `arm:BasePlate`"
 
 
 def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> str:
@@ -267,11 +267,11 @@ def _module_hint(context: ResolveRun, reference: str, known: Collection[str]) ->
     if close is not None:
         return close
     folders = [context.workspace.relative(folder) for folder in context.workspace.parts] or list(DEFAULT_PARTS)
-    hint = f"modules lie in {' or '.join(f'`{folder}/`' for folder in folders)}"
+    hint = f"modules are in {' or '.join(f'`{folder}/`' for folder in folders)}"
     if not context.workspace.parts:
-        hint += ", which is not there yet"
+        hint += ", which does not exist yet"
     if "." not in module:
-        hint += f": write a class `{shortened(name)}` into `{folders[0]}/{shortened(module)}.py`"
+        hint += f": add a class `{shortened(name)}` to `{folders[0]}/{shortened(module)}.py`"
     modules = sorted(set(known) - set(context.workspace.packages))
     return f"{hint}; {did_you_mean('', modules, what='modules')}" if modules else hint
 

@@ -52,7 +52,8 @@ def _attach(table: DocumentScope, node: ComponentScope) -> Attach | None:
         if _turned_around(table, node, name):
             mine_meant = to_text.removeprefix(f"{node.name}.")
             scope.error(
-                Code.REFERENCE, f"`attach` names a mount of `{node.name}`, then the one that it meets; `{name}` is of another component",
+                Code.REFERENCE,
+                f"`attach` needs a mount of `{node.name}` first, then the mount that it is attached to; `{name}` is on another component",
                 to_path, key=True, help=f"write `{{{mine_meant}: {name}}}`" if "." not in mine_meant else None,
             )
             return None
@@ -64,7 +65,7 @@ def _attach(table: DocumentScope, node: ComponentScope) -> Attach | None:
         table.loose.extend(end for end in (mine, to) if end is not None)
         return None
     if to.path[0] == node.name:
-        scope.error(Code.PLACED_ON_ITSELF, f"`{node.name}` is attached to itself", to_path, help="name a mount of another component")
+        scope.error(Code.PLACED_ON_ITSELF, f"`{node.name}` is attached to itself", to_path, help="use a mount of another component")
         return None
     return Attach(mount=mine, to=to, turn=turn, gap=gap, origin=scope.origin(path, key=True))
 
@@ -86,7 +87,9 @@ def _at(table: DocumentScope, node: ComponentScope) -> At | None:
         table.loose.extend([to] if to is not None else [])
         return None
     if to.path[0] == node.name:
-        scope.error(Code.PLACED_ON_ITSELF, f"`{node.name}` is placed in itself", (*path, "in"), help="name a frame of another component")
+        scope.error(
+            Code.PLACED_ON_ITSELF, f"`{node.name}` is placed relative to itself", (*path, "in"), help="use a frame of another component",
+        )
         return None
     return At(to=to, pose=pose, origin=scope.origin(path, key=True))
 
@@ -109,16 +112,15 @@ def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
             continue
         node.unplaced = True
         (first, there), (second, here) = ways[0], ways[1]
-        message, help = f"`{name}` is placed twice: by {first} and by {second}", "keep one of them" + _closes(second)
+        message, help = f"`{name}` is placed twice: by {first} and by {second}", "remove one of them" + _closes(second)
         if name in swapped and (other := swapped[name].parent.path[0]) in free:
             joint = swapped[name]
-            message += f"; `parent` and `child` of joint `{joint.name.joint}` look swapped, because nothing places `{other}`"
+            message += f"; `parent` and `child` of joint `{joint.name.joint}` may be swapped, because nothing places `{other}`"
             help = f"write `parent: {joint.child.text}` and `child: {joint.parent.text}` in joint `{joint.name.joint}`"
             table.nodes[other].unplaced = True
             free.remove(other)
         table.scope.report.add(
-            Code.PLACED_TWICE, message, here, help=help, path=f"components.{name}",
-            notes=[
+            Code.PLACED_TWICE, message, here, help=help, path=f"components.{name}", notes=[
                 Note(message=f"placed by {first} here", span=there),
                 *(Note(message=f"and by {how} here", span=span) for how, span in ways[2:]),
             ],
@@ -140,8 +142,8 @@ def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
 def _report_no_base(table: DocumentScope, places: Places) -> None:
     joint = next((way for ways in reversed(places.values()) for way, _ in ways if way.startswith("joint")), "")
     table.scope.error(
-        Code.NO_BASE, "every component is placed on another one: the assembly has no base", ("components",), key=True,
-        help=f"take the placement of one of them away, for example that of `{next(iter(table.nodes))}`{_closes(joint)}",
+        Code.NO_BASE, "every component is placed on another component, so the assembly has no base", ("components",), key=True,
+        help=f"remove the placement of one of them, for example that of `{next(iter(table.nodes))}`{_closes(joint)}",
         notes=[Note(message=f"`{name}` is placed by {ways[0][0]}", span=ways[0][1]) for name, ways in [*places.items()][:4]],
     )
 
@@ -154,19 +156,18 @@ def _perhaps_swapped(table: DocumentScope, free: list[str]) -> dict[str, Joint]:
 
 def _closes(way: str) -> str:
     """Return a hint for joints that may be meant to close a loop."""
-    return f"; or, where {way} closes a loop, write `loop: true` in it" if way.startswith("joint ") else ""
+    return f"; if {way} closes a loop, add `loop: true` to it" if way.startswith("joint ") else ""
 
 
 def _report_bases(table: DocumentScope, free: list[str]) -> None:
-    message = f"{len(free)} components are placed by nothing: {quoted(free, 6)}; only one, the base, may be"
+    message = f"{len(free)} components are not placed: {quoted(free, 6)}; only one, the base, may be left unplaced"
     if len(free) == 2:
-        message = f"`{free[0]}` and `{free[1]}` are both placed by nothing; only one component, the base, may be"
+        message = f"`{free[0]}` and `{free[1]}` are not placed; only one component, the base, may be left unplaced"
     second = table.nodes[free[1]]
     table.scope.report.add(
         Code.TWO_BASES, message, second.scope.span(second.path, key=True), path=f"components.{free[1]}",
-        help="place the others with `attach`, `at` or as the child of a joint",
-        notes=[
-            Note(message=f"`{name}` is placed by nothing, too", span=table.nodes[name].scope.span(table.nodes[name].path, key=True))
+        help="place the others with `attach`, `at` or as the child of a joint", notes=[
+            Note(message=f"`{name}` is not placed either", span=table.nodes[name].scope.span(table.nodes[name].path, key=True))
             for name in [free[0], *free[2:6]]
         ],
     )

@@ -64,11 +64,11 @@ def said_by_file(definition: PartDefinition) -> bool:
 def unit_meant(definition: object, size: float) -> str:
     """Return a hint for a part of an implausible size [m]: for a file without a unit, the unit with a plausible size."""
     if isinstance(definition, LinkDefinition):
-        return "lengths of shapes have their units; write `unit: m`, or another one, beside a `mesh` whose numbers are in that"
+        return "check the units of the shapes; for a `mesh`, set `unit`, for example `unit: m`"
     if not isinstance(definition, PartDefinition) or definition.kind != "file":
-        return "part code is in millimetres, and documents write units: check those of its `params`"
+        return "part code uses millimetres: check the units of its `params`"
     if said_by_file(definition):
-        return "the file says its unit itself: export it anew in the right one"
+        return "the file contains its unit: export it again in the right unit"
     unit = str(dict(definition.parameters).get("unit", FILE_UNIT))
     number = size / parse_quantity(f"1 {unit}").value
     sizes = {other: number * parse_quantity(f"1 {other}").value for other in LIKELY_UNITS}
@@ -76,7 +76,7 @@ def unit_meant(definition: object, size: float) -> str:
         for other, meant in sizes.items():
             if least <= meant <= LARGEST / 3.0:
                 return f"write `unit: {other}` if its numbers are in {other}"
-    return f"its numbers are taken as {unit}: check the file"
+    return f"its numbers are read as {unit}: check the file"
 
 
 def measures(box: tuple[Vector, Vector]) -> str:

@@ -77,10 +77,9 @@ def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName],
         return
     shown = ", ".join("..." for _ in names)
     scope.error(
-        Code.COORDINATES, f"joint `{key}` has {len(names)} coordinates: its value is a list of {len(names)}" if names
-        else f"joint `{key}` has one coordinate: its value is not a list", path, key=True,
-        help=f"write `[{shown}]`, or set one alone: `{names[0]}`" if names else "write one value",
-        notes=_joint_notes(key, joint),
+        Code.COORDINATES, f"joint `{key}` has {len(names)} coordinates: its value must be a list of {len(names)}" if names
+        else f"joint `{key}` has one coordinate: its value must not be a list", path, key=True,
+        help=f"write `[{shown}]`, or set only one: `{names[0]}`" if names else "write one value", notes=_joint_notes(key, joint),
     )
 
 
@@ -88,7 +87,7 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
     """Set a ball from the rotation of its child relative to q = 0."""
     if not isinstance(raw, TurnSpec):
         scope.error(
-            Code.POSE, f"joint `{key}` is a ball: a pose turns it by `rpy` or by `quat`", path, key=True,
+            Code.POSE, f"joint `{key}` is a ball: its value in a pose must be `rpy` or `quat`", path, key=True,
             help=f"write for example `{key}: {{rpy: 0 20 0 deg}}`", notes=_joint_notes(key, ball),
         )
         return
@@ -100,7 +99,9 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
         w, x, y, z = (scope.number(one, (*place, number), NUMBER, what) for number, one in enumerate(raw.quat or ()))
         quaternion = None if w is None or x is None or y is None or z is None else (w, x, y, z)
         if quaternion is not None and not any(quaternion):
-            scope.error(Code.POSE, f"{what} is 0: it is no turn", place, help="write w, x, y, z; `[1, 0, 0, 0]` turns nothing")
+            scope.error(
+                Code.POSE, f"{what} is zero, which is not a rotation", place, help="write w, x, y, z; `[1, 0, 0, 0]` is no rotation",
+            )
             return
     if quaternion is not None:
         into.update((name.path, (q, scope.origin(path))) for name, q in zip(names, turn_of(quaternion), strict=True))
@@ -129,14 +130,14 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
             continue
         if joint.kind.at_once:
             scope.error(
-                Code.POSE, f"joint `{name.joint}` is a ball: a pose sets it as a whole", path, key=True,
+                Code.POSE, f"joint `{name.joint}` is a ball: a pose cannot set a single coordinate", path, key=True,
                 help=f"write for example `{name.joint}: {{rpy: 0 20 0 deg}}`", notes=_joint_notes(name.joint, joint),
             )
             continue
         coordinate = joint.twist.coordinate if joint.twist is not None else None
         if coordinate is None:
             scope.error(
-                Code.POSE, f"joint `{name}` is {joint.kind.name} and has no coordinate to set", path, key=True, help="take it out",
+                Code.POSE, f"joint `{name}` is {joint.kind.name} and has no coordinate to set", path, key=True, help="remove it",
                 notes=_joint_notes(name, joint),
             )
             continue
@@ -144,13 +145,13 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
             scope.error(
                 Code.POSE, f"joint `{name}` mimics `{joint.mimic.joint}`: a pose cannot set it", path, key=True,
                 help=f"set `{name.rpartition('.')[0] + '.' if '.' in name else ''}{joint.mimic.joint}`",
-                notes=[Note(message="it mimics here", span=joint.mimic.origin[0])],
+                notes=[Note(message="`mimic` is here", span=joint.mimic.origin[0])],
             )
             continue
-        what = f"the value of joint `{name}`" if exact else f"the value of joint `{name}`, which the pattern fits,"
+        what = f"the value of joint `{name}`" if exact else f"the value of joint `{name}`, which the pattern matches,"
         if isinstance(raw, str):
             scope.error(
-                Code.POSE, f"joint `{name}` takes {coordinate.words} (such as {coordinate.example}), found the text `{raw}`", path,
+                Code.POSE, f"joint `{name}` must be {coordinate.words} (such as {coordinate.example}), found the string `{raw}`", path,
                 help=f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, notes=_joint_notes(name, joint),
             )
             continue
@@ -161,7 +162,7 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
 
 def _joint_notes(name: str, joint: Joint) -> list[Note]:
     """Return the note that shows where a joint is written."""
-    return [Note(message=f"`{name}` is written here", span=joint.origin[0])]
+    return [Note(message=f"`{name}` is defined here", span=joint.origin[0])]
 
 
 def _movable(joint: Joint | None) -> bool:
@@ -181,13 +182,13 @@ def _pattern(table: DocumentScope, scope: Scope, known: Joints, key: str, raw: A
         return
     elif fitting:
         scope.error(
-            Code.NO_MATCH, f"pattern `{key}` fits no joint that a pose can set", path, key=True,
+            Code.NO_MATCH, f"pattern `{key}` matches no joint that a pose can set", path, key=True,
             help=f"`{fitting[0].joint}` is a ball: write `{{rpy: 0 20 0 deg}}`" if _is_ball(known[fitting[0]])
-            else f"`{fitting[0]}` moves with another joint or not at all",
+            else f"`{fitting[0]}` mimics another joint or does not move",
         )
     else:
         scope.error(
-            Code.NO_MATCH, f"pattern `{key}` fits no joint", path, key=True,
+            Code.NO_MATCH, f"pattern `{key}` matches no joint", path, key=True,
             help=suggested(key, [name for name in known if _movable(known[name])], what="joints"),
         )
 
@@ -202,7 +203,7 @@ def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: P
         _several(scope, known, joint, names, raw, path, into)
     if not coordinates and not any(joint is None for joint in known.values()):
         scope.error(
-            Code.COORDINATES, f"pattern `{key}` fits no joint of several coordinates: its value is not a list", path, key=True,
+            Code.COORDINATES, f"pattern `{key}` matches no joint with several coordinates: its value must not be a list", path, key=True,
             help="write one value",
         )
 
@@ -216,17 +217,17 @@ def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, in
         if table.unbuilt or any(node.doubtful for _, node in matched):
             return
         if matched:
-            message, help = f"`{key}` is not a nested assembly: it has no pose `{pose}`", suggested(key, nested, what="nested assemblies")
+            message, help = f"`{key}` is not a nested assembly and has no pose `{pose}`", suggested(key, nested, what="nested assemblies")
             scope.error(Code.POSE, message, path, key=True, help=help, notes=references.declared(matched[0][1]))
         elif GLOB.search(key):
             scope.error(
-                Code.NO_MATCH, f"pattern `{key}` fits no nested assembly", path, key=True,
+                Code.NO_MATCH, f"pattern `{key}` matches no nested assembly", path, key=True,
                 help=suggested(key, nested, what="nested assemblies"),
             )
         else:
             joints = [name for name, joint in table.all_joints() if _movable(joint)]
             scope.error(
-                Code.UNKNOWN_JOINT, f"there is no joint and no nested assembly `{key}`", path, key=True,
+                Code.UNKNOWN_JOINT, f"there is no joint or nested assembly `{key}`", path, key=True,
                 help=suggested(key, [*joints, *nested], what="joints and nested assemblies"),
             )
         return
@@ -267,7 +268,7 @@ def _report_unknown(table: DocumentScope, scope: Scope, known: Joints, key: str,
     names: list[str] = [name for name, joint in known.items() if _movable(joint)]
     if node is not None and "." not in key:
         if node.table is not None:
-            message, help = f"`{key}` is a nested assembly: its value is the name of one of its poses", suggested(
+            message, help = f"`{key}` is a nested assembly: its value must be the name of one of its poses", suggested(
                 "", node.table.spec.poses, what="poses")
         else:
             message, help = f"`{key}` is a component, not a joint", suggested(key, names, what="joints")

@@ -52,13 +52,14 @@ def added(scope: Scope, written: Mapping[str, Any]) -> tuple[RawElement, ...]:
     path: Path = ("raw", "mjcf", ADD)
     if not isinstance(sections, Mapping):
         scope.error(
-            Code.VALUE_KIND, "what `raw` adds is a mapping of sections", path, help=f"write for example `tendon: [...]`, in it {_EXAMPLE}",
+            Code.VALUE_KIND, "`add` must be a mapping of sections", path,
+            help=f"write for example `tendon: [...]` with elements such as {_EXAMPLE}",
         )
         return ()
     for section in sections:
         if section not in SECTIONS:
             scope.error(
-                Code.RAW_UNKNOWN, f"`raw` adds nothing to `{section}`", (*path, section), key=True,
+                Code.RAW_UNKNOWN, f"`raw` cannot add elements to `{section}`", (*path, section), key=True,
                 help=did_you_mean(section, SECTIONS, what="sections"),
             )
     return tuple(
@@ -82,13 +83,13 @@ def text(value: object) -> str:
 
 def _elements(scope: Scope, section: str, written: Any, path: Path) -> Iterator[RawElement]:
     if not isinstance(written, list):
-        scope.error(Code.VALUE_KIND, f"`{path[-1]}` is a list of elements", path, help=f"write for example {_EXAMPLE}")
+        scope.error(Code.VALUE_KIND, f"`{path[-1]}` must be a list of elements", path, help=f"write for example {_EXAMPLE}")
         return
     for number, one in enumerate(written):
         place: Path = (*path, number)
         if not (isinstance(one, Mapping) and len(one) == 1 and isinstance(next(iter(one.values())), Mapping)):
             scope.error(
-                Code.VALUE_KIND, "an element is a mapping with one key, its tag, and its attributes under that", place,
+                Code.VALUE_KIND, "an element must be a mapping with one key, its tag, whose value contains the attributes", place,
                 help=f"write for example {_EXAMPLE}",
             )
             continue
@@ -103,8 +104,8 @@ def _element(scope: Scope, section: str, tag: str, written: Mapping[str, Any], p
             continue
         if isinstance(value, (Mapping, list)):
             scope.error(
-                Code.VALUE_KIND, f"`{name}` of a `{tag}` is text, a number, true or false", (*path, name),
-                help=f"elements in it stand in a list under `{INSIDE}`, numbers in one text: `1 2 3`",
+                Code.VALUE_KIND, f"`{name}` of a `{tag}` must be a string, a number or a boolean", (*path, name),
+                help=f"write child elements as a list under `{INSIDE}`, and several numbers as one string: `1 2 3`",
             )
             return
         values[name] = text(value)
@@ -118,7 +119,7 @@ EXAMPLES = {
 }
 """Targets that accept raw attributes, each with an example attribute of a joint."""
 
-IN_PLACE = {"ros": "write them under `urdf`: the URDF of a package has them, too", "mjz": "write them under `mjcf`: its models are packed"}
+IN_PLACE = {"ros": "write them under `urdf`: the URDF in the ROS package contains them, too", "mjz": "write them under `mjcf`"}
 """Hints for targets that contain files of other targets."""
 
 
@@ -129,12 +130,12 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
         path: Path = ("raw", target)
         if target not in EXAMPLES:
             *first, last = (f"`{one}`" for one in EXAMPLES)
-            message = f"raw attributes are for {', '.join(first)} or {last}, found `{target}`"
+            message = f"`raw` expects {', '.join(first)} or {last}, found `{target}`"
             scope.error(Code.RAW_TARGET, message, path, key=True, help=IN_PLACE.get(target) or near_hint(target, EXAMPLES))
             continue
         if not isinstance(attributes, Mapping):
             scope.error(
-                Code.VALUE_KIND, f"raw attributes of `{target}` are a mapping, found `{text(attributes)}`", path,
+                Code.VALUE_KIND, f"raw attributes of `{target}` must be a mapping, found `{text(attributes)}`", path,
                 help=f"write for example `{target}: {{joint: {{yaw: {EXAMPLES[target]}}}}}`",
             )
             continue
@@ -149,7 +150,7 @@ def _ordered(scope: Scope, written: Any, path: Path) -> Iterator[RawAttribute]:
     """Yield the position of each element in `raw: {mjcf: {order: ...}}`; anything else is reported."""
     for kind, names in written.items() if isinstance(written, Mapping) else [("", written)]:
         if kind not in ORDERED or not isinstance(names, list) or any(isinstance(one, (Mapping, list)) for one in names):
-            message = f"`{ORDER}` lists the names of {' or '.join(f'`{one}`' for one in ORDERED)} elements"
+            message = f"`{ORDER}` must list the names of {' or '.join(f'`{one}`' for one in ORDERED)} elements"
             where = (*path, kind) if kind else path
             scope.error(Code.VALUE_KIND, message, where, help="write for example `order: {actuator: [hip, knee]}`")
             continue
@@ -164,9 +165,9 @@ def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str
             yield from _flattened(scope, target, child, (*path, key), (*keys, key))
     elif isinstance(node, list) and (target != "usd" or any(isinstance(one, (Mapping, list)) for one in node)):
         scope.error(
-            Code.VALUE_KIND, f"`{keys[-1]}` is text, a number, true or false in `{target}`, found a list of {len(node)}", path,
+            Code.VALUE_KIND, f"`{keys[-1]}` must be a string, a number or a boolean in `{target}`, found a list of {len(node)}", path,
             help=f"write `{' '.join(map(text, node))}`" if not any(isinstance(one, (Mapping, list)) for one in node)
-            else "elements are added under `raw: mjcf: add:`",
+            else "add elements under `raw: mjcf: add:`",
         )
     else:
         refused = fixed(keys) if target == "mjcf" else fixed_in_all(target, keys)

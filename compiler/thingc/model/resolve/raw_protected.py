@@ -27,40 +27,40 @@ PLACE = frozenset({"pos", "quat", "axisangle", "euler", "xyaxes", "zaxis", "from
 
 SECTIONS: Mapping[str, Mapping[str, str]] = {
     "compiler": {
-        "angle": "angles in the model are in radians: write yours in them, too",
-        "assetdir": "meshes are found where the build puts them",
-        "fusestatic": "every link stays a body: join two with a fixed joint, or with `attach`",
-        "meshdir": "meshes are found where the build puts them",
-        "strippath": "meshes are found where the build puts them",
+        "angle": "angles in the model are in radians: write yours in radians, too",
+        "assetdir": "the build decides where meshes are",
+        "fusestatic": "every link is a body: combine two links with a fixed joint or `attach`",
+        "meshdir": "the build decides where meshes are",
+        "strippath": "the build decides where meshes are",
     },
 }
 """Attributes of sections on which names, files and units of the whole model depend, and what to use instead."""
 
 SAID_BY: Mapping[str, str] = {
     "actuator": "drives are named after their joints: write `drive:` there",
-    "body": "bodies are the links: name them under `links:`",
-    "camera": "write the camera under `sensors:`",
-    "equality": "write `mimic:` or `loop: true` of the joint",
-    "geom": "write `material:`, `visual:` or `collision:` of the component",
-    "joint": "write the joint under `joints:`, with its name, `type:`, mounts and `offset:`",
+    "body": "bodies are links: rename them under `links:`",
+    "camera": "define the camera under `sensors:`",
+    "equality": "set `mimic:` or `loop: true` on the joint",
+    "geom": "set `material:`, `visual:` or `collision:` of the component",
+    "joint": "define the joint under `joints:`, with its name, `type:`, mounts and `offset:`",
     "key": "keyframes are named after the poses: rename the pose under `poses:`",
-    "material": "materials are made of the colours of components: write `material:` or the `color:` of the material",
-    "mesh": "meshes are those of the parts: write `part:`, `visual:` or `collision:` of the component",
+    "material": "materials follow from the colours of components: set `material:`, or `color:` of the material",
+    "mesh": "meshes come from the parts: set `part:`, `visual:` or `collision:` of the component",
     "numeric": "velocity limits are named after their joints: rename the joint under `joints:`",
-    "sensor": "write the sensor under `sensors:`",
-    "site": "sites are the mounts: name them under `mounts:`",
-    "tendon": "write the tendon under `tendons:`",
+    "sensor": "define the sensor under `sensors:`",
+    "site": "sites are mounts: rename them under `mounts:`",
+    "tendon": "define the tendon under `tendons:`",
 }
 """Where a document specifies names and references of elements, by kind of element."""
 
 
 EVERYWHERE: Mapping[str, str] = {
-    "name": "name links under `links:`, and joints where they are written", "type": "write `type:` of the joint",
-    "parent": "write `parent:` of the joint", "child": "write `child:` of the joint", "mimic": "write `mimic:` of the joint",
-    "origin": "write mounts, `attach:` or `at:`", "pose": "write mounts, `attach:` or `at:`",
-    **dict.fromkeys(("axis", "xyz"), "write the mounts of the joint, or its `axis:`"),
-    "inertial": "write `mass:` and `inertia:` of the component",
-    "screw_thread_pitch": "write `lead:` of the joint", "geometry": "write `visual:` or `collision:` of the component",
+    "name": "rename links under `links:`, and joints under `joints:`", "type": "set `type:` of the joint",
+    "parent": "set `parent:` of the joint", "child": "set `child:` of the joint", "mimic": "set `mimic:` of the joint",
+    "origin": "change mounts, `attach:` or `at:`", "pose": "change mounts, `attach:` or `at:`",
+    **dict.fromkeys(("axis", "xyz"), "change the mounts of the joint, or its `axis:`"),
+    "inertial": "set `mass:` and `inertia:` of the component",
+    "screw_thread_pitch": "set `lead:` of the joint", "geometry": "set `visual:` or `collision:` of the component",
 }
 """Properties of a robot that are part of every format, by element or attribute of URDF and SDF, and what to use instead."""
 
@@ -70,7 +70,7 @@ EVERYWHERE_IN_USD: Mapping[str, str] = {
     **dict.fromkeys(("mass", "centerOfMass", "diagonalInertia", "principalAxes", "density"), _MASS),
     **dict.fromkeys(("body0", "body1", "localPos0", "localPos1", "localRot0", "localRot1", "axis"), _MOUNTS),
     **dict.fromkeys(("jointEnabled", "excludeFromArticulation"), EVERYWHERE["type"]),
-    **dict.fromkeys(("rigidBodyEnabled", "kinematicEnabled"), "write `base:` of the mode"),
+    **dict.fromkeys(("rigidBodyEnabled", "kinematicEnabled"), "set `base:` of the mode"),
 }
 """The same for attributes of USD, without their `physics:`."""
 
@@ -89,7 +89,7 @@ def fixed_in_all(target: str, path: tuple[str, ...]) -> tuple[str, str] | None:
         name = key.rpartition(" ")[2]
         instead = _instead_in_usd(name) if target == "usd" else None if (key, target) == ("axis", "sdf") else EVERYWHERE.get(key)
         if instead is not None:
-            return f"`raw` cannot set `{name}` of a {path[0]}: it would be another robot than in other formats", instead
+            return f"`raw` cannot set `{name}` of a {path[0]}: the robot would differ between formats", instead
     return None
 
 
@@ -108,23 +108,23 @@ def fixed(path: tuple[str, ...]) -> tuple[str, str] | None:
     kind, attribute = path[0] if path else "", path[-1] if path else ""
     if len(path) == 2 and kind in SECTIONS:
         instead = SECTIONS[kind].get(attribute)
-        return None if instead is None else (f"`raw` cannot set `{attribute}` of `{kind}`: the whole model rests on it", instead)
+        return None if instead is None else (f"`raw` cannot set `{attribute}` of `{kind}`: the whole model depends on it", instead)
     if kind == "default" and len(path) == 4:
         kind = path[2]
     elif kind not in SAID_BY or len(path) != 3:
         return None
     what = f"`raw` cannot set `{attribute}` of {'an' if kind[:1] in 'ae' else 'a'} {kind}"
-    instead = SAID_BY.get(kind, "write it in the document's own words")
+    instead = SAID_BY.get(kind, "use the keys of the document instead")
     if attribute == "name":
-        return f"{what}: other elements, poses and `modes.json` know it by its name", instead
+        return f"{what}: other elements, poses and `modes.json` refer to it by name", instead
     if attribute in CLASSES:
-        instead = f"write the attributes of the {kind} itself, or those of its class under `default:`"
-        return f"{what}: it belongs to the classes that it was given", instead
+        instead = f"set the attributes of the {kind} itself, or those of its class under `default:`"
+        return f"{what}: thingc assigns its class", instead
     if attribute in REFERRING:
-        return f"{what}: it says which other element is meant", instead
+        return f"{what}: it refers to another element", instead
     if kind == "joint" and attribute in MOTION:
-        return f"{what}: poses and `modes.json` know its coordinate by it", instead
+        return f"{what}: poses and `modes.json` depend on it", instead
     if kind in ("body", "site") and attribute in PLACE:
-        instead = "write `attach:`, `at:`, or the `parent:`, `child:` and `turn:` of the joint" if kind == "body" else "write the mount"
-        return f"{what}: poses, other modes and `modes.json` know where it is", instead
+        instead = "change `attach:`, `at:`, or the `parent:`, `child:` and `turn:` of the joint" if kind == "body" else "change the mount"
+        return f"{what}: poses, other modes and `modes.json` depend on its position", instead
     return None

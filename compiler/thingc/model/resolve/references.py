@@ -49,11 +49,11 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
         return filled
     notes: list[Note] = []
     if scope.index is None:
-        message = f"`{unknown[0]}` in `{text}` is an index, and nothing is repeated here"
+        message = f"`{unknown[0]}` in `{text}` is an index, but there is no `repeat` here"
         help = "add `repeat: {count: ...}`, or write the number"
     else:
         message, help = f"unknown index `{unknown[0]}` in `{text}`", f"the index of this repeat is `${scope.index[0]}`"
-        notes = scope.beside("the repeat is written here", (*path[:2], "repeat", "as"), path)
+        notes = scope.beside("the `repeat` is here", (*path[:2], "repeat", "as"), path)
     scope.error(Code.REFERENCE, message, path, help=help, key=key, notes=notes)
     return None
 
@@ -82,14 +82,16 @@ def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[st
     if item is not None:
         meant = ".".join(f"{item.group(1)}_{item.group(2)}" if part == wrong else part for part in parts)
         scope.error(
-            Code.REFERENCE, f"`{wrong}` in `{filled}` is no name", path, key=key,
-            help=f"an item of a list is called by its number: `{meant}`",
+            Code.REFERENCE, f"`{wrong}` in `{filled}` is not a valid name", path, key=key,
+            help=f"refer to an item of a list by its number: `{meant}`",
         )
         return None
     if GLOB.search(wrong):
-        scope.error(Code.REFERENCE, f"`{filled}` is a pattern, and one name is wanted here", path, help="write the name in full", key=key)
+        scope.error(
+            Code.REFERENCE, f"`{filled}` is a pattern, but a single name is required here", path, help="write the name in full", key=key,
+        )
     else:
-        scope.error(Code.REFERENCE, f"`{wrong}` in `{filled}` is no name", path, key=key)
+        scope.error(Code.REFERENCE, f"`{wrong}` in `{filled}` is not a valid name", path, key=key)
     return None
 
 
@@ -113,7 +115,7 @@ def shown_mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, ke
             return None
         close = nearest(text, table.exports) if "." not in text and text not in table.nodes else None
         if close is not None:
-            scope.error(Code.UNKNOWN_MOUNT, f"this document shows no mount `{text}`", path, help=f"did you mean `{close}`?", key=key)
+            scope.error(Code.UNKNOWN_MOUNT, f"this document exports no mount `{text}`", path, help=f"did you mean `{close}`?", key=key)
             return None
         return mount(table, scope, text, path, key=key)
     shown = table.exports[text]
@@ -127,7 +129,7 @@ def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key:
         return None
     if len(parts) > 1 and parts[0] == node.name and (node.table is None or node.name not in node.table.nodes):
         scope.error(
-            Code.REFERENCE, f"`attach` names a mount of `{node.name}` itself, found `{'.'.join(parts)}`", path,
+            Code.REFERENCE, f"`attach` must start with a mount of `{node.name}` itself, found `{'.'.join(parts)}`", path,
             help=f"write `{'.'.join(parts[1:])}`", key=key,
         )
         return None
@@ -167,14 +169,14 @@ def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool
         if parts[0] not in table.nodes and nearest(parts[0], islice(table.nodes, MAX_SUGGESTED)) is None:
             close = nearest(parts[0], table.exports)
             if close is not None:
-                message = f"this document has no component and shows no mount `{parts[0]}`"
+                message = f"this document has no component or exported mount `{parts[0]}`"
                 scope.error(Code.UNKNOWN_COMPONENT, message, path, help=f"did you mean `{close}`?", key=key)
                 return None
         if parts[0] in RESERVED and parts[0] not in table.nodes:
             example = table.base or next(iter(table.nodes), "plate")
             scope.error(
-                Code.UNKNOWN_COMPONENT, f"`{parts[0]}` is no component: the root is what stands on the world", path, key=key,
-                help=f"name a component or a mount of one, such as `{example}` or `{example}.MOUNT`",
+                Code.UNKNOWN_COMPONENT, f"`{parts[0]}` is not a component: the root is the component that is fixed to the world", path,
+                key=key, help=f"use a component or one of its mounts, for example `{example}` or `{example}.MOUNT`",
             )
             return None
         return Reference(path=parts, mount=None, origin=origin) if _descend(table, scope, parts, path, key) is not None else None
@@ -224,7 +226,7 @@ def report_unmatched(
     """
     help = suggested(text, known, what=f"{fits or what}s")
     if pattern or GLOB.search(text):
-        scope.error(Code.NO_MATCH, f"pattern `{text}` fits no {fits or what}", path, help=help)
+        scope.error(Code.NO_MATCH, f"pattern `{text}` matches no {fits or what}", path, help=help)
     else:
         scope.error(_UNKNOWN[what], f"there is no {what} `{text}`", path, help=help)
 
@@ -290,7 +292,8 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
         inner_exports = [f"{name}.{ORIGIN}"]
         scope.error(
             Code.UNKNOWN_MOUNT, f"`{name}` is a component of {what}, not a mount", path,
-            help=f"name a mount of it, as in `{'.'.join(parts[:-1])}.{inner_exports[0]}`", key=key, notes=declared(node.table.nodes[name]),
+            help=f"use one of its mounts, for example `{'.'.join(parts[:-1])}.{inner_exports[0]}`", key=key,
+            notes=declared(node.table.nodes[name]),
         )
         return False
     if _unbuilt(node.table.unbuilt, name) or node.table.doubts.lacks("mounts"):
@@ -298,7 +301,7 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
     names = [*node.table.exports, ORIGIN, *node.mounts]
     help = suggested(name, names, what="mounts that it exports")
     if nearest(name, names) is None:
-        help += "; or export it there under `mounts:`"
+        help += ", or export it there under `mounts:`"
     scope.error(
         Code.UNKNOWN_MOUNT, f"{what} exports no mount `{name}`", path, help=help, key=key,
         notes=[*defined(node.table), *_repeated(scope, path, key)],
@@ -326,13 +329,13 @@ def _report_single(table: DocumentScope, scope: Scope, name: str, path: Path, ke
         return
     notes: list[Note] = []
     if name in table.nodes:
-        message, help = f"`{name}` is a component, and a mount is wanted here", f"name one of its mounts, as in `{name}.{ORIGIN}`"
+        message, help = f"`{name}` is a component, but a mount is required here", f"use one of its mounts, for example `{name}.{ORIGIN}`"
         notes = declared(table.nodes[name])
     elif name in table.exports:
         notes = [Note(message=f"`{name}` is exported here", span=table.scope.span(("mounts", name), key=True))]
-        message, help = f"`{name}` is what this document exports; here the mount itself is wanted", "write `component.mount`"
+        message, help = f"`{name}` is an exported mount; use the mount of the component here", "write `component.mount`"
     else:
-        message, help = f"a mount is written `component.mount`, found `{name}`", suggested(name, table.nodes, what="components")
+        message, help = f"a mount must be `component.mount`, found `{name}`", suggested(name, table.nodes, what="components")
         having = [f"`{one.name}.{name}`" for one in table.nodes.values() if _shows(one, name)]
         if 0 < len(having) <= 3:
             help = f"did you mean {' or '.join(having)}?"
@@ -360,8 +363,8 @@ def _report_component(
         what = f"assembly `{parts[depth - 1]}` (`{inner.document.relative}`)"
     if name in inner.exports:
         scope.error(
-            Code.UNKNOWN_COMPONENT, f"`{name}` is a mount that {what} exports, and has nothing inside", path,
-            help=f"write `{'.'.join(parts[: depth + 1])}`" if depth else "name a component first", key=key,
+            Code.UNKNOWN_COMPONENT, f"`{name}` is a mount that {what} exports and has no components", path,
+            help=f"write `{'.'.join(parts[: depth + 1])}`" if depth else "start with a component", key=key,
             notes=[Note(message=f"`{name}` is exported here", span=inner.scope.span(("mounts", name), key=True))],
         )
         return
@@ -395,6 +398,6 @@ def _report_leaf(node: ComponentScope, scope: Scope, parts: tuple[str, ...], dep
         return
     kind = f"a {node.bare}" if node.bare is not None else "an assembly" if isinstance(node.definition, AssemblyDefinition) else "a part"
     scope.error(
-        Code.UNKNOWN_COMPONENT, f"`{node.name}` is {kind} and has no components: `{'.'.join(parts)}` goes too deep", path,
+        Code.UNKNOWN_COMPONENT, f"`{node.name}` is {kind} and has no components: `{'.'.join(parts)}` has too many parts", path,
         help=f"write `{'.'.join(parts[:depth])}.mount`", key=key, notes=declared(node),
     )

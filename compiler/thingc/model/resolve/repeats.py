@@ -63,7 +63,7 @@ def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: 
                 items.append(item)
             else:
                 scope.error(
-                    Code.NAME_CLASH, f"two {section} are called `{item.name}`", path, key=True, help="rename one of them",
+                    Code.NAME_CLASH, f"two {section} are named `{item.name}`", path, key=True, help="rename one of them",
                     notes=[Note(message="the other one", span=scope.span(first.path, key=True))],
                 )
     return items, unbuilt
@@ -80,7 +80,7 @@ def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: I
         path: Path = (section, name, "repeat")
         count = scope.count(spec.repeat.count, (*path, "count"), f"the count of `{name}`")
         if count is not None and count > MAX_REPEAT:
-            scope.error(Code.TOO_MANY, f"`{name}` is repeated {count} times; at most {MAX_REPEAT} are possible", (*path, "count"))
+            scope.error(Code.TOO_MANY, f"`{name}` is repeated {count} times; at most {MAX_REPEAT} are allowed", (*path, "count"))
             count = None
         if count is not None and spec.repeat.as_ in set(parameters):
             scope.error(
@@ -91,7 +91,7 @@ def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: I
             count = None
         if count is not None and total + count > MAX_OCCURRENCES:
             scope.error(
-                Code.TOO_MANY, f"with `{name}` the {section} of this document are {total + count}; at most {MAX_OCCURRENCES} are possible",
+                Code.TOO_MANY, f"with `{name}`, this document has {total + count} {section}; at most {MAX_OCCURRENCES} are allowed",
                 (*path, "count"),
             )
             return None

@@ -77,7 +77,7 @@ def resolve(
     try:
         table = resolved(context, root.relative, spec, given, chosen, top=True)
     except TooManyErrors:
-        report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} faults; the rest is not said", None)
+        report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors; the rest is not shown", None)
         return None
     if context.overfull:
         return None

@@ -117,7 +117,7 @@ class Scope(FrozenStruct):
             return Quantity(float(raw))
         if isinstance(raw, (bool, str)):
             return raw
-        raise TypeError(f"no value of a document: {raw!r}")
+        raise TypeError(f"not a value of a document: {raw!r}")
 
     def _narrowed(self, expression: Expression, path: Path, offset: int, end: int) -> Span | None:
         """Return the part of a scalar on one line that corresponds to a range in its expression."""
@@ -198,8 +198,8 @@ class Scope(FrozenStruct):
         if not abs(length - 1.0) <= UNIT:
             unit = ", ".join(f"{part / length:.6g}" for part in (w, x, y, z)) if 0.0 < length < numeric.inf else "1, 0, 0, 0"
             self.error(
-                Code.OUT_OF_RANGE, f"`quat` is a unit quaternion w, x, y, z, and the length of this one is {length:.6g}", place,
-                help=f"write `[{unit}]`" + (", which turns nothing" if length == 0.0 else ""),
+                Code.OUT_OF_RANGE, f"`quat` must be a unit quaternion w, x, y, z, found one of length {length:.6g}", place,
+                help=f"write `[{unit}]`" + (", which is no rotation" if length == 0.0 else ""),
             )
             return None
         return rotation_of((w, x, y, z))
@@ -225,13 +225,13 @@ def dimension_message(
     text = shortened((written if written is not None else words_of(value)).strip())
     help: str | None = expression_hint(value, names) if isinstance(value, str) else None
     if isinstance(value, str) and help is not None and text.startswith("="):
-        help = f"`{shortened(value)}` is a text where it stands; an expression begins with `=`: `={shortened(value)}`"
+        help = f"`{shortened(value)}` is a string here; an expression begins with `=`: `={shortened(value)}`"
     if isinstance(value, Quantity) and value.dimension == NUMBER and not text.startswith("="):
         unit = expected[0].example.partition(" ")[2]
         help = f"write `{text} {unit}`" if unit else None
     elif isinstance(value, Quantity) and text == (written or "").strip() and not set(names).isdisjoint(re.findall(r"\w+", text)):
         help = next(filter(None, (_converted(text, value.dimension, one) for one in expected)), None)
-    return f"{what} is {wanted}, found {kind_of(value)} (`{text}`)", help
+    return f"{what} must be {wanted}, found {kind_of(value)} (`{text}`)", help
 
 
 def _converted(text: str, found: Dimension, wanted: Dimension) -> str | None:

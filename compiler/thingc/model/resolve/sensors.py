@@ -85,8 +85,8 @@ class _Reader:
         named = references.component(self.table, self.scope, text, place)
         if named is not None and named[1].table is not None:
             self.scope.error(
-                Code.REFERENCE, f"`{text}` is an assembly: sensor `{self.name}` is touched at one link", place,
-                help="name one of its components, as in `hand.finger`",
+                Code.REFERENCE, f"`{text}` is an assembly: the touch sensor `{self.name}` must be on one link", place,
+                help="use one of its components, for example `hand.finger`",
             )
             named = None
         self.sound &= named is not None
@@ -106,8 +106,8 @@ class _Reader:
         if not isinstance(written, Mapping):
             if len(able) > 1:
                 self.scope.error(
-                    Code.BROKEN_RULE, f"a sensor of type `{self.spec.type}` reads several things: `{key}` says of which it is", place,
-                    help=f"write for example `{key}: {{{next(iter(able))}: ...}}`",
+                    Code.BROKEN_RULE, f"a sensor of type `{self.spec.type}` measures several quantities: `{key}` must specify which one",
+                    place, help=f"write for example `{key}: {{{next(iter(able))}: ...}}`",
                 )
                 return {}
             return self._number(key, written, place, *next(iter(able.items())))
@@ -115,8 +115,8 @@ class _Reader:
         for name, raw in written.items():
             if name not in able:
                 self.scope.error(
-                    Code.BROKEN_RULE, f"a sensor of type `{self.spec.type}` reads no `{name}` that could have a `{key}`", (*place, name),
-                    key=True, help=did_you_mean(name, able, what="readings"),
+                    Code.BROKEN_RULE, f"a sensor of type `{self.spec.type}` does not measure `{name}`, so it has no `{key}`",
+                    (*place, name), key=True, help=did_you_mean(name, able, what="readings"),
                 )
             else:
                 numbers |= self._number(key, raw, (*place, name), name, able[name])
@@ -180,22 +180,22 @@ class _Reader:
         ball = any(one.joint == wanted.joint and joint is not None and joint.kind.at_once for one, joint in joints.items())
         if ball and self.spec.type == "joint":
             scope.error(
-                Code.JOINT_FIELD, f"joint `{wanted.joint}` is a ball: it has no coordinate to measure", place, key=unnamed,
-                help="measure a joint of one coordinate, or put an `imu` on its child",
+                Code.JOINT_FIELD, f"joint `{wanted.joint}` is a ball: it has no single coordinate to measure", place, key=unnamed,
+                help="use a joint with one coordinate, or an `imu` on its child",
             )
             return None
         if wanted not in joints:
             if not table.unsure_joints():
                 help = suggested(wanted, moving, what="joints")
                 if unnamed and moving:
-                    help += "; name it with `joint: ...`"
+                    help += "; set `joint: ...`"
                 scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{wanted}`", place, key=unnamed, help=help)
             return None
         joint = joints[wanted]
         if joint is not None and joint.twist is None:
             scope.error(
-                Code.JOINT_FIELD, f"joint `{wanted}` is {joint.kind.name} and does not move: there is nothing to measure", place,
-                key=unnamed, help="measure a joint that moves, or a `force` at one of its mounts",
+                Code.JOINT_FIELD, f"joint `{wanted}` is {joint.kind.name} and does not move: it has nothing to measure", place,
+                key=unnamed, help="use a joint that moves, or a `force` sensor at one of its mounts",
             )
             return None
         return joint

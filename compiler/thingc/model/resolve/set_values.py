@@ -28,9 +28,9 @@ from thingc.documents.spec.validation import validate_one
 from thingc.model.resolve.document_scope import ResolveRun
 
 FIXED = {
-    "thingc": "it says what kind of document this is",
-    "name": "a robot keeps its name",
-    "parameters": "a parameter is set by its name: `-p 'NAME=VALUE'`, and in a document of variants `NAME: ...`",
+    "thingc": "it specifies the kind of the document",
+    "name": "the name of a robot is fixed",
+    "parameters": "set a parameter by its name: `-p 'NAME=VALUE'`, or `NAME: ...` in a variants document",
 }
 """Keys of an assembly that cannot be set, and why."""
 
@@ -83,14 +83,14 @@ def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, val
 def _parse_setting(path: str, text: str, place: Span) -> Node | PathNotFound:
     """Parse a text for a path, with one place for all its nodes."""
     if (bad := forbidden(text)) is not None:
-        return PathNotFound(f"`{path}`: {bad[1]}", "take it out")
+        return PathNotFound(f"`{path}`: {bad[1]}", "remove it")
     if is_flow(text):
         tree = read_flow(text, place)
         return PathNotFound(f"`{path}` cannot be read: {tree.message}", tree.help) if isinstance(tree, Diagnostic) else tree
     try:
         return ScalarNode(value=core_value(text), text=text, span=place)
     except OverflowError:
-        return PathNotFound(f"`{path}` is a number that is not finite (`{shortened(text)}`)", "write a finite number")
+        return PathNotFound(f"`{path}` must be a finite number, found `{shortened(text)}`", "write a finite number")
 
 
 def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
@@ -113,19 +113,19 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
     None if it leads to a value, or if `text` is a mapping or list. `whole` converts paths to those from the top document.
     """
     if keys[0] in FIXED:
-        return PathNotFound(f"`{keys[0]}` is not set by a path", FIXED[keys[0]])
+        return PathNotFound(f"`{keys[0]}` cannot be set by a path", FIXED[keys[0]])
     node: Node | None = tree
     shape = shape_of(AssemblySpec)
     for depth, key in enumerate(keys):
         here = whole(".".join(keys[:depth]))
         if isinstance(node, ScalarNode):
-            return PathNotFound(f"`{here}` is `{shortened(node.text)}`: there is nothing inside it", f"set `{here}`")
+            return PathNotFound(f"`{here}` is `{shortened(node.text)}` and has no keys", f"set `{here}`")
         branches = alternatives(shape)
         if isinstance(node, SequenceNode):
             if (index := node.index(key)) is None:
                 last = len(node.items) - 1
-                help = f"name one of them, from `{here}.0` to `{here}.{last}`" if last >= 0 else f"set `{here}` as a whole"
-                return PathNotFound(f"`{here}` is a list of {last + 1}, without `{shortened(key)}`", help)
+                help = f"use an index, from `{here}.0` to `{here}.{last}`" if last >= 0 else f"set `{here}` as a whole"
+                return PathNotFound(f"`{here}` is a list of {last + 1} and has no `{shortened(key)}`", help)
             listed = next((branch for branch in branches if branch.kind == "list"), None)
             node, shape = node.items[index], shape if listed is None else shape_of(listed.members[0])
             continue
@@ -144,7 +144,7 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
             there = [key for one in branches if one.model is not None for key in model_keys(one.model)]
             return _no_such(document, keys, depth, there, whole)
         else:
-            return PathNotFound(f"`{here}` is a value: there is nothing inside it", f"set `{here}`")
+            return PathNotFound(f"`{here}` is a value and has no keys", f"set `{here}`")
         node = node.entries.get(key) if isinstance(node, MappingNode) else None
     return None if is_flow(text) else _unfinished(whole(".".join(keys)), shape, node)
 
@@ -173,5 +173,5 @@ def _unfinished(path: str, shape: FieldType, node: Node | None) -> PathNotFound 
     inside = [key for branch in branches if branch.model is not None for key in model_keys(branch.model)]
     inside += entries_of(node)
     named = [f"`{path}.{key}`" for key in dict.fromkeys(inside[:6])]
-    help = f"name one of them: {', '.join(named)}; or set all of it: `{path}={{...}}`" if named else f"set all of it: `{path}={{...}}`"
-    return PathNotFound(f"`{path}` is no value, but has values inside", help)
+    help = f"set one of {', '.join(named)}, or the whole mapping: `{path}={{...}}`" if named else f"set the whole mapping: `{path}={{...}}`"
+    return PathNotFound(f"`{path}` is not a value but a mapping", help)

@@ -56,8 +56,8 @@ def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> Mes
         stat = os.stat(absolute)
         if stat.st_size > LARGEST:
             scope.error(
-                Code.TOO_LARGE, f"`{shortened(spec.mesh or '')}` is {stat.st_size // 1_000_000} MB large, and mesh files are read up to "
-                f"{LARGEST // 1_000_000} MB", (*path, "mesh"), help="simplify the mesh: nobody sees more than some ten thousand triangles",
+                Code.TOO_LARGE, f"`{shortened(spec.mesh or '')}` is {stat.st_size // 1_000_000} MB, but mesh files may have at most "
+                f"{LARGEST // 1_000_000} MB", (*path, "mesh"), help="simplify the mesh: some ten thousand triangles are enough",
             )
             return None
         beside = tuple(os.path.join(os.path.dirname(absolute), name) for name in libraries(absolute))
@@ -84,10 +84,7 @@ def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
     if x is None or y is None or z is None:
         return None
     if not x * y * z:
-        scope.error(
-            Code.OUT_OF_RANGE, "a factor of `scale` is 0, which leaves nothing of the mesh", at,
-            help="write for example `scale: [1, 1, -1]`",
-        )
+        scope.error(Code.OUT_OF_RANGE, "a factor of `scale` is 0, which removes the mesh", at, help="write for example `scale: [1, 1, -1]`")
         return None
     said = spec.mesh is not None and spec.mesh.lower().endswith(SUFFIXES_WITH_UNIT)
     unit = 1.0 if said else parse_quantity(f"1 {spec.unit or FILE_UNIT}").value

@@ -67,13 +67,13 @@ def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bo
     kinds = ["pulley" if step.mount is None else "shape" if step.shape is not None else "mount" for step in steps]
     for number, (kind, before, after) in enumerate(zip(kinds, ["pulley", *kinds], [*kinds[1:], "pulley"], strict=False)):
         if kind == "shape" and not before == after == "mount":
-            fault = f"tendon `{name}` goes around something that is not between two mounts"
-            help = "name a mount before it, and one behind it"
+            fault = f"tendon `{name}` wraps around something that is not between two mounts"
+            help = "add a mount before it and one after it"
         elif kind == "mount" and before == after == "pulley":
-            fault = f"tendon `{name}` goes from here to nowhere"
-            help = "a path needs two mounts, and so does each of its pieces between pulleys"
+            fault = f"tendon `{name}` has only one mount here"
+            help = "a path, and each of its segments between pulleys, needs at least two mounts"
         elif kind == "pulley" and (number == 0 or after == "pulley"):
-            fault, help = f"a pulley of tendon `{name}` has no path before it, or behind it", "take it out"
+            fault, help = f"a pulley of tendon `{name}` has no path before or after it", "remove it"
         else:
             continue
         scope.error(Code.TENDON_PATH, fault, (*path, number), help=help)
@@ -98,17 +98,17 @@ def _terms(
                     help=suggested(text, table.joints, what="joints"),
                 )
             return None
-        notes = [Note(message=f"`{text}` is written here", span=joint.origin[0])]
+        notes = [Note(message=f"`{text}` is defined here", span=joint.origin[0])]
         if joint.twist is None or joint.kind.at_once:
-            why = "does not move" if joint.twist is None else "turns by no single number"
+            why = "does not move" if joint.twist is None else "has no single coordinate"
             scope.error(
-                Code.JOINT_FIELD, f"tendon `{name}` cannot go over `{text}`, which is {joint.kind.name} and {why}", place, key=True,
-                notes=notes, help="name a coordinate that turns about one axis, or slides along one",
+                Code.JOINT_FIELD, f"tendon `{name}` cannot depend on `{text}`, which is {joint.kind.name} and {why}", place, key=True,
+                notes=notes, help="use a coordinate that rotates about one axis or slides along one",
             )
             return None
         own = joint.twist.coordinate
         fitting = (length / own,) if length is not None else (ANGLE / own, LENGTH / own)
-        factor = scope.number(raw, place, fitting, f"how `{text}` changes the length of tendon `{name}`", notes=notes)
+        factor = scope.number(raw, place, fitting, f"the coefficient of `{text}` in tendon `{name}`", notes=notes)
         value = scope.value(raw, place)
         if factor is None or not isinstance(value, Quantity):
             return None
@@ -133,9 +133,7 @@ def _tendon(
     least = 0.0 if spec.path is not None else None  # the length of a path is not negative
     limit = Limit(lower=number("limit", "lower", least=least), upper=number("limit", "upper", least=least))
     if limit.lower is not None and limit.upper is not None and not limit.lower < limit.upper:
-        scope.error(
-            Code.LIMIT, f"limits of tendon `{name}` leave no room: expected lower < upper", (*path, "limit", "lower"), help="swap them",
-        )
+        scope.error(Code.LIMIT, f"limits of tendon `{name}`: expected lower < upper", (*path, "limit", "lower"), help="swap them")
         limit = Limit()
     dynamics = Dynamics(
         **{key: number("dynamics", key) for key in ("damping", "friction", "armature", "stiffness")},
@@ -143,16 +141,16 @@ def _tendon(
     )
     if dynamics.rest is not None and spec.dynamics is not None and spec.dynamics.stiffness is None:
         scope.error(
-            Code.JOINT_FIELD, f"tendon `{name}` has a `dynamics.rest` and no `stiffness`: there is no spring that could rest",
-            (*path, "dynamics", "rest"), key=True, help="write its `stiffness` beside it, or take it out",
+            Code.JOINT_FIELD, f"tendon `{name}` has a `dynamics.rest` but no `stiffness`: `rest` is the rest position of a spring",
+            (*path, "dynamics", "rest"), key=True, help="add `stiffness`, or remove `rest`",
         )
     drive = None
     if spec.drive is not None:
         for key in ("axis", "armature", "component"):
             if getattr(spec.drive, key) is not None:
                 scope.error(
-                    Code.DRIVE, f"the drive of tendon `{name}` has no `{key}`", (*path, "drive", key), key=True,
-                    help="write it under `dynamics`" if key == "armature" else "take it out",
+                    Code.DRIVE, f"the drive of tendon `{name}` cannot have `{key}`", (*path, "drive", key), key=True,
+                    help="set it under `dynamics`" if key == "armature" else "remove it",
                 )
         drive = Drive(
             component=None, kind=spec.drive.kind, kp=number("drive", "kp"), kv=number("drive", "kv"), effort=number("drive", "effort"),

@@ -119,8 +119,8 @@ class Reader:
         low, high = (self.number(value, (*key, index), dimension, what) for index, value in enumerate(said))
         if low > high:
             self.error(
-                Code.OUT_OF_RANGE, f"{what}: the smallest value comes first, found {Quantity(low, dimension)} before "
-                f"{Quantity(high, dimension)}", key, help="exchange the two",
+                Code.OUT_OF_RANGE, f"{what}: expected the smallest value first, found {Quantity(low, dimension)} before "
+                f"{Quantity(high, dimension)}", key, help="swap them",
             )
         return low, high
 
@@ -130,8 +130,8 @@ class Reader:
         most = None if high is None else self.number(high, "max", dimension, f"`max` of {what}", least=0.0)
         if least is not None and most is not None and least > most:
             self.error(
-                Code.OUT_OF_RANGE, f"`min` of {what} is above its `max`: {Quantity(least, dimension)} and {Quantity(most, dimension)}",
-                "min", help="exchange the two",
+                Code.OUT_OF_RANGE, f"`min` of {what} is above its `max`: {Quantity(least, dimension)} > {Quantity(most, dimension)}",
+                "min", help="swap them",
             )
         return least, most
 
@@ -210,7 +210,7 @@ class Reader:
             if fitting or self.table.unsure_joints():
                 self.sound = self.sound and bool(fitting)
             elif GLOB.search(text):
-                self.error(Code.NO_MATCH, f"pattern `{text}` fits no joint that can be moved", at, on_key=True,
+                self.error(Code.NO_MATCH, f"pattern `{text}` matches no joint that can be moved", at, on_key=True,
                            help=suggested(text, movable, what="joints"))
             else:
                 self.error(Code.UNKNOWN_JOINT, f"there is no joint `{text}`", at, on_key=True, help=suggested(text, movable, what="joints"))
@@ -224,7 +224,7 @@ class Reader:
                 if joint.mimic is not None:
                     why = f"mimics `{joint.mimic.joint}`"
                 self.error(Code.TEST, f"joint `{name}` {why}: it cannot be moved through a range", chosen[name][1], on_key=True,
-                           help=f"move `{joint.mimic.joint}`" if joint.mimic is not None else "take it out")
+                           help=f"move `{joint.mimic.joint}`" if joint.mimic is not None else "remove it")
             else:
                 yield self._range(name, joint, *chosen[name])
 
@@ -235,14 +235,15 @@ class Reader:
         low = joint.limit.lower if joint.limit.lower is not None else -endless
         high = joint.limit.upper if joint.limit.upper is not None else endless
         if said == ALL and numeric.isinf(high - low):
-            self.error(Code.TEST, f"joint `{name}` slides without limits: `all` is not a range", key,
-                       help="write from where to where: `[-20 mm, 20 mm]`, or give it a `limit`")
+            self.error(Code.TEST, f"joint `{name}` slides without limits: `all` is not possible", key,
+                       help="write a range such as `[-20 mm, 20 mm]`, or give the joint a `limit`")
         if said != ALL and twist is not None:
             first, last = self.interval(said, key, twist.coordinate, f"the range of joint `{name}`")
             if joint.kind.may_stop and (first < low - 1e-9 or last > high + 1e-9):
-                ends = " to ".join(twist.shown(end) if numeric.isfinite(end) else "no end" for end in (low, high))
+                ends = " to ".join(twist.shown(end) if numeric.isfinite(end) else "unlimited" for end in (low, high))
                 self.error(
-                    Code.OUT_OF_RANGE, f"the range of joint `{name}` leaves its limits {ends}", key, help="write `all` for the whole range",
+                    Code.OUT_OF_RANGE, f"the range of joint `{name}` exceeds its limits {ends}", key,
+                    help="write `all` for the whole range",
                 )
             low, high = first, last
         return JointRange(joint=name.path, lower=low, upper=high)

@@ -52,8 +52,8 @@ def _stood(assembly: Assembly, mode: LinkedMode, mesh_vertices: MeshVertices | N
     if start is None:
         if all(one.record is None or one.record.exact for one in assembly.occurrences):
             report.add(
-                Code.NOTHING_TOUCHES, f"mode `{mode.name}` is `on: floor`, and no part of `{assembly.name}` could touch it",
-                mode.origin, path=mode.name, help="give a part a `collision` other than `none`, or write `at: {xyz: ...}`",
+                Code.NOTHING_TOUCHES, f"mode `{mode.name}` is `on: floor`, but no part of `{assembly.name}` can touch it",
+                mode.origin, path=mode.name, help="set `collision` of a part to a value other than `none`, or write `at: {xyz: ...}`",
             )
         return mode
     at_in: dict[str, Pose] = {}

@@ -57,7 +57,7 @@ def closures_of(
         if body_of[link] == 0 and stays(mode.base):
             report.add(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}`, which is on its root `{assembly.links[link].name}`: "
-                "that stands still already", hold.origin, path=choice.path, help="hold a mount of another link, or take it out",
+                "it does not move anyway", hold.origin, path=choice.path, help="hold a mount of another link, or remove it",
                 notes=[Note(message=f"`{assembly.links[link].name}` begins here", span=assembly.links[link].origin[0])],
             )
             sound = False
@@ -81,17 +81,17 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Repo
         fixed = next((mate for mate in closed if not mate.joints), None)
         notes: list[Note] = []
         if fixed is not None:
-            why = f"whose loop is cut at the fixed joint `{fixed.loop}`"
-            help = "take it out: a loop that a fixed joint closes is cut at that joint"
+            why = f"whose loop is already cut at the fixed joint `{fixed.loop}`"
+            help = "remove it: a loop that a fixed joint closes is cut at that joint"
             notes = [Note(message=f"`{fixed.loop}` is here", span=fixed.origin[0])]
         elif closed:
             other = next(cut for cut in mode.cut if cut.joint == closed[0].name)
-            why, help = f"whose loop is cut at `{other.joint}` already", "take one of the two out: a loop is cut once"
+            why, help = f"whose loop is already cut at `{other.joint}`", "remove one of the two: a loop is cut once"
             notes = [Note(message=f"`{other.joint}` is cut here", span=other.origin[0])]
         else:
             on_loops = [name for name, number in joints.items() if number not in taken or closing(assembly, taken, number)]
             why = "which is on no loop"
-            help = did_you_mean(one.joint, on_loops, what="joints on loops") if on_loops else "take it out: no joints make a loop here"
+            help = did_you_mean(one.joint, on_loops, what="joints on loops") if on_loops else "remove it: there are no loops here"
         report.add(Code.CUT, f"mode `{mode.name}` cuts joint `{one.joint}`, {why}", one.origin, path=one.joint, help=help, notes=notes)
     return not wrong
 
@@ -196,7 +196,7 @@ def _report(mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution
         if own is None:
             return
         closure, residual = next(c for c in loops.closures if c.path == own.path), own.residual
-        help = f"start from `{keyframes[0].name}`, which closes" if keyframes else "start from a pose nearer to where it is closed"
+        help = f"start from `{keyframes[0].name}`, which closes" if keyframes else "start from a pose closer to a closed one"
         where = f" from pose `{own.name}`"
     else:
         closure, residual = _worst(loops, best)
@@ -206,7 +206,7 @@ def _report(mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution
         )
     far = residual_words(residual)
     if closure.hold:
-        message = f"mode `{mode.name}` cannot hold `{closure.path}` there{where}: at best it is {far} away"
+        message = f"mode `{mode.name}` cannot hold `{closure.path}` in place{where}: at best it is {far} away"
     else:
         message = f"the loop through joint `{closure.path}` does not close{where}: at best its ends are {far} apart"
     report.add(Code.UNCLOSED, message, closure.origin, path=closure.path, help=help)

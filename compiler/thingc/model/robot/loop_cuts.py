@@ -30,12 +30,12 @@ class CutPriority(NamedTuple):
 _WORDS: Mapping[str, str] = {
     "uncut": "is not named by `cut`",
     "driven": "is driven",
-    "coupled": "mimics or is followed",
-    "unclosable": "is no turn and no ball, which targets can close best",
+    "coupled": "mimics a joint or is mimicked",
+    "unclosable": "is neither a hinge nor a ball, which targets can close best",
     "limited": "has limits",
     "dynamic": "has dynamics",
     "placing": "places its child",
-    "earlier": "stands before it",
+    "earlier": "is defined earlier",
 }
 
 

@@ -30,8 +30,8 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
         reached = {body.link for body in bodies}
         missing = next(link for link in assembly.links if link.index not in reached)
         report.add(
-            Code.UNREACHED, f"link `{missing.name}` does not hang together with the root of mode `{mode.name}`", missing.origin,
-            path=missing.name, help="place its components on others that do",
+            Code.UNREACHED, f"link `{missing.name}` is not connected to the root of mode `{mode.name}`", missing.origin,
+            path=missing.name, help="place its components on connected components",
         )
         return None
     closures = closures_of(assembly, mode, bodies, taken, report, memo)

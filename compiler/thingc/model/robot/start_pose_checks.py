@@ -72,19 +72,18 @@ def _warn(robot: Robot, others: Sequence[str], part: Occurrence, depth: float, b
     shown = Quantity(float(f"{depth:.3g}"), LENGTH)
     raised = Quantity(float(f"{height + math.ceil(1e4 * depth) / 1e4:.6g}"), LENGTH)
     stands = any(one.collides for one in robot.assembly.occurrences)
-    help = f"write for example `at: {{xyz: 0 0 {raised}}}`{', or let it stand: `at: {on: floor}`' if stands else ''}"
+    help = f"write for example `at: {{xyz: 0 0 {raised}}}`{', or put it on the floor: `at: {on: floor}`' if stands else ''}"
     if height == 0.0 and mode.origin and stands:
         typed = shlex.join(["thingc", "set", shown_path(mode.origin[0].file), f"modes.{mode.name}.at.on=floor"])
-        help = f"let it stand: `{typed}`, or write for example `at: {{xyz: 0 0 {raised}}}`"
+        help = f"run `{typed}` to put it on the floor, or write for example `at: {{xyz: 0 0 {raised}}}`"
     if height < 0.0:
-        help = f"`at` is at z = {Quantity(height, LENGTH)}, probably with a sign too many"
+        help = f"`at` is at z = {Quantity(height, LENGTH)}, probably a sign error"
     notes = [Note(message=f"`{part.path}` is here", span=part.origin[0])] if part.origin else []
     if others:
-        notes.append(Note(message=f"so {'does' if len(others) == 1 else 'do'} mode{'' if len(others) == 1 else 's'} "
-                          + ", ".join(f"`{name}`" for name in others)))
+        notes.append(Note(message=f"also in mode{'' if len(others) == 1 else 's'} " + ", ".join(f"`{name}`" for name in others)))
     report.warn(
         Code.START_BELOW,
-        f"mode `{mode.name}` starts with `{part.path}` {'at least ' if bound else ''}{shown} under the plane z = 0 of its scene",
+        f"mode `{mode.name}` starts with `{part.path}` {'at least ' if bound else ''}{shown} below the plane z = 0 of its scene",
         mode.origin, path=mode.name, help=f"{help}; {allow_hint(Code.START_BELOW)}", notes=notes,
     )
 
@@ -105,8 +104,8 @@ def _check_feet(robots: Sequence[Robot], report: Report) -> None:
             Code.OFF_FEET,
             f"mode `{mode.name}` stands on {feet}, and `{part.path}` is at least {Quantity(float(f'{depth:.3g}'), LENGTH)} lower "
             + (f"in pose `{mode.pose}`" if mode.pose is not None else "with all joints at 0"),
-            mode.origin, path=mode.name, notes=[*notes, *([Note(message=f"so it is in {others}")] if others else [])],
-            help=f"start in a pose that puts the feet down, or mend how the legs are put together; {allow_hint(Code.OFF_FEET)}",
+            mode.origin, path=mode.name, notes=[*notes, *([Note(message=f"also in {others}")] if others else [])],
+            help=f"start in a pose that puts the feet down, or fix the mounts of the legs; {allow_hint(Code.OFF_FEET)}",
         )
 
 
@@ -146,14 +145,12 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
         others = ", ".join(f"`{robot.mode.name}`" for robot in modes[1:])
         report.warn(
             Code.START_LIMITS,
-            f"mode `{mode.name}` starts without a pose, so with `{first.path}` at 0, outside its limits {' to '.join(ends)}",
-            mode.origin, path=mode.name,
-            notes=[
+            f"mode `{mode.name}` starts without a pose, which puts `{first.path}` at 0, outside its limits {' to '.join(ends)}",
+            mode.origin, path=mode.name, notes=[
                 *([Note(message=f"`{first.path}` is here", span=first.origin[0])] if first.origin else []),
-                *(Note(message=f"so it is with `{joint.path}`") for joint in more[:3]),
-                *([Note(message=f"so it is in {others}")] if others else []),
-            ],
-            help=f"give the mode a `pose` that sets `{first.path.replace('/', '.')}`; {allow_hint(Code.START_LIMITS)}",
+                *(Note(message=f"also `{joint.path}`") for joint in more[:3]),
+                *([Note(message=f"also in {others}")] if others else []),
+            ], help=f"add a `pose` to the mode that sets `{first.path.replace('/', '.')}`; {allow_hint(Code.START_LIMITS)}",
         )
 
 
@@ -171,9 +168,9 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
         path, *more = sorted(moved, key=lambda one: -abs(moved[one]))
         old, new = (joints[path].twist.shown(value) for value in (pose.values[path], pose.values[path] + moved[path]))
         lost = ", too far for a keyframe" if isinstance(frames[pose.name], Unclosed) else ""
-        others = f" ({len(more)} more of its values move)" if more else ""
+        others = f" ({len(more)} more of its values change)" if more else ""
         report.warn(
-            Code.POSE_MOVED, f"pose `{pose.name}` sets `{path}` to {old}, but its loops close nearest to it at {new}{lost}{others}",
+            Code.POSE_MOVED, f"pose `{pose.name}` sets `{path}` to {old}, but its loops close at {new}{lost}{others}",
             pose.origins[path], path=pose.name,
             help=f"write `{path.replace('/', '.')}: {new}`, or leave out joints that may move; {allow_hint(Code.POSE_MOVED)}",
         )

@@ -87,7 +87,7 @@ class Overlaps:
 
         def solid(part: Occurrence) -> Solid:
             made = self._memo(("solid", part.definition.text), partial(solid_of, self._store, simplify=self.deep / 4.0), part.solids)
-            assert made is not None, "what has a volume is solid"
+            assert made is not None, "only closed solids have a volume"
             return made
 
         return solid(pair.one).overlap(solid(pair.other).at(pair.at))
@@ -133,10 +133,9 @@ def _warn(assembly: Assembly, pair: PartPair, shared: float, report: Report) -> 
     smaller, larger = sorted((pair.one, pair.other), key=_volume)
     share = float(f"{minimum(100.0 * shared / _volume(smaller), 100.0):.2g}")
     twice = pair.one.definition == pair.other.definition
-    help = "remove one of them" if twice and share >= 50.0 else "move one of them, or cut the room that it needs out of the other"
+    help = "remove one of them" if twice and share >= 50.0 else "move one of them, or cut a clearance into the other"
     return report.warn(
-        Code.OVERLAP,
-        f"`{pair.other.path}` and `{pair.one.path}` overlap: {share:g} % of `{smaller.path}` is "
+        Code.OVERLAP, f"`{pair.other.path}` and `{pair.one.path}` overlap: {share:g} % of `{smaller.path}` is "
         f"inside `{larger.path}` ({_cubic(shared)})" + (f", which is also a `{larger.definition.label}`" if twice else ""),
         pair.other.origin, path=pair.other.path, help=f"{help}; {allow_hint(Code.OVERLAP)}",
         notes=contact_places(assembly, pair.one, pair.other),

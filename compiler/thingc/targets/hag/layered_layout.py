@@ -111,7 +111,7 @@ def _ranks(count: int, lines: Sequence[Line]) -> list[int]:
             if waiting[follower] == 0:
                 ready.append(follower)
     if len(ready) != count:
-        raise ValueError("only an acyclic graph can be laid out in layers")
+        raise ValueError("the graph must be acyclic")
     return ranks
 
 

@@ -197,11 +197,11 @@ class _Limits:
         if has_inside(piece):
             return True
         self.flat(occurrence, (
-            f"the {choice} that encloses it has no volume" if isinstance(piece, Primitive)
-            else "the points of its collision mesh lie in one plane"
+            f"its enclosing {choice} has no volume" if isinstance(piece, Primitive)
+            else "its collision mesh is flat"
         ))
         return False
 
     def flat(self, occurrence: Occurrence, why: str) -> None:
-        what = f"its contacts: {why}, and MuJoCo needs a solid to touch"
+        what = f"its contacts: {why}, but MuJoCo needs a solid"
         self.losses.append(Loss.of(occurrence.origin, "mjcf", None, occurrence.path, what, "omitted"))

@@ -27,7 +27,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "joints": {
         "single": _EACH, "several": _EACH_OF_SEVERAL, "universal": _EACH_OF_SEVERAL, "ball": Supported("ball"),
         "screw": Lossy(
-            "threaded", "approximated", ": MuJoCo turns and slides it, and ties the two by an equality, which gives way by a little",
+            "threaded", "approximated", ": a hinge and a slide in MuJoCo, coupled by an equality, which is slightly soft",
         ),
     },
     "of_joints": {
@@ -38,21 +38,21 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "loops": {
         "hold": Supported("weld or connect", "`weld` or `connect`"), "weld": Supported("weld"), "ball": Supported("connect", "`connect`"),
         "hinge": Supported("two connects", "two `connect`"),
-        "slide": Omitted(": MuJoCo has no equality that slides"),
-        "screw": Omitted(": MuJoCo has no equality that screws"),
+        "slide": Omitted(": MuJoCo has no equality for slides"),
+        "screw": Omitted(": MuJoCo has no equality for screws"),
         "universal": Supported("connect and tendon", "`connect`, and a tendon of constant length"),
-        "several": Omitted(": MuJoCo has no equality that moves in several coordinates"),
+        "several": Omitted(": MuJoCo has no equality for joints with several coordinates"),
     },
     "bases": {"held": Supported(None, "a mocap body"), "free": SAYS, "start": SAYS, "planar": SAYS, "ball": SAYS},
     "modes": {"gravity": SAYS, "poses": Supported(None, "keyframes"), "exclude": SAYS, "timestep": SAYS, "simulation": SAYS},
     "links": {
         "frames": Supported(None, "sites"), "colours": SAYS, "friction": SAYS, "rolling": SAYS, "adhesion": Supported(None, "an actuator"),
         "weightless": Supported(None, "several joints on one body"),
-        "weightless_base": SAYS, "point": SAYS, "line": Lossy(None, "approximated", ": it has none here, as a point"),
+        "weightless_base": SAYS, "point": SAYS, "line": Lossy(None, "approximated", ": 0 here, as for a point"),
     },
     "shapes": {
         "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "ellipsoid": SAYS, "plane": SAYS, "hull": SAYS,
-        "mesh": Lossy(None, "approximated", ": MuJoCo touches the convex hull of a mesh"),
+        "mesh": Lossy(None, "approximated", ": MuJoCo uses the convex hull of a mesh"),
     },
     "sensors": {**all_sensors(_ELEMENTS), "camera": Supported("camera")},
     "of_sensors": {"noise": SAYS, "cutoff": SAYS},

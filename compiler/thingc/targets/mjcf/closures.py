@@ -170,13 +170,13 @@ def losses(robot: Robot) -> Iterator[Loss]:
     turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
     for frame in robot.keyframes:
         if frame.moved:
-            what = f"its values as written: the loops close with {_moved(frame.moved, turns)}"
+            what = f"its values: the loops close with {_moved(frame.moved, turns)}"
             yield Loss.of(frame.origin, "mjcf", mode, frame.name, what, "approximated")
     for one in robot.unclosed:
         if one.moved:
             what = f"its keyframe: the loops close only with {_moved(one.moved, turns)}"
         else:
-            what = f"its keyframe: `{one.path}` does not close, at best it is {residual_words(one.residual)} off"
+            what = f"its keyframe: `{one.path}` does not close (at best {residual_words(one.residual)} apart)"
         yield Loss.of(one.origin, "mjcf", mode, one.name, what, "omitted")
     for closure in robot.closures:
         if not closure.joints or equality(closure) is None:
@@ -188,7 +188,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
                 ("its effort and velocity limits", joint.limit.effort is not None or joint.limit.velocity is not None),
                 ("its dynamics", joint.dynamics.acts),
                 ("its drive", any(one.path in robot.present for one in closure.joints)),
-                ("what it mimics", joint.mimic is not None),
+                ("its mimic", joint.mimic is not None),
             ) if there
         ]
         if lost:
@@ -199,7 +199,7 @@ def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:
     """Return `` `knee` and 2 more moved, by 12 deg at most``: the joint that moved most (a radian counts as a metre)."""
     path = max(moved, key=lambda joint: abs(moved[joint]))
     others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""
-    return f"`{path}`{others} moved, by {_format_value(moved[path], turn=path in turns)} at most"
+    return f"`{path}`{others} changed by at most {_format_value(moved[path], turn=path in turns)}"
 
 
 def _format_value(value: float, *, turn: bool) -> str:

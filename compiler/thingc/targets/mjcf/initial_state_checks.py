@@ -293,14 +293,13 @@ def _say_inside(start: InitialState, others: Sequence[str], report: Report) -> N
     if len(start.inside) > SHOWN + 1:
         notes.append(Note(message=f"and {counted(len(start.inside) - SHOWN - 1, 'more pair')}"))
     if others:
-        notes.append(Note(message=f"so {'does' if len(others) == 1 else 'do'} mode{'' if len(others) == 1 else 's'} "
-                          + ", ".join(f"`{name}`" for name in others)))
+        notes.append(Note(message=f"also in mode{'' if len(others) == 1 else 's'} " + ", ".join(f"`{name}`" for name in others)))
     pose = f" (pose `{robot.mode.pose}`)" if robot.mode.pose is not None else ""
     pair = ", ".join(path.replace("/", ".") for path in (first.one, first.other))
     depth = Quantity(float(f"{first.depth:.3g}"), LENGTH)
     report.warn(
         Code.START_CONTACT,
-        f"mode `{robot.mode.name}` starts{pose} with `{first.one}` {depth} deep in `{first.other}`, as their collision shapes are",
+        f"mode `{robot.mode.name}` starts{pose} with the collision shape of `{first.one}` {depth} deep in that of `{first.other}`",
         robot.mode.origin, path=robot.mode.name, notes=notes,
         help=f"change the pose, choose another `collision` for one of them, or write `contacts: {{exclude: [[{pair}]]}}`; "
         + allow_hint(Code.START_CONTACT),
@@ -315,22 +314,21 @@ def _say_gains(gains: Gains, joint: TreeJoint, robot: Robot, others: Sequence[st
     apart = joint.origin[:1] if where and joint.origin and joint.origin[0].line != where[0].line else ()
     notes = [Note(message=f"joint `{name}` is here", span=span) for span in apart]
     if others:
-        notes.append(Note(message=f"the same drive is that of {quoted(others, SHOWN)}"))
+        notes.append(Note(message=f"{quoted(others, SHOWN)} have the same drive"))
     report.warn(
-        Code.CHATTER,
-        f"{what}: what it moves has {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`) and a step takes {1e3 * gains.dt:g} ms",
+        Code.CHATTER, f"{what}: it moves {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`) with a time step of {1e3 * gains.dt:g} ms",
         where, path=joint.path, notes=notes,
-        help=f"{cure}; so is a rotor with `armature: {_up(needed)} {weight}`, or a shorter `timestep`; {allow_hint(Code.CHATTER)}",
+        help=f"{cure}; or set `armature: {_up(needed)} {weight}`, or a smaller `timestep`; {allow_hint(Code.CHATTER)}",
     )
 
 
 def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
     """Return the fault of a velocity gain that is too large by itself, its cure, and the armature [kg m^2 or kg] that would cure it."""
     rate = "N*m*s/rad" if joint.twist.turns else "N*s/m"
-    does = "swings it up from step to step" if gains.too_stiff else "turns its velocity round in one step"
-    cure = f"up to {_down(gains.calmest / 2.0)} {rate} is calm"
+    does = "makes it oscillate with growing amplitude" if gains.too_stiff else "reverses its velocity in one step"
+    cure = f"use at most {_down(gains.calmest / 2.0)} {rate}"
     if replace(gains, integrator="implicitfast").calm:
-        cure += ", and this one with `integrator: implicitfast`"
+        cure += "; with `integrator: implicitfast`, this value is stable, too"
     needed = max(2.0 * gains.dt * gains.kv, gains.dt**2 * gains.stiffness / 2.0 + gains.dt * gains.kv) - gains.inertia
     return f"`kv` of joint `{joint.path.rpartition('/')[2]}`, {gains.kv:.6g} {rate}, {does}", cure, needed
 
@@ -340,11 +338,11 @@ def _of_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
     turn, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
     kp = gains.stiffness - spring
     key, value, beside = ("kp", kp, spring) if kp > 0.0 else ("stiffness", spring, 0.0)
-    does = "swings it up from step to step" if gains.too_stiff else "lets its force jump from limit to limit"
+    does = "makes it oscillate with growing amplitude" if gains.too_stiff else "makes its force jump between its limits"
     fine = min(gains.stiffest / 2.0, gains.inertia / dt**2 if gains.jumps else gains.stiffest) - beside
-    cure = f"up to {_down(fine)} {turn} is calm"
+    cure = f"use at most {_down(fine)} {turn}"
     if fine <= 0.0:
-        cure = "with this `kv` none is calm, unless with `integrator: implicitfast`"
+        cure = "with this `kv`, no value is stable without `integrator: implicitfast`"
     needed = dt**2 * gains.stiffness / 2.0 - gains.stiffest * dt**2 / 4.0
     if gains.jumps:
         needed = max(needed, dt**2 * gains.stiffness - gains.inertia)

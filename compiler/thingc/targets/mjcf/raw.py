@@ -91,18 +91,18 @@ def _shape_fault(attribute: RawAttribute) -> tuple[str, str] | None:
     path = attribute.path
     kind = path[0] if path else ""
     if kind not in KINDS:
-        return f"raw attributes of `{kind}` are not known", did_you_mean(kind, KINDS, what="kinds of elements")
+        return f"there are no raw attributes of `{kind}`", did_you_mean(kind, KINDS, what="kinds of elements")
     if kind in NAMED and len(path) != 3:
-        return f"`{attribute.dotted}` should name an attribute of one {kind}", f"write `{kind}: {{NAME: {{ATTRIBUTE: VALUE}}}}`"
+        return f"`{attribute.dotted}` must be the path of an attribute of one {kind}", f"write `{kind}: {{NAME: {{ATTRIBUTE: VALUE}}}}`"
     if kind in SINGLE and len(path) not in (2, 3):
-        return f"`{attribute.dotted}` should name an attribute of `{kind}`", f"write `{kind}: {{ATTRIBUTE: VALUE}}`"
+        return f"`{attribute.dotted}` must be the path of an attribute of `{kind}`", f"write `{kind}: {{ATTRIBUTE: VALUE}}`"
     if kind == "default" and len(path) != 4:
         return (
-            f"`{attribute.dotted}` should name an attribute in a default class",
+            f"`{attribute.dotted}` must be the path of an attribute in a default class",
             "write `default: {CLASS: {ELEMENT: {ATTRIBUTE: VALUE}}}`",
         )
     why = unwritable(path[-1], attribute.value)
-    return None if why is None else (why, "write an attribute of MJCF, and text that XML can hold")
+    return None if why is None else (why, "use an attribute of MJCF, and text that is valid in XML")
 
 
 def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element | None:

@@ -34,7 +34,7 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
         for element in assembly.added:
             strange = next(_strange(element), None)
             if strange is not None:
-                report.add(Code.RAW_UNKNOWN, *strange, path=element.dotted, help="write what MJCF has in its reference")
+                report.add(Code.RAW_UNKNOWN, *strange, path=element.dotted, help="use elements and attributes from the MJCF reference")
                 continue
             missing = [target.add(element) for target in targets]
             if None not in missing and not _elsewhere(assembly, missing[0] or ("", "")):
@@ -42,7 +42,7 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
                 known = sorted({one for target in targets for one in target.names.get(kind, ())})
                 names = "bodies" if kind == "body" else f"{kind}s"
                 report.add(
-                    Code.RAW_UNKNOWN, f"`{element.tag}` names {kind} `{name}`, which no mode has", element.origin,
+                    Code.RAW_UNKNOWN, f"`{element.tag}` refers to {kind} `{name}`, which no mode has", element.origin,
                     help=did_you_mean(name, known, what=names), path=element.dotted,
                 )
             for target, one in zip(targets, missing, strict=True):
@@ -61,7 +61,7 @@ def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
         if why is not None:
             yield why, element.origin
     if element.tag == "include":
-        yield "a model includes no files", element.origin
+        yield "`include` is not allowed", element.origin
     for child in element.children:
         yield from _strange(child)
 

@@ -131,12 +131,12 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
     """Return why a mode does not support a sensor, as text for its loss, or ""."""
     sites = merged_joints.sites(robot)
     if any(mount.path not in sites for mount in sensor.mounts):
-        return "MuJoCo has nothing between two joints of a body that it could sit on"
+        return "MuJoCo has no frame between two joints of a body for it"
     if sensor.kind == "force" and on_free_root(robot, sensor):
-        return "nothing carries the root of a free base"
+        return "no link carries the root of a free base"
     bodies = {body.link for body in merged_joints.model_bodies(robot).values()}
     if not bodies.issuperset(sensor.touching):
-        return "its link is none of MuJoCo's, which only joins two joints of a body"
+        return "its link does not exist in MuJoCo: it only connects two joints of a body"
     movable = {joint.path for body in robot.bodies for joint in body.joints}
     if sensor.joint is not None and sensor.joint not in movable:
         return f"a loop is cut at joint `{sensor.joint}`"
@@ -160,10 +160,10 @@ def losses(robot: Robot) -> Iterator[Loss]:
         what = f"it: {missing}" if missing else ""
         how: How = "omitted"
         if not missing and sensor.kind in ("imu", "accelerometer") and stays(robot.base) and body_of(robot, sensor) == 0:
-            what, how = "gravity in its accelerometer: MuJoCo gives no acceleration of a body that stands still", "approximated"
+            what, how = "gravity in its accelerometer: MuJoCo reports no acceleration for a body at rest", "approximated"
         elif not missing and sensor.kind == "force":
             place = elsewhere(robot, sensor)
             if place is not None:
-                what, how = f"the force at its mount: it reads what passes {place}", "approximated"
+                what, how = f"the force at its mount: it measures the force {place}", "approximated"
         if what:
             yield Loss.of(sensor.origin, "mjcf", robot.mode.name, sensor.path, what, how)

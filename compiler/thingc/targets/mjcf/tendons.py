@@ -96,6 +96,6 @@ def losses(robot: Robot) -> Iterator[Loss]:
     there = present(robot)
     for one in robot.assembly.tendons:
         if one not in there:
-            between = "MuJoCo has nothing between two joints of a body that it could go through"
+            between = "MuJoCo has no frame between two joints of a body for it"
             what = f"this tendon: {between if one.steps else 'a loop is cut at one of its joints'}"
             yield Loss.of(one.origin, "mjcf", robot.mode.name, one.path, what, "omitted")

@@ -320,16 +320,14 @@ def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: s
             return
         owner, name, value = blamed
         report.add(
-            Code.MJCF_REFUSED,
-            f"MuJoCo refuses `{name}` of {owner.label}: {_words(error)}",
-            value.attribute.origin,
+            Code.MJCF_REFUSED, f"MuJoCo rejects `{name}` of {owner.label}: {_words(error)}", value.attribute.origin,
             path=".".join(("raw", value.attribute.target, *value.attribute.path)),
-            help="see the XML reference of MuJoCo for the attributes and values it takes",
-            notes=[Note(message=f"{owner.label} comes from here", span=owner.origin[0])] if _of_document(owner) else (),
+            help="see the XML reference of MuJoCo for valid attributes and values",
+            notes=[Note(message=f"{owner.label} is defined here", span=owner.origin[0])] if _of_document(owner) else (),
         )
         written = write(candidate.root, candidate.heading)
     if written is candidate.model:
-        message = f"MuJoCo refuses the scene of mode `{candidate.mode}`: {_words(scene_error)}"
+        message = f"MuJoCo rejects the scene of mode `{candidate.mode}`: {_words(scene_error)}"
         report.add(Code.MJCF_REFUSED, message, candidate.origin, path=candidate.mode)
 
 
@@ -392,7 +390,7 @@ def _words(text: str) -> str:
     """Return a message of MuJoCo without the parts that only make sense beside the XML."""
     parser = re.search(r"Error=(XML_\w+)", text)
     if parser is not None:
-        deep = " (it reads 500 levels: a chain of links is too long)" if parser[1] == "XML_ELEMENT_DEPTH_EXCEEDED" else ""
-        return f"its XML reader says {parser[1]}{deep}"
+        deep = " (it supports 500 levels: a chain of links is too long)" if parser[1] == "XML_ELEMENT_DEPTH_EXCEEDED" else ""
+        return f"its XML parser reports {parser[1]}{deep}"
     first = next((line for line in text.splitlines() if line.strip()), "no reason given")
     return re.sub(r"^(?:(?:XML )?Error: |Schema violation: |error )+", "", first.strip()).rstrip(".")

@@ -18,11 +18,11 @@ SensorForm = Literal["imu", "force_torque", "camera", "magnetometer", "gpu_lidar
 """The type of a sensor."""
 
 _EACH: Supported[JointForm] = Supported("each")
-_CHAIN: Lossy[JointForm] = Lossy("each", "approximated", " as one joint's: its coordinates are joints here, with links of 1e-9 kg between")
+_CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": its coordinates are separate joints, with links of 1e-9 kg between")
 _LOOP: Supported[LoopForm] = Supported("joint", "a joint, in models whose zero is a pose that closes it")
-_PLUGIN = ", which Gazebo alone reads"
-_LIGHT = Lossy(None, "approximated", ": a link weighs 1e-9 kg here")
-_SMALL = Lossy(None, "approximated", ": its moments of inertia are 1e-12 kg m^2 here")
+_PLUGIN = ", which only Gazebo reads"
+_LIGHT = Lossy(None, "approximated", ": the link has 1e-9 kg")
+_SMALL = Lossy(None, "approximated", ": its moments of inertia are 1e-12 kg m^2")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "joints": {
@@ -31,7 +31,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "of_joints": {
         "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": SAYS,
         "mimic": Supported(None, "from SDFormat 1.11 on"),
-        "polynomial": Lossy(None, "approximated", ": straight, as it is near q = 0 of that one"), "tendon": OMITTED,
+        "polynomial": Lossy(None, "approximated", ": linear, as near q = 0 of that joint"), "tendon": OMITTED,
     },
     "drives": {
         "position": Lossy("position controller", "carried as custom data", _PLUGIN),
@@ -43,11 +43,11 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "screw": _LOOP, "universal": _LOOP, "several": _LOOP,
     },
     "bases": {
-        "held": Lossy(None, "approximated", ": it is fixed here"), "free": SAYS, "start": SAYS,
+        "held": Lossy(None, "approximated", ": fixed in the file"), "free": SAYS, "start": SAYS,
         "planar": Lossy(None, _CHAIN.how, _CHAIN.words), "ball": SAYS,
     },
     "modes": {
-        "gravity": Lossy(None, "carried as custom data", ", which stands in the file of the world alone"),
+        "gravity": Lossy(None, "carried as custom data", ", which is only in the world file"),
         "poses": Omitted(": SDF has none"), "exclude": OMITTED, "timestep": Supported(None, "in the world"), "simulation": OMITTED,
     },
     "links": {
@@ -60,7 +60,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "sensors": {
         **all_sensors(OMITTED),
         "imu": Supported("imu"), "force": Supported("force_torque"), "camera": Supported("camera"),
-        "joint": Omitted(": SDF has none of a joint's state"),
+        "joint": Omitted(": SDF has no joint sensor"),
         "accelerometer": Supported("imu", "an `imu`"), "gyro": Supported("imu", "an `imu`"), "magnetometer": Supported("magnetometer"),
         "rangefinder": Supported("gpu_lidar", "a `gpu_lidar` of one ray"), "contact": Supported("contact"),
     },

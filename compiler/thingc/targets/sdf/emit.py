@@ -54,24 +54,24 @@ def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
         yield from _of_joint(connection, len(chain(connection, zero.q)))
     yield from _of_sensors(robot)
     if zero.pose is not None:
-        what = f"what q its joints are at: here it counts from the pose `{zero.pose}`, in which loops and holds are closed"
+        what = f"the zero of its joints: in the file it is the pose `{zero.pose}`, in which loops and holds are closed"
         yield _loss(mode.name, mode.name, what, "approximated", mode.origin)
     for closure in robot.closures if not zero.closed else ():
-        what = "that it is held where it is" if closure.hold else "the loop through it"
+        what = "the hold in place" if closure.hold else "the loop through it"
         yield _loss(mode.name, closure.path, f"{what}: no pose of the mode closes it", "omitted", closure.origin)
 
 
 def _of_joint(connection: Connection, number: int) -> Iterator[Loss]:
     """Yield the losses of a joint of the document that is written as `number` joints; those of bases and holds have none."""
     if number > 1 and connection.joints:
-        yield _loss(None, connection.path, "that what it connects never touches", "omitted", connection.origin)
+        yield _loss(None, connection.path, "the excluded contact of the links that it connects", "omitted", connection.origin)
     for joint in (joint for joint in connection.joints[:1] if joint.kind.at_once):
         of = joint.dynamics
         for name, value, unit in (
             ("damping", of.damping, "N m s/rad"), ("friction", of.friction, "N m"), ("stiffness", of.stiffness, "N m/rad"),
         ):
             if value:
-                what = f"its {name} of {value:.6g} {unit}: a ball of SDF has none"
+                what = f"its {name} of {value:.6g} {unit}: SDF has none for balls"
                 yield _loss(None, connection.path, what, "omitted", joint.origin)
 
 
@@ -79,16 +79,16 @@ def _of_sensors(robot: Robot) -> Iterator[Loss]:
     mode = robot.mode.name
     for sensor in robot.assembly.sensors:
         if sensor.kind == "force" and on_free_root(robot, sensor):
-            yield _loss(mode, sensor.path, "it: nothing carries the root of a free base", "omitted", sensor.origin)
+            yield _loss(mode, sensor.path, "it: no link carries the root of a free base", "omitted", sensor.origin)
         elif sensor.kind == "force" and (place := elsewhere(robot, sensor)) is not None:
-            what = f"the force at its mount: it reads what passes {place}"
+            what = f"the force at its mount: it measures the force {place}"
             yield _loss(mode, sensor.path, what, "approximated", sensor.origin)
         elif sensor.kind == "contact":
             links = [robot.assembly.links[link] for link in sensor.touching]
             if not any(robot.assembly.occurrences[member].touching for member in links[0].members):
-                yield _loss(None, sensor.path, "this sensor: its link has nothing that touches", "omitted", sensor.origin)
+                yield _loss(None, sensor.path, "this sensor: its link has no collision shapes", "omitted", sensor.origin)
             elif len(links) > 1:
-                what = f"that only what touches `{links[1].name}` counts"
+                what = f"its limitation to contacts with `{links[1].name}`"
                 yield _loss(None, sensor.path, what, "omitted", sensor.origin)
 
 

@@ -14,24 +14,24 @@ DriveForm = Literal["transmission"]
 ShapeForm = Literal["itself", "cylinder and balls"]
 
 _EACH: Supported[JointForm] = Supported("each")
-_CHAIN: Lossy[JointForm] = Lossy("each", "approximated", " as one joint's: its coordinates are joints here, with links of 1e-9 kg between")
+_CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": its coordinates are separate joints, with links of 1e-9 kg between")
 _BALL: Lossy[JointForm] = Lossy(
-    "each", "approximated", " as a ball's: three turns here, one after the other, whose angles are no coordinates of it",
+    "each", "approximated", ": three hinges in series, whose angles are not its coordinates",
 )
-_LOOP = Omitted(", which stays open here: URDF has trees alone")
+_LOOP = Omitted(", which stays open: URDF only supports trees")
 _GAINS: Lossy[DriveForm] = Lossy("transmission", "approximated", ": a transmission without gains")
 _NONE = Omitted(": URDF has none")
 _ITSELF: Supported[ShapeForm] = Supported("itself")
-BALL_DRIVE = Omitted(": its axis is none of a joint's here")
+BALL_DRIVE = Omitted(": no joint in the file has its axis")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     "joints": {
         "single": _EACH, "several": _CHAIN, "universal": _CHAIN,
-        "screw": Lossy("threaded", "approximated", ": a slide mimics the turn, and readers without mimics leave it loose"), "ball": _BALL,
+        "screw": Lossy("threaded", "approximated", ": a slide mimics the rotation; programs without mimics leave it free"), "ball": _BALL,
     },
     "of_joints": {
         "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": OMITTED, "mimic": SAYS,
-        "polynomial": Lossy(None, "approximated", ": straight, as it is near q = 0 of that one"), "tendon": OMITTED,
+        "polynomial": Lossy(None, "approximated", ": linear, as near q = 0 of that joint"), "tendon": OMITTED,
     },
     "drives": {
         "position": _GAINS, "velocity": _GAINS, "motor": Supported("transmission", "`<transmission>`"), "universal": _GAINS,
@@ -42,18 +42,18 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
         "universal": _LOOP, "several": _LOOP,
     },
     "bases": {
-        "held": Lossy(None, "approximated", ": it is fixed here"), "free": Supported(None, "no link `world`, `<static>` false"),
-        "start": Omitted(": a free base begins wherever a reader puts it"), "planar": Lossy(None, _CHAIN.how, _CHAIN.words),
+        "held": Lossy(None, "approximated", ": fixed in the file"), "free": Supported(None, "no link `world`, `<static>` false"),
+        "start": Omitted(": the program that loads the file places a free base"), "planar": Lossy(None, _CHAIN.how, _CHAIN.words),
         "ball": Lossy(None, _BALL.how, _BALL.words),
     },
     "modes": {
-        "gravity": Lossy(None, "carried as custom data", ", which MuJoCo alone reads"), "poses": _NONE, "exclude": OMITTED,
+        "gravity": Lossy(None, "carried as custom data", ", which only MuJoCo reads"), "poses": _NONE, "exclude": OMITTED,
         "timestep": OMITTED, "simulation": OMITTED,
     },
     "links": {
         "frames": Supported(None, "massless links"), "colours": SAYS, "friction": OMITTED, "rolling": OMITTED, "adhesion": OMITTED,
-        "weightless": Lossy(None, "approximated", ": what moves weighs 1e-9 kg here"), "weightless_base": SAYS,
-        "point": SAYS, "line": Lossy(None, "approximated", ": it has none here, as a point"),
+        "weightless": Lossy(None, "approximated", ": a moving link has 1e-9 kg"), "weightless_base": SAYS,
+        "point": SAYS, "line": Lossy(None, "approximated", ": 0 here, as for a point"),
     },
     "shapes": {
         "box": _ITSELF, "cylinder": _ITSELF, "capsule": Supported("cylinder and balls", "a cylinder between two balls"), "sphere": _ITSELF,

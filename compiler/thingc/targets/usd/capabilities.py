@@ -19,46 +19,46 @@ ShapeForm = Literal["Cube", "Cylinder", "Capsule", "Sphere", "Plane", "Mesh"]
 _SINGLE: Supported[JointForm] = Supported("single")
 _GENERIC: Supported[JointForm] = Supported("generic", "a generic joint (D6)")
 _EXCLUDED: Supported[LoopForm] = Supported("joint", "a joint that is excluded from the articulation")
-_CUSTOM = Lossy(None, "carried as custom data", ", which Newton and, but of balls, PhysX read, and of no generic joint")
-_LIGHT = Lossy(None, "approximated", ": a link weighs 1e-9 kg here")
-_SMALL = Lossy(None, "approximated", ": its moments of inertia are 1e-12 kg m^2 here")
+_CUSTOM = Lossy(None, "carried as custom data", ", which Newton reads, and PhysX except for balls; not for generic joints")
+_LIGHT = Lossy(None, "approximated", ": the link has 1e-9 kg")
+_SMALL = Lossy(None, "approximated", ": its moments of inertia are 1e-12 kg m^2")
 _DRIVE: Supported[DriveForm] = Supported("drive")
 _NONE = Omitted(": UsdPhysics has none")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
     "joints": {
         "single": _SINGLE, "several": _GENERIC, "ball": Supported("spherical"),
-        "universal": Lossy("generic", "approximated", ": X turns first and then Y, which is Newton's order, and UsdPhysics has none"),
-        "screw": Lossy("generic", "approximated", ": it turns and slides, each by itself"),
+        "universal": Lossy("generic", "approximated", ": X rotates before Y, which is the order of Newton; UsdPhysics defines none"),
+        "screw": Lossy("generic", "approximated", ": rotation and translation are independent"),
     },
     "of_joints": {
-        "cone": Lossy(None, "approximated", ": here it bounds how far an axis leans, not how far the ball turns about it"),
+        "cone": Lossy(None, "approximated", ": it limits the tilt of an axis, not the rotation about it"),
         "velocity": _CUSTOM, "damping": _CUSTOM, "friction": _CUSTOM, "armature": _CUSTOM, "stiffness": OMITTED,
         "mimic": Lossy(
-            None, "carried as custom data", ", which Newton and, of turns with limits, PhysX read, where both turn or both slide",
+            None, "carried as custom data", ", which Newton reads, and PhysX for hinges with limits; if both are hinges or both are slides",
         ),
-        "polynomial": Lossy(None, "approximated", ": straight, as it is near q = 0 of that one"), "tendon": OMITTED,
+        "polynomial": Lossy(None, "approximated", ": linear, as near q = 0 of that joint"), "tendon": OMITTED,
     },
     "drives": {"position": _DRIVE, "velocity": _DRIVE, "motor": _DRIVE, "universal": _DRIVE, "ball": OMITTED},
     "loops": {
         "hold": _EXCLUDED, "weld": _EXCLUDED, "ball": _EXCLUDED, "hinge": _EXCLUDED, "slide": _EXCLUDED,
-        "screw": Lossy("joint", "approximated", ", which turns and slides there, each by itself"),
+        "screw": Lossy("joint", "approximated", ": rotation and translation are independent"),
         "universal": _EXCLUDED, "several": _EXCLUDED,
     },
     "bases": {
-        "held": Lossy(None, "approximated", ": it is fixed here"), "free": SAYS, "start": SAYS, "planar": Supported(None, _GENERIC.how),
+        "held": Lossy(None, "approximated", ": fixed in the file"), "free": SAYS, "start": SAYS, "planar": Supported(None, _GENERIC.how),
         "ball": SAYS,
     },
     "modes": {"gravity": SAYS, "poses": _NONE, "exclude": Supported(None, "filtered pairs"), "timestep": OMITTED, "simulation": OMITTED},
     "links": {
         "frames": Supported(None, "`Xform`"), "colours": SAYS, "friction": SAYS,
-        "rolling": Lossy(None, "carried as custom data", ", which Newton alone reads"), "adhesion": OMITTED, "weightless": _LIGHT,
+        "rolling": Lossy(None, "carried as custom data", ", which only Newton reads"), "adhesion": OMITTED, "weightless": _LIGHT,
         "weightless_base": _LIGHT, "point": _SMALL, "line": _SMALL,
     },
     "shapes": {
         "box": Supported("Cube"), "cylinder": Supported("Cylinder"), "capsule": Supported("Capsule"), "sphere": Supported("Sphere"),
-        "ellipsoid": Supported("Sphere", "a sphere that is stretched"), "plane": Supported("Plane"), "hull": Supported("Mesh"),
-        "mesh": Lossy("Mesh", "approximated", ": its convex hull touches"),
+        "ellipsoid": Supported("Sphere", "a scaled sphere"), "plane": Supported("Plane"), "hull": Supported("Mesh"),
+        "mesh": Lossy("Mesh", "approximated", ": its convex hull is used"),
     },
     "sensors": all_sensors(_NONE),
     "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},

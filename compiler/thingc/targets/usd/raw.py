@@ -57,10 +57,10 @@ def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
     """Return the fault of a path, or None."""
     path = attribute.path
     if path[0] not in KINDS:
-        return f"raw attributes of `{path[0]}` are not known in `usd`", did_you_mean(path[0], KINDS, what="kinds of prims"), 0
+        return f"there are no raw attributes of `{path[0]}` in `usd`", did_you_mean(path[0], KINDS, what="kinds of prims"), 0
     if len(path) != (2 if path[0] == SCENE else 3):
         form = f"{SCENE}: {{ATTRIBUTE: VALUE}}" if path[0] == SCENE else f"{path[0]}: {{NAME: {{ATTRIBUTE: VALUE}}}}"
-        return f"`{attribute.dotted}` should name one attribute", f"write `{form}`", 0
+        return f"`{attribute.dotted}` must be the path of one attribute", f"write `{form}`", 0
     if models and not _prims(attribute, models):
         known = {prim.name for model in models for prim in _all(path[0], model)}
         return f"`usd` has no {path[0]} `{path[1]}`", did_you_mean(path[1], known, what=f"{path[0]}s"), 1
@@ -85,11 +85,11 @@ def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
     key, value, last = attribute.path[-1], json.loads(attribute.value), len(attribute.path)
     strange = NO_CHARACTER.search("".join(one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)))
     if strange is not None:
-        return f"a text of USD has no character `{escape_control(strange[0])}`", "leave it out", last
+        return f"a string in USD cannot contain the character `{escape_control(strange[0])}`", "remove it", last
     if key == SCHEMAS:
         schemas = value if isinstance(value, list) else [value]
         if not all(isinstance(one, str) and re.fullmatch(_NAME, one, re.ASCII) for one in schemas):
-            return f"`{SCHEMAS}` are names of schemas", "write for example `[PhysxJointAPI]`", last
+            return f"`{SCHEMAS}` must be a list of names of schemas", "write for example `[PhysxJointAPI]`", last
         prim.schemas += [one for one in dict.fromkeys(schemas) if one not in prim.schemas]
         return None
     if (named := _KEY.fullmatch(key)) is None:
@@ -101,17 +101,17 @@ def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
         (len(prim.properties), None),
     )
     if written == "rel":
-        return f"`{name}` names other prims, and is no attribute", "say in the document's own words what it names", last - 1
+        return f"`{name}` refers to other prims and is not an attribute", "use the keys of the document instead", last - 1
     if type is None:
         type = (written or _type_of(value)).removeprefix("uniform ")
     elif written is not None and type != written.removeprefix("uniform "):
-        return f"`{name}` is a `{written.removeprefix('uniform ')}`, and no `{type}`", "leave out the type", last - 1
+        return f"`{name}` is a `{written.removeprefix('uniform ')}`, not a `{type}`", "leave out the type", last - 1
     elif _TYPE.fullmatch(type) is None:
         types = ", ".join(f"`{one}`" for one in (*TYPES, "int[]", "float3"))
-        return f"`{type}` is no type of raw attributes", f"write one of {types}", last - 1
+        return f"`{type}` is not a type of raw attributes", f"write one of {types}", last - 1
     literal = _literal(type, value)
     if literal is None:
-        return f"`{escape_control(attribute.value)}` is no `{type}`", _expected(type), last
+        return f"`{escape_control(attribute.value)}` is not a `{type}`", _expected(type), last
     prim.properties[place : place + 1] = [f"{written or type} {name} = {literal}"]
     return None
 
@@ -154,8 +154,8 @@ def _scalar(type: str, value: object) -> str | None:
 def _expected(type: str) -> str:
     """Return the hint for a value of a type."""
     one = {
-        "bool": "true or false", "int": f"a whole number, {_INT_MAX} at most", "string": "text", "token": "text",
-        "double": "a number", "float": f"a number, {FLOAT_MAX:.3g} at most",
+        "bool": "true or false", "int": f"a whole number of at most {_INT_MAX}", "string": "text", "token": "text",
+        "double": "a number", "float": f"a number of at most {FLOAT_MAX:.3g}",
     }
     if type[-1] in "234" or type == "vector3f":
         return f"write a list of {3 if type == 'vector3f' else type[-1]} numbers"

@@ -57,7 +57,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("name", metavar="NAME", help="its name; for a part its class or MODULE:CLASS, for an assembly its document, existing or new")
     add("--to", metavar="DOC", help="the document to change (optional for parts and assemblies)")
     add("--on", metavar="MOUNT", help="for parts and assemblies: the mount to attach it to")
-    add("--by", metavar="MOUNT", help="for parts and assemblies: its own mount that meets the mount of --on")
+    add("--by", metavar="MOUNT", help="for parts and assemblies: its own mount that is attached to the mount of --on")
     add("--at", metavar="MOUNT", help="for parts and assemblies: the frame in which it is placed, instead of --on")
     add("--name", metavar="NAME", dest="component", help="for parts and assemblies: name of the component (default: from the part)")
     add(
@@ -68,7 +68,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--root", metavar="ROOT", help="for modes: a component or a mount (default: root of the first mode)")
     add(
         "--base", type=console.one_of(BASES), metavar="{" + ",".join(BASES) + "}",
-        help="for modes: type of the base (default: the first that no other mode with this root has)",
+        help="for modes: type of the base (default: the first type that no other mode with this root has)",
     )
     add(
         "--standing-on", metavar="MOUNT", action="append",
@@ -99,7 +99,7 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
         if getattr(arguments, option) is not None and what not in owners:
             written = "--name" if option == "component" else "--" + option.replace("_", "-")
             meant = " or ".join(map(_article, owners))
-            raise console.WrongCommandLine(f"{written} applies to {meant}, not to {_article(what)}", "take it out")
+            raise console.WrongCommandLine(f"{written} applies to {meant}, not to {_article(what)}", "remove it")
     if arguments.to is None:
         if what not in ("part", "assembly"):
             help = f"write for example `thingc add {what} {arguments.name} --to robot.yaml`"
@@ -109,7 +109,9 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
                 raise console.WrongCommandLine(f"--{option} requires --to", "write --to as well")
         return _write(arguments, options, None, STUBS[what](arguments, None))
     if arguments.on is not None and arguments.at is not None:
-        raise console.WrongCommandLine("--on cannot be combined with --at", "keep one of them: --on attaches a mount, --at lays a frame")
+        raise console.WrongCommandLine(
+            "--on cannot be combined with --at", "remove one of them: --on attaches a mount, --at places a frame",
+        )
     if arguments.by is not None and arguments.on is None:
         raise console.WrongCommandLine("--by requires --on", "write --on as well")
     console.require_document(arguments.to)
@@ -155,7 +157,7 @@ def _with_addition(root: Document, addition: DocumentEdit) -> Document:
             document = without(document, keys)
         document = set_values(document, addition.values)
     except CannotSetValue as fault:
-        raise console.WrongCommandLine(str(fault), "write it by hand") from fault
+        raise console.WrongCommandLine(str(fault), "edit the document by hand") from fault
     laid_out = format_document(document.path, document.text.encode(), Report(), tree=document.tree) if is_laid_out(root) else None
     if laid_out is None or laid_out == document.text.encode():
         return document

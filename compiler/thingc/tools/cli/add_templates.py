@@ -70,7 +70,7 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     folder = next(iter(workspace.parts), os.path.join(workspace.root, "parts"))
     path = (place.file if place.workspace else None) or os.path.join(folder, f"{module}.py")
     if not workspace.contains(path):
-        message = f"`{shown_path(path)}` is outside of the workspace (through a symbolic link)"
+        message = f"`{shown_path(path)}` is outside the workspace (through a symbolic link)"
         raise console.WrongCommandLine(message, "use another module: `thingc add part MODULE:CLASS`")
     return _new_part(arguments, documents, reference, path)
 
@@ -78,7 +78,7 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Documen
 def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geometry: GeometryService, reference: str) -> DocumentEdit:
     """Create a component of an existing part. Errors in the part are left to `check`."""
     if documents is None:
-        message = f"`{shortened(reference)}` exists already; to place it, name a document"
+        message = f"`{shortened(reference)}` already exists; to place it, add a document"
         raise console.WrongCommandLine(message, "write --to robot.yaml")
     name = reference.rpartition(":")[2]
     component = arguments.component or (_snake(name) if re.fullmatch(NAME, name) else "part")
@@ -93,7 +93,7 @@ def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geo
         if arguments.on is not None and arguments.by is None:
             mount = _sole_mount(reference, list(record.mounts) or ["origin"], "bottom")
     elif isinstance(answer, PartSchema) and definition is None and arguments.on is not None and arguments.by is None:
-        raise console.WrongCommandLine(f"`{reference}` has several mounts", "name it with --by")
+        raise console.WrongCommandLine(f"`{reference}` needs parameters, so its mounts are unknown", "specify its mount with --by")
     return DocumentEdit(values={("components", component): {**value, **_placement_keys(arguments, documents.root, component, mount)}})
 
 
@@ -102,7 +102,7 @@ def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
     if usual in mounts or not mounts:
         return usual
     if len(mounts) > 1:
-        help = f"name it with --by ({did_you_mean('', mounts, what='mounts')})"
+        help = f"specify one with --by ({did_you_mean('', mounts, what='mounts')})"
         raise console.WrongCommandLine(f"`{whose}` has several mounts", help)
     return mounts[0]
 
@@ -336,7 +336,7 @@ def _new(root: Document, section: str, name: str, hint: str = "choose another na
     taken = {known.lower(): known for known in _section(root.tree, section)}
     if name.lower() in taken:
         document, what = shown_path(root.path), section.removesuffix("s")
-        raise console.WrongCommandLine(f"`{document}` has a {what} `{taken[name.lower()]}` already", hint)
+        raise console.WrongCommandLine(f"`{document}` already has a {what} `{taken[name.lower()]}`", hint)
     return name
 
 
@@ -346,7 +346,7 @@ def _identifier(name: str) -> str:
     if not re.fullmatch(NAME, name):
         near = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
         hint = f"write for example `{near}`" if re.fullmatch(r"[A-Za-z]\w*", near, re.ASCII) else "choose another name"
-        raise console.WrongCommandLine(f"`{name}` is not a valid name: a letter, then letters, digits and `_`", hint)
+        raise console.WrongCommandLine(f"`{name}` is not a valid name: use a letter, then letters, digits and `_`", hint)
     return name
 
 
@@ -382,7 +382,7 @@ def _appended(path: str, name: str, text: str) -> Change:
         raise console.WrongCommandLine(message, f"correct line {fault.lineno}") from fault
     bound = _bound(module)
     if name in bound:
-        raise console.WrongCommandLine(f"`{shown_path(path)}` has a `{name}` already", "choose another name")
+        raise console.WrongCommandLine(f"`{shown_path(path)}` already has a `{name}`", "choose another name")
     missing = []
     for node in parse_python(text).body:
         if isinstance(node, ast.ImportFrom) and f"{node.module}.*" not in bound:

@@ -46,7 +46,7 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
         for file, data in sorted(texts.items()):
             console.say_diff(shown_path(file), *(one.decode("utf-8-sig") for one in (disk.read(file) or b"", data)))
         places = counted(len(mended), "place")
-        console.say(f"{places} would be fixed, {counted(len(diagnostics), 'diagnostic')} would be left")
+        console.say(f"would fix {places}, {counted(len(diagnostics), 'diagnostic')} would remain")
         return console.exit_code(diagnostics)
     return _say(arguments, diagnostics, mended)
 
@@ -97,5 +97,5 @@ def _say(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], mende
             console.say("")
     console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, mended=rows)
     if arguments.format == "text" and not diagnostics:
-        console.say(f"{counted(len(mended), 'place')} fixed, no diagnostics left")
+        console.say(f"{counted(len(mended), 'place')} fixed, no diagnostics remain")
     return console.exit_code(diagnostics)

@@ -224,7 +224,7 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     earlier = f" ({summary.before} of them before)" if summary.before else ""
     modelled = f"{counted(summary.modelled, 'part')} modelled"
     lines = [f"{shown_path(summary.folder)}: {counted(summary.count, 'variant')}{earlier}: {counts}; {modelled}"]
-    lines += [f"{summary.duplicates} more are equal to one of these"] if summary.duplicates else []
+    lines += [f"{summary.duplicates} duplicates omitted"] if summary.duplicates else []
     if summary.lossy:
         number = counted(sum(summary.losses.values()), "thing")
         how = ", ".join(f"{count} {how}" for how, count in summary.losses.items())
@@ -296,7 +296,7 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
         console.say(f"{variant.name} violates the rule `{rule}`", stream=sys.stderr)
     settings = {**variant.parameters, **variant.choices}
     if not settings:
-        console.say(f"{variant.id} is what {planned.assembly_relative} says")
+        console.say(f"{variant.id} is already the setting of {planned.assembly_relative}")
         return 0
     return write(shown_path(planned.assembly), settings, options, arguments)
 
@@ -315,13 +315,13 @@ def _told(planned: Plan, forecast: DryRun) -> list[str]:
             lines.append(f"  {axis.key}: {shown}{f' and {len(axis.values) - 6} more' if len(axis.values) > 6 else ''}")
     duplicates = planned.written - planned.count
     if duplicates:
-        lines.append(f"{duplicates} more are equal to one of these")
+        lines.append(f"{duplicates} duplicates omitted")
     lines.extend(f"{count} fail the rule `{rule}`" for rule, count in forecast.failing.items())
     if forecast.looked_at < forecast.left:
         lines.append(f"in a sample of {forecast.looked_at} of the remaining {forecast.left}:")
     for code, count in sorted(forecast.unsound.items()):
         name, wrong = forecast.examples[code]
-        lines.append(f"{count} would be refused: {code} ({wrong.code.title}), first `{name}`: {wrong.message}")
+        lines.append(f"{count} would be rejected: {code} ({wrong.code.title}), first `{name}`: {wrong.message}")
     lines.append(f"models {counted(forecast.parts - forecast.known, 'part')}, reuses {forecast.known}")
     for one in forecast.first:
         settings = {**one.parameters, **one.choices}

@@ -44,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG.format(about=textwrap.fill(about, 120))
     console.add_document(parser)
     add_building(parser)
-    parser.add_argument("--twice", action="store_true", help="debug parts: model each one twice without the store; differences are errors")
+    parser.add_argument("--twice", action="store_true", help="debug parts: build each part twice without the cache; differences are errors")
     console.add_format(parser, console.FINDINGS)
     console.add_compiling(parser)
 
@@ -138,7 +138,7 @@ def _stands(answer: Mapping[str, Any], store: Store) -> bool:
 def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
     """Print a summary of the build to standard error; the last line is what was built, and where."""
     if answer.get("twice"):
-        console.say(f"{counted(answer['twice'], 'part')} modelled twice: equal", stream=sys.stderr)
+        console.say(f"{counted(answer['twice'], 'part')} built twice: equal", stream=sys.stderr)
     if lost := answer["losses"]:
         words = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={word}" for word in arguments.emit),
                             *(f"--compat={word}" for word in arguments.compat)])
@@ -195,7 +195,7 @@ def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list
     for _, message, hint in unknown(arguments.emit):
         raise console.WrongCommandLine(message, hint)
     if arguments.emit and not chosen(arguments.emit):
-        raise console.WrongCommandLine("`--emit` names no target", "write for example --emit mjcf,urdf")
+        raise console.WrongCommandLine("`--emit` has no target", "write for example --emit mjcf,urdf")
     if arguments.emit and arguments.compat and not {"mjcf", "mjz"} & {*chosen(arguments.emit)}:
         raise console.WrongCommandLine("`--compat` requires MuJoCo models, but `--emit` does not include `mjcf`", "add `mjcf` to `--emit`")
     if arguments.emit:

@@ -118,7 +118,7 @@ def findings(environment: Environment, compilation: Compilation, *, strict: bool
     """Return the diagnostics of one document, and a note for each allowance that it needs (see `_merged`)."""
     report = report_of(environment, compilation)
     needed = sorted((one.where for one in report.needed), key=lambda where: (where.file, where.line, where.column))
-    notes = [Diagnostic(code=Code.UNNEEDED, severity=Severity.NOTE, message="is needed", span=where) for where in needed]
+    notes = [Diagnostic(code=Code.UNNEEDED, severity=Severity.NOTE, message="is required", span=where) for where in needed]
     return [*console.final(report, strict=strict), *notes]
 
 

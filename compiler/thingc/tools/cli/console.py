@@ -103,11 +103,10 @@ def add_compiling(parser: argparse.ArgumentParser) -> None:
     add_geometry(parser)
 
 
-def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "number of parts to model in parallel") -> None:
+def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "number of parts to build in parallel") -> None:
     """Add the options of commands that may model parts; `jobs` is the help text of `--jobs`."""
     parser.add_argument(
-        "--store", metavar="DIR",
-        help="store of modelled parts, a folder or a URL (default: THINGC_STORE, else the user's cache folder)",
+        "--store", metavar="DIR", help="cache of built parts, a folder or a URL (default: THINGC_STORE, else the user's cache folder)",
     )
     parser.add_argument("--jobs", metavar="N", type=positive, default=0, help=f"{jobs} (default: one per core)")
     parser.add_argument("--part-timeout", metavar="TIME", help="time limit for each part, for example '30 s'")
@@ -200,7 +199,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
     choices, example = getattr(arguments, "choice", []), "--set components.foot.part=feet:Wide"
     return Options(
         parameters=parameters(getattr(arguments, "parameter", [])),
-        choices=paths(choices, "--set PATH=TEXT", example, "--set chooses `{}` twice"),
+        choices=paths(choices, "--set PATH=TEXT", example, "--set sets `{}` twice"),
         store=arguments.store, jobs=arguments.jobs, part_timeout=timeout, compat=chosen_compat(getattr(arguments, "compat", [])),
         progress=ProgressLine() if getattr(arguments, "format", "text") == "text" else None,
         printed=show_printed if getattr(arguments, "format", "text") == "text" else None,
@@ -270,7 +269,7 @@ def expanded(words: Iterable[str]) -> list[str]:
         if os.path.isdir(word):
             inside = [path if os.path.isabs(word) else shown_path(path) for path in documents_in(word)]
             if not inside:
-                help = "begin a document with `thingc: assembly/1` or another kind"
+                help = "start a document with `thingc: assembly/1` or another kind"
                 raise WrongCommandLine(f"there is no document below `{word}`", help, Code.NO_DOCUMENT)
         for path in inside:
             paths.setdefault(os.path.realpath(path), path)
@@ -442,7 +441,7 @@ def of_exception(fault: Exception) -> Diagnostic:
         return error("the working folder no longer exists", help, Code.WORKING_FOLDER)
     if isinstance(fault, StoreUnusable):
         help = "choose a writable folder with --store or THINGC_STORE"
-        return error(f"the store `{fault.root}` cannot be used: {fault.reason}", help, Code.OUTPUT)
+        return error(f"the cache `{fault.root}` cannot be used: {fault.reason}", help, Code.OUTPUT)
     if isinstance(fault, OSError) and (fault.filename is not None or fault.errno in NO_ROOM):
         kind = PermissionError if fault.errno == errno.EROFS else type(fault)
         where = "cannot write a file" if fault.filename is None else f"`{shown_path(str(fault.filename))}`"

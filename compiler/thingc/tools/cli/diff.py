@@ -49,7 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add(
         "side", metavar="SIDE", nargs="*",
         help="the old and the new state (default: the working tree): documents, build folders, lock files, or Git revisions, also "
-        "OLD..NEW; to compare only some documents, name them after --",
+        "OLD..NEW; to compare only some documents, list them after --",
     )
     add(
         "--fail-on", metavar="WHAT", action="append", default=[],
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     except UnknownComparison as fault:
         raise console.WrongCommandLine(str(fault), fault.hint) from fault
     except NotARepository as fault:
-        raise console.WrongCommandLine(f"git failed: {fault}", "run this in a repository, or name two documents") from fault
+        raise console.WrongCommandLine(f"git failed: {fault}", "run this in a repository, or compare two documents") from fault
     except NoGraphics as fault:
         raise console.WrongCommandLine(fault.message, fault.hint, Code.NO_GRAPHICS) from fault
     if isinstance(answer, BrokenSide):

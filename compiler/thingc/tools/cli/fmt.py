@@ -35,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("document", metavar="DOC", nargs="+", help="a document, a folder of documents, or - for standard input")
     add("--check", action="store_true", help="write nothing, list files that would change; exit code 1 if there are any")
     add("--diff", action="store_true", help="write nothing, show what would change")
-    add("--modeline", action="store_true", help="name the schema in the first line of each document, for editors without settings")
+    add("--modeline", action="store_true", help="write the path of the schema into the first line of each document")
     add("--touched", action="store_true", help="treat the arguments as changed files and skip those that are not documents")
 
 
@@ -85,7 +85,7 @@ def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
         with open(path, "rb") as stream:
             data = stream.read(10_000_001)
     except OSError as fault:
-        report.add(Code.UNREADABLE, f"cannot read `{path}`: {(fault.strerror or 'it cannot be read').lower()}", None)
+        report.add(Code.UNREADABLE, f"cannot read `{path}`: {(fault.strerror or 'unknown error').lower()}", None)
         return False
     own = Report()
     schema = None

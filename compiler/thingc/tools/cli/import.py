@@ -53,7 +53,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--check", action="store_true", help="write nothing; show what would be imported, repaired and lost")
     add(
         "--repair", metavar="inertia=HOW", type=_repair,
-        help="repair links that cannot be simulated: inertia=nearest (nearest inertia of a solid) or inertia=shapes (from their shapes)",
+        help="repair links that cannot be simulated: inertia=nearest (nearest physical inertia) or inertia=shapes (from their shapes)",
     )
     add("--root", metavar="LINK", action="append", default=[], help="add a mode with this link as root (may be repeated)")
     add("--update", action="store_true", help="merge with the last import and preserve your edits (exit code 1 if there are conflicts)")
@@ -177,7 +177,7 @@ def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
     """Describe the result of an import: its content, repairs, and all losses with their lines."""
     source = os.path.basename(arguments.file)
     said = [f"would import {_read(arguments, imported)}"]
-    said += [f"{source}:{one.link.where.line}: repaired: the weight of link `{one.link.name}` ({one.how})" for one in imported.repaired]
+    said += [f"{source}:{one.link.where.line}: repaired: inertia of link `{one.link.name}` ({one.how})" for one in imported.repaired]
     return said + [f"{source}:{one.where.line}: lost: {one.what}: {one.why}" for one in imported.losses]
 
 
@@ -185,9 +185,7 @@ def _read(arguments: argparse.Namespace, imported: Imported) -> str:
     robot = imported.robot
     joints = [joint for one in robot.hangings for joint in one.joints]
     meshes = len([name for name in imported.files if name.startswith("meshes/")])
-    things = [counted(len(robot.links), "link"), counted(len(joints), "joint")]
-    if meshes:
-        things.append(f"{meshes} {'mesh' if meshes == 1 else 'meshes'}")
+    things = [counted(len(robot.links), "link"), counted(len(joints), "joint"), *([counted(meshes, "mesh")] if meshes else [])]
     return f"{', '.join(things[:-1])} and {things[-1]} of {os.path.basename(arguments.file)}"
 
 

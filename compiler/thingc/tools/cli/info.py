@@ -132,7 +132,7 @@ def _loops(robot: Robot) -> list[str]:
     loops = _cut(robot)
     for closure in robot.closures:
         if closure.parent is None:
-            turns = ", about which it may turn" if closure.kind == "ball" else ""
+            turns = ", free to rotate" if closure.kind == "ball" else ""
             lines.append(f"  {names[closure.child]} is held at {closure.path}{turns}")
         else:
             lines.append(f"  {closure.path} ({closure.kind}) closes a loop of {names[closure.parent]} and {names[closure.child]}")

@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         options = console.options_of(arguments)
         if not os.path.isdir(arguments.folder):
-            raise console.WrongCommandLine(f"`{arguments.folder}` is not a folder", "name the folder of a workspace")
+            raise console.WrongCommandLine(f"`{arguments.folder}` is not a folder", "use the folder of a workspace")
         written = _lock(arguments.folder, options, report, check=arguments.check)
         diagnostics = report.ordered()
     except console.WrongCommandLine as fault:
@@ -88,7 +88,7 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
         write_whole(path, text.encode())
         return f"{shown}: {counted(count, 'part')}"
     if not os.path.lexists(path):
-        report.add(Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the folder of the workspace", workspace.origin, help=REMAKE)
+        report.add(Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the workspace folder", workspace.origin, help=REMAKE)
         return None
     if read_lock(workspace, report) is None:
         return None

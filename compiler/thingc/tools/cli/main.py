@@ -35,7 +35,7 @@ COMMANDS = {
     "lsp": "run the language server for editors: diagnostics as you type, fixes and completion",
     "explain": "explain a code such as TC302, with a wrong and a right example",
     "touched": "list the documents that a change affects",
-    "why": "show why a part was modelled or reused, or what a target cannot express",
+    "why": "show why a part was built or reused, or what a target cannot express",
 }
 
 EPILOG = """\
@@ -75,7 +75,7 @@ def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Par
         prog="thingc", description="A compiler for robots: one document, many kinematic roots.", epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False,
     )
-    parser.add_argument("--version", action="store_true", help="print the version and leave")
+    parser.add_argument("--version", action="store_true", help="print the version and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     for name, summary in COMMANDS.items():
         if alone and name != command:

@@ -72,11 +72,11 @@ def robot_name(place: str) -> str:
         message = f"expected a folder, found the name of a document `{word}`"
         raise console.WrongCommandLine(message, f"write `thingc new {near}`, which creates the document in it")
     if word.startswith("-") and not here:
-        raise console.WrongCommandLine(f"`{word}` would be read as an option", "choose a name that begins with a letter")
+        raise console.WrongCommandLine(f"`{word}` would be read as an option", "choose a name that starts with a letter")
     name = re.sub(r"[-. ]+", "_", _plain(word)).strip("_")
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         near = re.sub(r"\W+", "_", f"robot_{name}", flags=re.ASCII).strip("_")
-        message = f"`{word}` is not a valid name: a letter (a to z), then letters, digits and `_`"
+        message = f"`{word}` is not a valid name: use a letter (a to z), then letters, digits and `_`"
         raise console.WrongCommandLine(message, f"write for example `thingc new {near}`")
     if name.lower() in RESERVED or not isinstance(core_value(name), str):
         message = f"`{name}` is reserved in the files of a robot"

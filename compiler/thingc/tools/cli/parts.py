@@ -19,7 +19,7 @@ from thingc.geometry.service import GeometryService
 from thingc.tools.cli import console
 
 EPILOG = """\
-Lists the Things of the workspace: those of its part folders and of the packages that it allows. For parts that you name, the frames of
+Lists the Things of the workspace: those of its part folders and of the packages that it allows. For parts given as arguments, the frames of
 their mounts are shown too, for default parameters: the axes of the part along x, y and z of the mount. You can name everything that a
 document can use, including shapes, functions, and classes of other installed packages.
 
@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         options = console.options_of(arguments)
         if not os.path.isdir(arguments.workspace):
-            raise console.WrongCommandLine(f"`{arguments.workspace}` is not a folder", "name the folder of a workspace")
+            raise console.WrongCommandLine(f"`{arguments.workspace}` is not a folder", "use the folder of a workspace")
         workspace = Workspace.find(os.path.join(arguments.workspace, "thingc.toml"), report)
         if workspace is not None:
             with geometry_of(workspace, options) as geometry:
@@ -99,7 +99,7 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
             named = [word]  # a function, or a class that a package imports from elsewhere
         modules = [module for module in installed if module.startswith(f"{word}.")]
         if not named and modules:
-            help = f"name some of its modules, or classes in them: {', '.join(f'`{module}`' for module in modules)}"
+            help = f"list some of its modules, or classes in them: {', '.join(f'`{module}`' for module in modules)}"
             raise console.WrongCommandLine(f"`{word}` is a package of {len(modules)} modules, too many to list", help)
         if not named:
             known = {*references, *(one.partition(":")[0] for one in references), *installed}

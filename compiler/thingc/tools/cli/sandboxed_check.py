@@ -95,7 +95,7 @@ def _computed(child: int) -> int:
 def _costly(in_time: bool, status: int, seconds: float, memory: int) -> Diagnostic:
     ended_by = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
     if not in_time:
-        message = f"the check was stopped: it did nothing for {seconds * PATIENCE:g} s"
+        message = f"the check was stopped: it made no progress for {seconds * PATIENCE:g} s"
         help = "check whether the machine is busy, or a file of the workspace cannot be read"
     elif ended_by == signal.SIGPROF:
         message = f"the check was stopped: it needs more than {seconds:g} s of CPU time"
@@ -160,6 +160,6 @@ def _refuse(event: str, arguments: tuple[Any, ...]) -> None:
     if event == "open":
         _, mode, flags = arguments
         if isinstance(flags, int) and flags & _WRITING or isinstance(mode, str) and set(mode) & set("wax+"):
-            raise SandboxRefusal("a file was to be written")
+            raise SandboxRefusal("attempt to write a file")
     elif event.startswith(_REFUSED):
-        raise SandboxRefusal(f"`{event}` was to be done")
+        raise SandboxRefusal(f"attempt to perform `{event}`")

@@ -28,7 +28,7 @@ schema to the first line of the document:
   thingc schema                         all documents of the workspace
   thingc schema assemblies/arm.yaml     only this document
 """
-REMOVED = "use `thingc lsp`, which follows every save, or run `thingc schema` again and name the schemas in the documents (see --help)"
+REMOVED = "use `thingc lsp`, or run `thingc schema` after every save and write the paths of the schemas into the documents (see --help)"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -62,7 +62,7 @@ def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list
         if not os.path.isdir(place):
             console.require_document(place)
             if not is_document(place):
-                help = "begin the first line with, for example, `thingc: assembly/1`"
+                help = "start the first line with, for example, `thingc: assembly/1`"
                 raise console.WrongCommandLine(f"`{place}` is not a document", help, Code.NO_DOCUMENT)
         workspace = Workspace.find(os.path.join(place, OWN_FILE) if os.path.isdir(place) else place, report)
         if workspace is None:
@@ -85,4 +85,4 @@ def _write(workspace: Workspace, only: list[str] | None, no_model: bool, options
     console.say(f"{folder}: schemas of {counted(len(outcome.documents), 'document')}: {', '.join(said)}")
     for name in outcome.kept:
         document = shown_path(os.path.join(workspace.root, name))
-        console.say(f"{document}: not well-formed; its last schema stays")
+        console.say(f"{document}: not well-formed; its previous schema is unchanged")

@@ -61,7 +61,7 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
     if root is None or text is None:
         return _say(arguments, [_as_typed(one, typed) for one in outcome.found])
     wrong = any(d.severity is Severity.ERROR for d in outcome.found)
-    if diff and not wrong:
+    if diff and not wrong and arguments.format == "text":
         console.say_diff(shown_path(root.path), root.text, text)
         return console.exit_code(outcome.found)
     return _say(arguments, outcome.found, done=outcome.done, texts={root.path: text} if wrong else None)

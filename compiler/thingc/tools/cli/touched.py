@@ -28,7 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--all", action="store_true", help="list every document below the working folder")
     parser.add_argument("-0", "--null", action="store_true", help="print unescaped paths, each terminated by a NUL, for scripts")
     parser.add_argument("--roots", action="store_true", help="list only assemblies that have modes or are not nested in others")
-    parser.add_argument("--store", metavar="DIR", help="store of modelled parts (default: THINGC_STORE, else the user's cache folder)")
+    parser.add_argument("--store", metavar="DIR", help="cache of built parts (default: THINGC_STORE, else the user's cache folder)")
     console.add_format(parser)
 
 
@@ -61,14 +61,14 @@ def documents(
         raise console.WrongCommandLine("expected files that have changed, or --since", "write for example --since origin/main")
     for file in files:
         if os.path.isdir(file) and not os.path.islink(file):
-            hint = "name the changed files, or write --all"
+            hint = "list the changed files, or add --all"
             raise console.WrongCommandLine(f"expected a file, found the folder `{file}`", hint)
     changed = [os.path.abspath(file) for file in files]
     if since is not None:
         try:
             changed += changed_since(since, os.getcwd())
         except NotARepository as fault:
-            hint = "name a branch, tag or commit of this repository; in a shallow clone, run `git fetch --unshallow`"
+            hint = "use a branch, tag or commit of this repository; in a shallow clone, run `git fetch --unshallow`"
             raise console.WrongCommandLine(f"--since {since}: {fault}", hint) from fault
     affected = touched(None if everything else changed, os.getcwd(), store_of(Options(store=store)))
     return affected.roots if roots else affected.documents

@@ -220,7 +220,7 @@ def _build_meant(name: str) -> Path:
         return builds[0]
     if builds:
         hint = did_you_mean("", [shown_path(str(one)) for one in builds], what="builds")
-        raise console.WrongCommandLine(f"`{name}` contains {len(builds)} builds", f"name one of them: {hint}", Code.NO_DOCUMENT)
+        raise console.WrongCommandLine(f"`{name}` contains {len(builds)} builds", f"use one of them: {hint}", Code.NO_DOCUMENT)
     robots = [shown_path(path) for path in documents_near(name, None) if is_document(path, "assembly/")]
     hint = did_you_mean("", robots, what="robots") if robots else "view a document, or a build folder with html/"
     raise console.WrongCommandLine(f"there is no build in the folder `{name}`", hint, Code.NO_DOCUMENT)

@@ -127,22 +127,22 @@ class Lines:
         if made.number > 1:
             saved = _enumerated([shown_path(path) for path in made.saved])
             outcome = _outcome(made) if self._built or not made.good else f"built in {made.seconds:.2f} s"
-            stand = f"; {counted(len(made.diagnostics), 'warning')} as before" if known and made.diagnostics else ""
+            stand = f"; {counted(len(made.diagnostics), 'warning')} unchanged" if known and made.diagnostics else ""
             of = f"{self._of}, " if self._of is not None else ""
             console.say(f"{time.strftime('%H:%M:%S')} {saved}: {of}{outcome}{stand}", stream=sys.stderr)
         if made.built is not None and made.folder is not None and not self._built:
             tell(answer_of(made.built, made.folder), self._arguments)
         self._built = self._built or made.good
         if made.number == 1 and self._of is None and not hopeless(made):
-            console.say(f"{'' if made.good else 'nothing is built yet; '}{self._doing}; press Ctrl-C to stop", stream=sys.stderr)
+            console.say(f"{'' if made.good else 'nothing built yet; '}{self._doing}; press Ctrl-C to stop", stream=sys.stderr)
 
 
 def _outcome(made: Rebuild) -> str:
     """Describe the changes of a rebuild."""
     if made.built is None or not made.good:
-        return f"not built ({made.seconds:.2f} s); {'the last good build stays' if made.kept else 'there is no good build yet'}"
+        return f"not built ({made.seconds:.2f} s); {'the last successful build is kept' if made.kept else 'no successful build yet'}"
     modelled = sorted(made.modelled.values())
-    said = ["right again"] if made.mended else []
+    said = ["errors fixed"] if made.mended else []
     said += [f"modelled {_enumerated(modelled)}"] if modelled else []
     if made.folder is not None:
         changed = f"{counted(len(made.changed), 'file')} changed ({_enumerated(made.changed)})"

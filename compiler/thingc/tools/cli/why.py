@@ -18,7 +18,7 @@ from thingc.tools.cli import console
 from thingc.tools.cli.build import add_compat, add_emit, chosen_targets
 
 EPILOG = """\
-  thingc why assemblies/arm.yaml hand/cap       show whether the part must be modelled again, and what has changed
+  thingc why assemblies/arm.yaml hand/cap       show whether the part must be rebuilt, and what has changed
   thingc why assemblies/arm.yaml --losses       show what targets cannot express, and the consequences
 """
 

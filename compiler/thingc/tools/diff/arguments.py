@@ -51,17 +51,17 @@ def asked(words: Sequence[str], documents: Sequence[str]) -> ComparisonRequest:
     """Parse the arguments; `documents` are those after `--`. Raises `UnknownComparison` and `NotARepository`."""
     words = list(words)
     if len(words) > 2:
-        raise UnknownComparison(f"expected two sides, found {len(words)} words", "documents that are compared in two revisions follow `--`")
+        raise UnknownComparison(f"expected two states, found {len(words)} arguments", "write the documents to compare after `--`")
     if not words:
         words = ["HEAD"]
     sides = [side for word in words for side in _sides(word)]
     if len(sides) > 2:
-        raise UnknownComparison(f"`{' '.join(words)}` are more than two sides", "write `OLD..NEW`, or two words")
+        raise UnknownComparison(f"`{' '.join(words)}` are more than two states", "write `OLD..NEW`, or two arguments")
     if len(sides) == 1 and sides[0].kind == "document" and not documents:
         return _asked([_revision("HEAD"), sides[0]], ())
     if len(sides) == 1:
         if sides[0].kind != "revision":
-            raise UnknownComparison(f"`{words[0]}` is one side: with what is it compared?", "name two, the old one first")
+            raise UnknownComparison(f"`{words[0]}` is only one state: expected two states", "give two, the old one first")
         sides.append(Side(kind="checkout", name=CHECKOUT))
     return _asked(sides, documents)
 
@@ -70,7 +70,7 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
     old, new = sides
     kinds = {old.kind, new.kind}
     if documents and not kinds <= {"revision", "checkout"}:
-        message = "documents behind `--` are those of revisions, and no two revisions are named"
+        message = "documents after `--` require two revisions"
         raise UnknownComparison(message, "write `thingc diff OLD.yaml NEW.yaml`")
     if kinds == {"revision", "document"}:  # compare the document in the revision with the one in the checkout
         document = next(side for side in sides if side.kind == "document").place
@@ -97,7 +97,7 @@ def _sides(word: str) -> list[Side]:
         if os.path.isfile(os.path.join(word, MANIFEST)):
             return [Side(kind="build", name=word.rstrip("/"), place=os.path.abspath(word))]
         inner = [name for name in listing(word) if os.path.isfile(os.path.join(word, name, MANIFEST))]
-        hint = "name a build folder or a document"
+        hint = "use a build folder or a document"
         hint = f"did you mean `{os.path.join(word, inner[0])}`?" if inner else hint
         raise UnknownComparison(f"the folder `{word}` is not a build folder: it has no {MANIFEST}", hint)
     between = "..." if "..." in word else ".." if ".." in word else None
@@ -121,7 +121,7 @@ def _revision(word: str) -> Side:
             raise UnknownComparison(f"there is no document `{word}`", did_you_mean(word, names, what="documents")) from None
         if isinstance(fault, NotARepository):
             message = f"`{word}` is not a file, a folder or a revision: {fault}"
-            raise UnknownComparison(message, "name two documents, or run this in a git repository") from fault
+            raise UnknownComparison(message, "use two documents, or run this in a Git repository") from fault
         hint = did_you_mean(word, [*fault.names, "HEAD"], what="revisions")
         raise UnknownComparison(f"there is no revision, document or build folder `{word}`", hint) from None
     return Side(kind="revision", name=word, place=commit)

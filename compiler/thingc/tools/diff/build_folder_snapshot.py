@@ -18,8 +18,8 @@ from thingc.tools.diff.arguments import MANIFEST
 from thingc.tools.diff.assembly_facts import shape_of
 from thingc.tools.diff.snapshot import ComponentNode, Fact, OccurrenceSnapshot, Row, Snapshot, SnapshotElement, Value, field_values
 
-OF_BUILDS = "parameters, mates, limits, drives, poses, materials, sensors, mounts, geometry and tests, which no build folder holds"
-OF_LOCKS = "what documents say, which no lock holds"
+OF_BUILDS = "parameters, mates, limits, drives, poses, materials, sensors, mounts, geometry and tests, which are not in a build folder"
+OF_LOCKS = "content of documents, which is not in a lock file"
 
 
 class UnreadableSide(Exception):

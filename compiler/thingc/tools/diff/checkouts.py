@@ -78,7 +78,7 @@ def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[
             if not any(_has(repository, state, path) for state in states):
                 known = [one for state in states if state is not None for one in state.documents(repository.path("."))]
                 message = f"there is no document `{document}` in {asked.old.name} or {asked.new.name}"
-                raise UnknownComparison(message, did_you_mean(path, known, what="documents") if known else "name a document")
+                raise UnknownComparison(message, did_you_mean(path, known, what="documents") if known else "use a document")
     else:
         paths = _concerned(repository, asked, states, here)
     for state in states:

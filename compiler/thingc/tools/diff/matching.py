@@ -101,7 +101,7 @@ class _Matching:
             held = (self.found[inner].new for how, inner in self.old.beside[path] if how == ("down", "holds") and inner in self.found)
             within = {self.new.nodes[inner].parent for inner in held}
             if len(within) == 1 and (there := within.pop()) in self.new.left:
-                self._take(path, there, "what it holds")
+                self._take(path, there, "its content")
         for path in list(self.old.left):
             above, _, name = path.rpartition("/")
             known = self.found.get(above)
@@ -122,7 +122,7 @@ class _Matching:
             others = sides[1].get(signature, [])
             if len(ones) == len(others) == 1 and (exact or self._in_one_place(ones[0], others[0])):
                 met = min(known for _, known in signature[1])
-                how = f"and it meets `{met}` as before" if exact else f"beside `{met}`"
+                how = f"and it is attached to `{met}` as before" if exact else f"beside `{met}`"
                 self._take(ones[0], others[0], f"{words}, {how}", perhaps=not (exact and what is _definition))
         return len(self.found) > before
 
@@ -170,7 +170,7 @@ class _Matching:
             ones, others = min(shared, key=lambda pair: (len(pair[0]) + len(pair[1]), min(pair[0])))
             if len(ones) == len(others) and self._isomorphic(colours):
                 return True
-            self._by_place(ones, others, f"{words} and mates, of {len(ones)} alike the nearest place")
+            self._by_place(ones, others, f"{words} and mates, the nearest of {len(ones)} equal ones")
             return True
         return self._by_definition(what, words)
 
@@ -188,7 +188,7 @@ class _Matching:
         before = len(self.found)
         for ones, others in shared:
             if len(ones) == len(others) == 1 and self._in_one_place(ones[0], others[0]):
-                self._take(ones[0], others[0], f"{words}, which nothing else here has", perhaps=True)
+                self._take(ones[0], others[0], f"{words}, which is unique here", perhaps=True)
             else:
                 self._by_place(ones, others, f"{words} in the same place", within=SAME_PLACE)
         return len(self.found) > before

@@ -107,11 +107,11 @@ class NameMapping:
 
     def _renamed(self, what: What, olds: dict[str, SnapshotElement], news: dict[str, SnapshotElement]) -> None:
         """Match renamed elements with the same content, and joints that connect the same components."""
-        tests = [(self._says_the_same, "it says the same", False)]
+        tests = [(self._says_the_same, "equal definition", False)]
         if what == "joint":
-            tests.insert(0, (self._connects_the_same, "it connects the same", False))
+            tests.insert(0, (self._connects_the_same, "same connections", False))
         if what not in ("parameter", "mount"):
-            tests.append((self._says_nearly_the_same, "it says nearly the same", True))
+            tests.append((self._says_nearly_the_same, "similar definition", True))
         for alike, reason, perhaps in tests:
             after = {path: [there for there, new in news.items() if alike(old, new)] for path, old in olds.items()}
             before = {there: [path for path, candidates in after.items() if there in candidates] for there in news}

@@ -159,7 +159,7 @@ def _listed(top: str, commit: str) -> Mapping[str, tuple[str, str]]:
     try:
         check_tree(files)
     except BadPath as fault:
-        raise NotARepository(f"the tree of {commit[:12]} cannot be written to a folder: {fault}") from fault
+        raise NotARepository(f"cannot write the tree of {commit[:12]} to a folder: {fault}") from fault
     return files
 
 

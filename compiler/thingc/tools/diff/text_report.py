@@ -22,7 +22,7 @@ from thingc.tools.diff.results import DiffResult
 from thingc.tools.diff.snapshot import PERHAPS, Change, DisplayValue, How, What
 
 MOVED = ": moved"
-NOTHING = "nothing changed in meaning"
+NOTHING = "no changes in meaning"
 SHOWN = 3
 """Maximum number of paths in a line; others are counted."""
 FOLLOWING = 30
@@ -37,7 +37,7 @@ _RANK: dict[What, int] = {
 """Order of consequences, the most important first."""
 _SIGNS: dict[How, str] = {"added": "+", "removed": "-", "renamed": "~", "moved": "~", "changed": " "}
 TITLES: dict[What, str] = {
-    "test": "tests", "mass": "masses", "bom": "bill of materials", "file": "files to print anew", "joint": "joints", "mode": "modes",
+    "test": "tests", "mass": "masses", "bom": "bill of materials", "file": "files to print again", "joint": "joints", "mode": "modes",
     "pose": "poses", "component": "places", "geometry": "geometry", "mate": "mates", "parameter": "parameters", "mount": "mounts",
     "material": "materials", "sensor": "sensors",
 }
@@ -75,12 +75,12 @@ def as_text(answer: DiffResult) -> Iterator[str]:
         yield from (f"  {line.sign} {line.what} {line.named}{line.words}" for line in made(comparison))
         sentences = list(following(comparison))
         if sentences:
-            yield "  what follows:"
+            yield "  effects:"
             for line in sentences[:FOLLOWING]:
                 because = f" (because of {_listed(line.because)})" if line.because else ""
                 yield f"  {line.sign} {line.what} {line.named}{line.words}{because}"
             if len(sentences) > FOLLOWING:
-                yield f"    and {counted(len(sentences) - FOLLOWING, 'line')} more, which --format json has"
+                yield f"    and {counted(len(sentences) - FOLLOWING, 'line')} more, see --format json"
         yield from (f"  not compared: {unknown}" for unknown in comparison.unknown)
 
 
@@ -215,7 +215,7 @@ def _change_text(change: Change) -> str:
         label = change.new if change.change == "added" else change.old
         return f" ({label})" if isinstance(label, (str, int)) and not isinstance(label, bool) else ""
     if change.change in ("renamed", "moved") and change.field is None:
-        where = "is called" if change.change == "renamed" else "has moved to"
+        where = "renamed to" if change.change == "renamed" else "moved to"
         perhaps = f"{PERHAPS}, " if PERHAPS in change.because else ""
         reason = f" ({perhaps}{change.reason})" if change.reason else ""
         return f" {where} {change.new_path} now{reason}"
@@ -309,8 +309,8 @@ def _body(differences: DiffResult) -> Iterator[str]:
         if outcomes:
             yield from _list(outcomes)
         if comparison.pictures:
-            yield "<details open><summary>what is new (green), other now (orange), elsewhere (blue)</summary>"
-            yield f'<img class="overlay" src="{overlay}" alt="what changed, in colours"></details>'
+            yield "<details open><summary>added (green), changed (orange), moved (blue)</summary>"
+            yield f'<img class="overlay" src="{overlay}" alt="changes in colour"></details>'
         for what, sentences in kinds.items():
             yield f"<details><summary>{TITLES[what]} ({sum(len(one.paths) for one in sentences)})</summary>"
             yield from _list(sentences)

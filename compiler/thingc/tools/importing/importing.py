@@ -30,7 +30,7 @@ from thingc.tools.importing.urdf import expanded, read_urdf
 from thingc.tools.importing.write_document import DocumentWriter, WrittenDocument
 from thingc.tools.importing.xml_source import MOST_BYTES, read_xml
 
-_METRES = "mind the unit: lengths are in metres"
+_METRES = "check the unit: lengths are in metres"
 
 
 def refuse_endless(robot: SourceRobot, report: Report) -> None:
@@ -38,26 +38,26 @@ def refuse_endless(robot: SourceRobot, report: Report) -> None:
     for link in robot.links:
         far = {shape.where: shape for shape in link.shapes if shape.kind != "mesh" and not max(map(abs, shape.size)) <= FARTHEST}
         for where, shape in far.items():
-            message = f"this {shape.kind} measures {max(map(abs, shape.size)):.3g} m, and {FARTHEST:g} m at most are read"
+            message = f"this {shape.kind} measures {max(map(abs, shape.size)):.3g} m, but at most {FARTHEST:g} m is supported"
             report.add(Code.SOURCE_VALUE, message, where, help=_METRES)
         if link.weight is None or far:
             continue
         of, where = link.weight.properties, link.weight.where
         if not all(map(math.isfinite, (of.mass, *of.centre, *sum(of.inertia, ())))):
-            message = f"the weight of link `{link.name}` comes to numbers that are not finite"
-            report.add(Code.SOURCE_VALUE, message, where, help="mind the sizes and densities of its shapes")
+            message = f"mass or inertia of link `{link.name}` is not finite"
+            report.add(Code.SOURCE_VALUE, message, where, help="check the sizes and densities of its shapes")
         elif of.mass > HEAVIEST:
-            message = f"link `{link.name}` weighs {of.mass:.3g} kg, and {HEAVIEST:g} kg at most are read"
-            report.add(Code.SOURCE_VALUE, message, where, help="mind the unit: masses are in kilograms")
+            message = f"link `{link.name}` has a mass of {of.mass:.3g} kg, but at most {HEAVIEST:g} kg is supported"
+            report.add(Code.SOURCE_VALUE, message, where, help="check the unit: masses are in kilograms")
         elif (most := max(map(abs, sum(of.inertia, ())))) > LARGEST_MOMENT:
-            message = f"link `{link.name}` has a moment of inertia of {most:.3g} kg m^2, and {LARGEST_MOMENT:g} kg m^2 at most are read"
-            report.add(Code.SOURCE_VALUE, message, where, help="mind the units: they are kilograms and metres")
+            message = f"link `{link.name}` has a moment of inertia of {most:.3g} kg m^2, but at most {LARGEST_MOMENT:g} kg m^2 is supported"
+            report.add(Code.SOURCE_VALUE, message, where, help="check the units: they are kilograms and metres")
         elif (most := max(map(abs, of.centre))) > FARTHEST:
-            message = f"the centre of mass of link `{link.name}` is {most:.3g} m off, and {FARTHEST:g} m at most are read"
+            message = f"the centre of mass of link `{link.name}` is {most:.3g} m away, but at most {FARTHEST:g} m is supported"
             report.add(Code.SOURCE_VALUE, message, where, help=_METRES)
     for one in robot.hangings:
         if (most := max(map(abs, one.pose.translation))) > FARTHEST:
-            message = f"link `{one.child}` is {most:.3g} m from the one that it hangs on, and {FARTHEST:g} m at most are read"
+            message = f"link `{one.child}` is {most:.3g} m from its parent, but at most {FARTHEST:g} m is supported"
             report.add(Code.SOURCE_VALUE, message, one.where, help=_METRES)
 
 
@@ -101,13 +101,13 @@ def import_robot(
     before = earlier(plain_name(robot.name, "robot"))
     links = [link.name for link in robot.links]
     for name in (one for one in roots if one not in links):
-        report.add(Code.COMMAND_LINE, f"--root {name}: there is no such link", None, help=did_you_mean(name, links, what="links"))
+        report.add(Code.COMMAND_LINE, f"--root: there is no link `{name}`", None, help=did_you_mean(name, links, what="links"))
     if update and before is not None:
         roots, repair = [*(name for name in before.roots if name in links), *roots], repair or before.repair
         meshes = meshes and before.with_meshes
     elif update:
-        message = "--update: there is no import in that folder, or its `import.json` is not as it was written"
-        report.add(Code.COMMAND_LINE, message, None, help="name the folder with -o, or import without --update")
+        message = "--update: there is no import in that folder, or its `import.json` has been modified"
+        report.add(Code.COMMAND_LINE, message, None, help="specify the folder with -o, or import without --update")
     if report.failed:
         return None
     roots = list(dict.fromkeys(roots))
@@ -137,7 +137,7 @@ def _content(path: str, report: Report) -> bytes | None:
     """Return the content of a file; None if the suffix is not supported or it cannot be read."""
     if not path.lower().endswith(ENDINGS):
         known = ", ".join(f"`{one}`" for one in ENDINGS)
-        what = "a folder, and a robot is a file" if os.path.isdir(path) else "of no kind that is read"
+        what = "a folder, not a file" if os.path.isdir(path) else "not of a supported format"
         report.add(Code.COMMAND_LINE, f"`{os.path.basename(os.path.abspath(path))}` is {what}: {known}", None)
         return None
     try:

@@ -63,7 +63,7 @@ def repaired(
         if how is not None and judged([(new.get(link.name, link), pose) for link, pose in members]) is None:
             done.update((one.link.name, one) for one in changed)
         else:
-            moves = "stands still, but" if still == {body} else "moves, and cannot:"
+            moves = "does not move, but" if still == {body} else "moves, but cannot be simulated:"
             _refuse(f"link `{body}` {moves} {fault}", worst, [link for link, _ in members], how, report)
     links = tuple(_with(done[link.name]) if link.name in done else link for link in robot.links)
     return replace(robot, links=links), tuple(done.values())
@@ -96,7 +96,7 @@ def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
     """Return why a body cannot be simulated if it moves; None if it can."""
     whole = _whole(members)
     if whole.mass <= LEAST_MASS:
-        return "it weighs nothing"
+        return "it has no mass"
     moments = principal_moments(whole.inertia)
     if moments[0] <= 0.0 and max(map(abs, moments)) == 0.0:
         return "it has no inertia"
@@ -122,12 +122,12 @@ def _refuse(said: str, worst: Sequence[SourceLink], members: Sequence[SourceLink
     first = worst[0]
     where = first.where if first.weight is None else first.weight.where
     help = {
-        None: "correct it, or repair it with `--repair inertia=nearest` (the nearest that a solid has) or `inertia=shapes`",
+        None: "correct it, or repair it with `--repair inertia=nearest` (the nearest physical inertia) or `inertia=shapes`",
         "shapes": "it has no closed shapes to compute it from: use `--repair inertia=nearest`",
         "nearest": "write the mass and the inertia of these links into the file",
     }[how]
     notes = [
-        Note(message=f"`{link.name}` is fixed to it{', and has none that a solid has either' if link in worst else ''}", span=link.where)
+        Note(message=f"`{link.name}` is fixed to it{', and has no physical inertia either' if link in worst else ''}", span=link.where)
         for link in members if link is not first and link.weight is not None
     ][:5]
     report.add(Code.SOURCE_INERTIA, said, where, help=help, notes=notes)

@@ -58,7 +58,7 @@ def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping
         size = _corner(files.get(paths[shape.mesh or ""], b""), paths[shape.mesh or ""]) * max(map(abs, shape.size))
         if size > LARGE and size > SUSPECT * reach > 0.0:
             report.warn(
-                Code.SOURCE_DOUBT, f"`{shape.mesh}` reaches {size:.3g} m, and no joint is more than {reach:.3g} m from the one before it",
+                Code.SOURCE_DOUBT, f"`{shape.mesh}` reaches {size:.3g} m, but no joint is more than {reach:.3g} m from the previous one",
                 shape.where, help='its numbers are probably millimetres: write scale="0.001 0.001 0.001"',
             )
             return
@@ -96,7 +96,7 @@ def gathered(
     lost = Losses()
     if packages is None:
         for uri, shape in named:
-            lost.note(f"mesh `{uri}`", "meshes are left out", shape.where)
+            lost.note(f"mesh `{uri}`", "meshes are omitted", shape.where)
         return {}, {}, lost.all()
     contents: dict[str, bytes] = {}
     first_places = dict(reversed(named))

@@ -78,7 +78,7 @@ class Packages:
                 if any(within(path, folder) for folder in (*self.allowed, *filter(_is_package, places))):
                     return _file(path, uri)
                 fault = NotFound(
-                    f"`{uri}` leads out of the robot's folder, `{shown_path(self.home)}`, and is in no known package",
+                    f"`{uri}` is outside the robot's folder, `{shown_path(self.home)}`, and not in a known package",
                     "if you trust the file, specify a folder that contains it: `--mesh-root DIR`, or `--package NAME=DIR`",
                 )
         slashed = uri.replace("\\", "/")
@@ -160,5 +160,5 @@ def _file(path: str, uri: str) -> str:
     if not stat.S_ISREG(state.st_mode):
         raise NotFound(f"`{uri}` is not a file")
     if state.st_size > MOST_BYTES:
-        raise NotFound(f"`{uri}` has {state.st_size:,} bytes, and {MOST_BYTES:,} are read at most", "use a mesh with fewer facets")
+        raise NotFound(f"`{uri}` has {state.st_size:,} bytes, but at most {MOST_BYTES:,} are supported", "use a mesh with fewer facets")
     return path

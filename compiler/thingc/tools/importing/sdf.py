@@ -50,7 +50,7 @@ class Includes:
                 except NotFound as fault:
                     uri = self.values.place(child, "uri")
                     if element.tag == "world":  # maybe the sun or the ground
-                        self.report.warn(Code.SOURCE_DOUBT, f"this is left out: {fault}", uri, help="if it is scenery, take it out")
+                        self.report.warn(Code.SOURCE_DOUBT, f"this is not imported: {fault}", uri, help="if it is scenery, remove it")
                     else:
                         self.report.add(Code.SOURCE_FILE, str(fault), uri, help=fault.help)
             elif child.tag in ("world", "model"):
@@ -63,7 +63,7 @@ class Includes:
         if "placement_frame" in said and "pose" not in said:
             self.values.fault(include, None, "an `<include>` with `<placement_frame>` requires `<pose>`", "write <pose>0 0 0 0 0 0</pose>")
         if include.attributes.get("merge", "").strip() in ("1", "true"):
-            self.values.fault(include, "merge", "`merge` is not read", "to merge the models, run `gz sdf -p FILE > robot.sdf`")
+            self.values.fault(include, "merge", "`merge` is not supported", "to merge the models, run `gz sdf -p FILE > robot.sdf`")
         if len(self.roots) > MOST_INCLUDES:
             message = f"the file includes more than {MOST_INCLUDES} models, or one that includes itself"
             self.values.fault(include, None, message, "include a model that does not include this one")
@@ -81,7 +81,7 @@ class Includes:
         self.folders[path] = uri.rpartition("/")[0] or "."
         self._expand(model := models[0])
         for child in (one for one in include.children if one.tag not in READ):
-            self.losses.note(f"`<{child.tag}>` of `<include>`", "it is not read", child.where)
+            self.losses.note(f"`<{child.tag}>` of `<include>`", "it is not imported", child.where)
         kept = [child for child in model.children if child.tag not in said]
         names = {str(tag): said[tag].text for tag in ("name", "placement_frame") if tag in said}
         own = [said[tag] for tag in ("pose", "static") if tag in said]
@@ -188,7 +188,7 @@ class _Sdf:
         models = [model for around in (self.root, *worlds) for model in around.all("model")]
         robots = models if len(models) == 1 else [model for model in models if not self._is(model, "static")]
         for child in (child for world in worlds for child in world.children if child not in robots):
-            self.losses.note(f"`<{child.tag}>` of `<world>`", "a document is of one robot", child.where)
+            self.losses.note(f"`<{child.tag}>` of `<world>`", "a document contains one robot", child.where)
         if len(robots) == 1:
             return robots[0]
         found = ", ".join(f"`{one.attributes.get('name', '')}`" for one in robots[:6]) or "none"
@@ -205,8 +205,8 @@ class _Sdf:
     def _link(self, key: str, element: SourceElement) -> source_model.SourceLink:
         inertial = self.values.one(element, "inertial")
         if inertial is None:
-            why = "it weighs 1 kg, with an inertia of 1 kg m^2, as SDF has it then"
-            self.losses.note(f"that link `{key}` has no `<inertial>`", why, element.where)
+            why = "the SDF default is used: 1 kg with an inertia of 1 kg m^2"
+            self.losses.note(f"the missing `<inertial>` of link `{key}`", why, element.where)
         shapes = [self._shape(child, key) for child in element.children if child.tag in ("visual", "collision")]
         weight, where = _USUAL if inertial is None else self._weight(inertial), (inertial or element).where
         return source_model.SourceLink(
@@ -235,10 +235,10 @@ class _Sdf:
         said = next(element.all("pose"), None)
         relative_to = "" if said is None else said.attributes.get("relative_to", "").strip()
         if relative_to and said is not None:
-            self.losses.note(f"`relative_to` of a `<{element.tag}>`", "shapes are read in their link, and this one is left out", said.where)
+            self.losses.note(f"`relative_to` of a `<{element.tag}>`", "not imported: shapes must be relative to their link", said.where)
             return None
         if form.tag not in INSIDE["geometry"]:
-            self.losses.note(f"a `<{form.tag}>`", "shapes of that kind are not read", form.where)
+            self.losses.note(f"a `<{form.tag}>`", "shapes of this kind are not supported", form.where)
             return None
         shape = self.values.shape(element, form, "uri", pose, self.losses)
         return None if shape is None else replace(
@@ -279,7 +279,7 @@ class _Sdf:
             return
         parent, child = ends["parent"], ends["child"]
         if parent == child:
-            self.values.fault(element, None, f"parent and child of this joint are both on link `{child}`", "join two links")
+            self.values.fault(element, None, f"parent and child of this joint are both on link `{child}`", "connect two links")
             return
         around = NO_POSE if parent == WORLD else self.frames.poses[parent]
         pose, names = _clean(around.inverse() @ self.frames.poses[child]), self._coordinates(key)
@@ -292,9 +292,11 @@ class _Sdf:
             still = joint is not None and joint.ends.lower is not None and joint.ends.lower == joint.ends.upper
             if joint is not None and still:
                 if joint.ends.lower != 0.0:
-                    message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move, and cannot be at 0"
-                    self.values.fault(element, None, message, "make it `fixed`, or specify its limits")
-                self.losses.note(f"joint `{names[number]}`, whose ends are both 0", "it is read as one that is fixed", element.where)
+                    message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move and cannot be at 0"
+                    self.values.fault(element, None, message, "use type `fixed`, or correct its limits")
+                self.losses.note(
+                    f"the type of joint `{names[number]}`, whose limits are both 0", "imported as a fixed joint", element.where,
+                )
             yield source_model.Attachment(
                 name=names[number], parent=above, child=child, pose=NO_POSE if number else pose, where=element.where,
                 joints=() if joint is None or still else (joint,),
@@ -314,7 +316,7 @@ class _Sdf:
             return None
         link = self.frames.link_of(key)
         if link is None:
-            self.values.fault(frame.element, side, f"the {side} of this joint is `{name}`, which is on no link")
+            self.values.fault(frame.element, side, f"the {side} of this joint is `{name}`, which is not on a link")
         return link
 
     def _joint(self, name: str, key: str, kind: source_model.Kind, tag: str) -> source_model.SourceJoint | None:
@@ -335,7 +337,7 @@ class _Sdf:
             kind = "continuous"
         if kind == "prismatic" and ends.lower is None:
             ends = replace(ends, lower=-source_model.FAR, upper=source_model.FAR, made_up=True)
-            self.losses.note(f"slide `{name}` without ends", f"a document has them, at {source_model.FAR:g} m", element.where)
+            self.losses.note(f"unlimited slide `{name}`", f"the document has limits at {source_model.FAR:g} m", element.where)
         dynamics = self.values.one(axis, "dynamics")
         damping = friction = stiffness = rest = 0.0
         if dynamics is not None:
@@ -356,7 +358,7 @@ class _Sdf:
         tag = "thread_pitch" if older else "screw_thread_pitch"
         pitch = self.values.number(screw, tag)
         if pitch == 0.0:
-            self.values.fault(screw, tag, f"`{tag}` of this screw is 0", "make it `revolute`, or write its travel per turn")
+            self.values.fault(screw, tag, f"`{tag}` of this screw is 0", "use type `revolute`, or write its travel per turn")
         return -2.0 * math.pi / pitch if older and pitch else pitch or 0.0
 
     def _direction(self, axis: SourceElement, key: str, frame: NamedFrame, here: Pose) -> Vector:
@@ -378,7 +380,7 @@ class _Sdf:
             None if self.values.written(limit, key) is None else self._bound(limit, key) for key in ("lower", "upper", "effort", "velocity")
         )
         if (lower is None) != (upper is None):
-            self.losses.note("the one end of a joint", "the other is not stated, and a joint has two or none", limit.where)
+            self.losses.note("a single limit of a joint", "the other limit is missing, but a joint needs both or none", limit.where)
             lower = upper = None
         if lower is not None and upper is not None and lower > upper:
             self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or correct the number")
@@ -424,7 +426,7 @@ class _Sdf:
         links = [replace(link, sites=sites.get(link.name, ())) for link in links]
         placed = self.values.one(model, "pose")
         if placed is not None and placed.attributes.get("relative_to", "").strip() not in ("", WORLD):
-            self.losses.note("`relative_to` of the model's pose", "it is read as one in the world", placed.where)
+            self.losses.note("`relative_to` of the model's pose", "it is read relative to the world", placed.where)
         here, grounded = self.frames.placed("", model), [one for one in hangings if one.parent == WORLD]
         if len(grounded) == 1 and not grounded[0].joints:
             hangings = [one for one in hangings if one is not grounded[0]]
@@ -450,7 +452,7 @@ class _Sdf:
         at = NO_POSE if joint is None else along(joint.axis, joint.anchor)
         unlimited = source_model.SourceLimits()
         if joint is not None and (joint.ends != unlimited or joint.damping or joint.friction or joint.stiffness or joint.follows):
-            why = "a joint that closes a loop has none of that"
+            why = "a joint that closes a loop has none of these"
             self.losses.note(f"limits, drive and dynamics of joint `{one.name}`", why, one.where)
         kind = "fixed" if joint is None else "continuous" if joint.kind == "revolute" else joint.kind
         if kind == "screw":

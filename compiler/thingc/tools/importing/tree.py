@@ -24,7 +24,7 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: 
     Reports duplicate names, joints to missing links, links with two parents, cycles, and no root or several roots."""
     before = len(report.diagnostics)
     if len(links) > MOST_LINKS:
-        report.add(Code.SOURCE_TREE, f"the robot has {len(links):,} links, and {MOST_LINKS:,} are read at most", where)
+        report.add(Code.SOURCE_TREE, f"the robot has {len(links):,} links, but at most {MOST_LINKS:,} are supported", where)
         return None
     named = _distinct("links", links, report)
     _distinct("joints", hangings, report)
@@ -51,8 +51,8 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: 
     if len(roots) > 1:
         names = quoted([link.name for link in roots], 6)
         report.add(
-            Code.SOURCE_TREE, f"the robot has {len(roots)} roots, links that hang on no other: {names}", roots[1].where,
-            notes=[Note(message="the first one is here", span=roots[0].where)], help="connect them by a joint, or split the file",
+            Code.SOURCE_TREE, f"the robot has {len(roots)} roots (links without a parent): {names}", roots[1].where,
+            notes=[Note(message="the first is here", span=roots[0].where)], help="connect them by a joint, or split the file",
         )
     return roots[0].name if len(report.diagnostics) == before else None
 
@@ -69,8 +69,8 @@ def warn_of_depth(robot: SourceRobot, report: Report) -> None:
             there = depth + bool(one.joints and not joins)
             if there > MOST_BELOW:
                 report.warn(
-                    Code.SOURCE_DOUBT, f"link `{one.child}` is the {there}th of a chain of links that move, and MuJoCo reads models of "
-                    f"{MOST_BELOW} at most", one.where, help="files of URDF and SDF can be built; MJCF, and what simulates, cannot",
+                    Code.SOURCE_DOUBT, f"link `{one.child}` is number {there} in a chain of moving links, but MuJoCo supports at most "
+                    f"{MOST_BELOW}", one.where, help="URDF and SDF files can be built, but not MJCF, and the robot cannot be simulated",
                 )
                 return
             waiting.append((one.child, there))
@@ -125,8 +125,8 @@ def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, N
     first: dict[str, Named] = {}
     for one in things:
         if first.setdefault(one.name, one) is not one:
-            notes = [Note(message="the first one is here", span=first[one.name].where)]
-            report.add(Code.SOURCE_TREE, f"two {kind} are called `{one.name}`", one.where, notes=notes, help="rename one of the two")
+            notes = [Note(message="the first is here", span=first[one.name].where)]
+            report.add(Code.SOURCE_TREE, f"two {kind} are named `{one.name}`", one.where, notes=notes, help="rename one of the two")
     return first
 
 
@@ -154,5 +154,5 @@ def _circles(named: dict[str, SourceLink], above: dict[str, Attachment], report:
         circle = upwards[::-1]
         report.add(
             Code.SOURCE_TREE, f"links form a cycle: {circle_words(circle)}", above[circle[0]].where,
-            help="make one of them the root, or attach it to a link outside of the cycle",
+            help="make one of them the root, or attach it to a link outside the cycle",
         )

@@ -94,7 +94,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
     except FileNotFoundError:
         held, ours = None, earlier.text
     except (OSError, UnicodeDecodeError):
-        message = f"`{shown_path(path)}`, which the last import wrote, can no longer be read"
+        message = f"`{shown_path(path)}`, written by the last import, can no longer be read"
         report.add(Code.OUTPUT, message, None, help="fix or delete it")
         return None
     texts = [text for one in (earlier.text, new, ours) if (text := read_text(path, one, report)) is not None]
@@ -134,7 +134,7 @@ def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report
             written[name] = there, content
         elif after != before:
             report.add(
-                Code.SOURCE_CONFLICT, f"`{name}` has changed both here and in the source: your version stays", None,
+                Code.SOURCE_CONFLICT, f"`{name}` has changed both here and in the source: your version is kept", None,
                 help="to use the version of the source, delete the file and import again",
             )
     return written
@@ -143,8 +143,8 @@ def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report
 def _say_conflicts(one: Merged, after: Text, report: Report) -> None:
     for conflict in one.conflicts:
         report.add(
-            Code.SOURCE_CONFLICT, f"`{dotted(conflict.path)}` is {conflict.ours} here, and {conflict.new} in the source now: it stays "
-            "as it is here", span_at(after.tree, conflict.path), help="both have changed it since the last import: write what is right",
+            Code.SOURCE_CONFLICT, f"`{dotted(conflict.path)}` is {conflict.ours} here, but now {conflict.new} in the source: your value "
+            "is kept", span_at(after.tree, conflict.path), help="both have changed since the last import: set the correct value",
         )
 
 

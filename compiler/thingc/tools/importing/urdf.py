@@ -59,8 +59,8 @@ def read_urdf(path: str, data: bytes, report: Report, *, files: Sequence[str] = 
         return None
     macro = next((element for element in _walk(root) if element.tag.startswith("xacro:")), None)
     if macro is not None:
-        message = f"`<{macro.tag}>` is xacro, from which URDF is made"
-        report.add(Code.SOURCE_XML, message, macro.where, help="rename the file to `.xacro`, so that it is expanded")
+        message = f"`<{macro.tag}>` is a xacro element"
+        report.add(Code.SOURCE_XML, message, macro.where, help="rename the file to `.xacro` to expand it")
         return None
     return _Urdf(root, report).robot()
 
@@ -95,7 +95,7 @@ class _Urdf:
             self.losses.note("`name` of `<robot>`", f"it is missing; the name of the file, `{name}`, is used", self.root.where)
         links = tuple(link for element in self.root.all("link") if (link := self._link(element)) is not None)
         hangings = tuple(one for element in self.root.all("joint") if (one := self._hanging(element)) is not None)
-        unknown = "they are read as unknown, and the joint has a drive only if the file drives it elsewhere"
+        unknown = "they are read as unknown; the joint has a drive only if the file defines one elsewhere"
         for limit in self.unlimited:
             self.losses.note("`effort` and `velocity` of a joint, both 0", unknown, limit.where)
         for limit in self.unlimited[:1]:
@@ -185,7 +185,7 @@ class _Urdf:
             return None
         materials = [*element.all("material")]
         for other in materials[1:]:
-            self.losses.note("a second `<material>` of a `<visual>`", "the first one counts", other.where)
+            self.losses.note("a second `<material>` of a `<visual>`", "the first one is used", other.where)
         color = self._color(materials[0]) if materials else None
         return replace(shape, rpy=rpy, color=color, name=self.values.own_name(element, link, "(:collision)?"))
 
@@ -269,7 +269,9 @@ class _Urdf:
         if joint is None or multiplier is None or offset is None:
             return None
         if joint not in self.moving:
-            self.losses.note(f"that joint `{name}` mimics `{joint}`", "there is no such joint that moves: it moves by itself", mimic.where)
+            self.losses.note(
+                f"the mimic of `{joint}` by joint `{name}`", "it moves independently: there is no such moving joint", mimic.where,
+            )
             self.report.warn(
                 Code.SOURCE_DOUBT, f"joint `{name}` mimics `{joint}`, which is not a moving joint: it moves independently",
                 mimic.place("joint"), help=did_you_mean(joint, sorted(self.moving - {name}), what="joints"),
@@ -288,7 +290,7 @@ class _Urdf:
         lower, upper = self.values.number(limit, "lower", 0.0), self.values.number(limit, "upper", 0.0)
         if kind not in ("revolute", "prismatic"):
             if lower != upper:
-                self.losses.note("`lower` and `upper` of a joint", f"one that is `{kind}` has no ends", limit.where)
+                self.losses.note("`lower` and `upper` of a joint", f"a `{kind}` joint has no limits", limit.where)
             return source_model.SourceLimits(effort=effort, velocity=velocity)
         if lower is None or upper is None:
             return source_model.SourceLimits()
@@ -296,11 +298,11 @@ class _Urdf:
             self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or correct the number")
         if lower == upper:
             if kind == "prismatic" and not follows:
-                help = "make it `fixed`, or specify its limits"
+                help = "use type `fixed`, or correct its limits"
                 self.values.fault(limit, None, f"`lower` and `upper` are both {lower:g}: this joint cannot move", help)
             elif not follows:
                 self.losses.note(
-                    f"`lower` and `upper` of a joint, both {lower:g}", "it is read as one without ends, as simulators do", limit.where,
+                    f"`lower` and `upper` of a joint, both {lower:g}", "read as a joint without limits, as in simulators", limit.where,
                 )
             return source_model.SourceLimits(effort=effort, velocity=velocity)
         return source_model.SourceLimits(lower=lower, upper=upper, effort=effort, velocity=velocity)
@@ -319,7 +321,7 @@ class _Urdf:
         floating = [one for one in robot.hangings if one.floating]
         for one in floating:
             self.report.add(
-                Code.SOURCE_VALUE, f"joint `{one.name}` floats: only a massless link, with no other children, may be its "
+                Code.SOURCE_VALUE, f"joint `{one.name}` is floating: only a massless link without other children may be its "
                 "parent", one.where, help="a document contains one robot with one base: split the file",
             )
         return None if floating else robot
@@ -361,7 +363,7 @@ def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str
         fault = "its expressions start processes that do not end"
     text = "" if fault is not None else _by_packages(answer["text"], answer["packages"])
     if fault is None and len(text) > MOST_BYTES:
-        fault = f"it becomes more than {MOST_BYTES:,} bytes of URDF"
+        fault = f"it expands to more than {MOST_BYTES:,} bytes of URDF"
     if fault is not None:
         where = line_of(answer.get("file", path), answer.get("line", 1))
         help = "to allow reading a folder, use `--package NAME=DIR`" if OUTSIDE in fault else "to set `$(arg NAME)`, use `--arg NAME=VALUE`"

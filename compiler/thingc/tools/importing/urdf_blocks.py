@@ -20,10 +20,10 @@ TAGS = ("gazebo", "transmission", "ros2_control", "mujoco")
 KEPT = {"preserveFixedJoint", "disableFixedJointLumping", "provideFeedback", "canonicalBody"}
 """Elements of Gazebo that are ignored without a loss, because links that are fixed to others always stay."""
 WHY = {
-    **dict.fromkeys(("kp", "kd", "maxVel", "minDepth", "maxContacts"), "how stiff a contact is, its simulator says"),
-    **dict.fromkeys(("gravity", "turnGravityOff"), "all links have the mode's gravity"), "fdir1": "friction has no direction",
-    "material": "it names a colour of Gazebo", "selfCollide": "links touch, but for those that a joint connects",
-    "plugin": "it is a program of Gazebo", "static": "modes say what stands still", "hardware": "it is a program of ROS",
+    **dict.fromkeys(("kp", "kd", "maxVel", "minDepth", "maxContacts"), "contact stiffness depends on the simulator"),
+    **dict.fromkeys(("gravity", "turnGravityOff"), "all links have the mode's gravity"), "fdir1": "friction is isotropic",
+    "material": "it refers to a Gazebo material", "selfCollide": "all links can touch, except those that a joint connects",
+    "plugin": "it is a Gazebo plugin", "static": "modes define the fixed links", "hardware": "it is a ROS plugin",
 }
 COMMANDS = ("position", "velocity", "effort")
 ONLY_READING = {"angle", "fusestatic", "discardvisual", "strippath", "meshdir", "assetdir", "convexhull", "balanceinertia", "autolimits"}
@@ -66,7 +66,7 @@ class Blocks:
 
     def _rest(self, elements: Iterable[SourceElement], of: str) -> None:
         for element in elements:
-            self.losses.note(f"`<{element.tag}>` {of}", WHY.get(element.tag, "it is not read"), element.where)
+            self.losses.note(f"`<{element.tag}>` {of}", WHY.get(element.tag, "it is not imported"), element.where)
 
     def _gazebo(self, block: SourceElement) -> None:
         name = block.attributes.get("reference")
@@ -95,24 +95,24 @@ class Blocks:
         name, kind = element.attributes.get("name", ""), element.attributes.get("type", "")
         what, known = f"sensor `{name}`", SENSORS.get(kind)
         if known is None or not on_link or not name or name in self.sensors:
-            why = "another one is called so" if name in self.sensors else f"there is no sensor `{kind}`" if on_link else "it is on no link"
+            why = "its name is not unique" if name in self.sensors else f"there is no sensor `{kind}`" if on_link else "it is not on a link"
             self.losses.note(what, why, element.where)
             return
         pose = next(element.all("pose"), None)
         words = ["0"] * 6 if pose is None else pose.text.split()
         numbers = [self.values.number_of(pose or element, word, "`<pose>`") for word in words]
         if len(numbers) != 6:
-            self.values.fault(pose or element, None, f"`<pose>`: expected 6 numbers with spaces between, found {len(numbers)} of them")
+            self.values.fault(pose or element, None, f"`<pose>`: expected 6 numbers separated by spaces, found {len(numbers)} of them")
         x, y, z, roll, pitch, yaw = (one or 0.0 for one in (*numbers, *[0.0] * 6)[:6])
         at, fovy = placed((x, y, z), (roll, pitch, yaw)), 0.0
         if known == "camera":
             at, fovy = at @ LOOKING, self._fovy(element)
             if not 0.0 < fovy < MOST_VIEW:
-                self.losses.note(what, "it sees half of everything, or nothing", element.where)
+                self.losses.note(what, "its field of view is not between 0 and 180 degrees", element.where)
                 return
         self.sensors[name] = SourceSensor(name=name, kind=known, link=link, pose=at, fovy=fovy, where=element.where)
         if any(one.tag not in ("pose", "always_on", "visualize", "camera") for one in element.children):
-            self.losses.note(f"rate, noise and plugins of {what}", "a sensor here says what it is and where", element.where)
+            self.losses.note(f"rate, noise and plugins of {what}", "sensors in a document only have a type and a mount", element.where)
 
     def _fovy(self, element: SourceElement) -> float:
         """Return the vertical field of view [rad], from the horizontal one and the size of the image."""
@@ -132,7 +132,7 @@ class Blocks:
         """Read a number that is at least 0."""
         number = self._number(element)
         if number is not None and number < 0.0:
-            self.values.fault(element, None, f"`<{element.tag}>`: expected a number at least 0, found {number:g}")
+            self.values.fault(element, None, f"`<{element.tag}>`: expected a number of at least 0, found {number:g}")
             return None
         return number
 
@@ -140,7 +140,7 @@ class Blocks:
         """Return whether the driven joint exists; if not, report it."""
         joints = [one.attributes.get("name", "") for one in self.root.all("joint")]
         if name not in joints:
-            self.losses.note(f"what drives joint `{name}`", "there is no such joint", block.where)
+            self.losses.note(f"the drive of joint `{name}`", "there is no such joint", block.where)
             message = f"this drives joint `{name}`, which does not exist"
             self.values.report.warn(Code.SOURCE_DOUBT, message, block.place("name"), help=did_you_mean(name, joints, what="joints"))
         return name in joints
@@ -168,22 +168,22 @@ class Blocks:
                     self._interfaces(name, {one.attributes.get("name", "") for one in commands}, joint)
                 bounds = [one for command in commands for one in command.all("param") if one.attributes.get("name") in ("min", "max")]
                 if bounds:
-                    self.losses.note(f"the bounds of what is commanded of joint `{name}`", "its own limits hold", bounds[0].where)
+                    self.losses.note(f"the command limits of joint `{name}`", "its own limits apply", bounds[0].where)
             self._rest((one for one in block.children if one.tag != "joint"), "of `<ros2_control>`")
 
     def _interfaces(self, name: str, kinds: set[str], joint: SourceElement) -> None:
         """Record that a joint commanded by position or velocity becomes a motor, since URDF has no gains of controllers."""
         if kinds & {"position", "velocity"} and "effort" not in kinds:
             kind = "position" if "position" in kinds else "velocity"
-            what = f"that joint `{name}` is commanded by its {kind}"
-            self.losses.note(what, "the gains are its controller's: it has a motor", joint.where)
+            what = f"the {kind} command interface of joint `{name}`"
+            self.losses.note(what, "the controller defines the gains; the joint gets a motor", joint.where)
 
     def _mujoco(self, block: SourceElement) -> None:
         for one in block.children:
             if one.tag != "compiler":
-                self.losses.note(f"`<{one.tag}>` of `<mujoco>`", "it is not read", one.where)
+                self.losses.note(f"`<{one.tag}>` of `<mujoco>`", "it is not imported", one.where)
                 continue
             for key in ("meshdir", "assetdir"):
                 self.meshes = one.attributes.get(key) if self.meshes is None else self.meshes
             for attribute in sorted(one.attributes.keys() - ONLY_READING):
-                self.losses.note(f"`{attribute}` of `<compiler>`", "masses and shapes are as the file has them", one.where)
+                self.losses.note(f"`{attribute}` of `<compiler>`", "masses and shapes are imported as they are in the file", one.where)

@@ -44,7 +44,7 @@ def main() -> int:
     child.ask({**asked, "id": 0, "readable": readable})
     answer = child.wait()
     scratch.close()
-    print(json.dumps(answer if is_plausible(answer, [asked["path"], *readable]) else {"failed": "crashed", "words": "a false answer"}))
+    print(json.dumps(answer if is_plausible(answer, [asked["path"], *readable]) else {"failed": "crashed", "words": "an invalid answer"}))
     return 0
 
 
@@ -88,7 +88,7 @@ class _Expanding:
         except MemoryError:
             return {"fault": "it needs too much memory", "file": self.path, "line": 1}
         except RecursionError:
-            return {"fault": "it calls itself endlessly", "file": self.path, "line": 1}
+            return {"fault": "it has infinite recursion", "file": self.path, "line": 1}
         except Exception as fault:  # expressions may raise anything
             said, root = str(fault), fault
             while isinstance(getattr(root, "exc", None), Exception):

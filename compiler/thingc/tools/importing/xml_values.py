@@ -86,16 +86,16 @@ class Values:
                 self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", help)
             return default
         words = text.split()
-        expected = "a number" if count == 1 else f"{count} numbers with spaces between"
+        expected = "a number" if count == 1 else f"{count} numbers separated by spaces"
         wrong = next((word for word in words if not _NUMBER.fullmatch(word)), None)
         if wrong is not None or len(words) != count:
             found = "nothing" if not words else f"`{wrong}`" if wrong is not None else f"{len(words)} of them" if count > 1 else f"`{text}`"
-            finite = ", all of them finite" if wrong is not None and wrong.lower().lstrip("+-") in NOT_FINITE else ""
+            finite = ", all finite" if wrong is not None and wrong.lower().lstrip("+-") in NOT_FINITE else ""
             self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected {expected}{finite}, found {found}")
             return None
         values = tuple(float(word) for word in words)
         if not all(map(math.isfinite, values)):
-            self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: `{text}` is beyond what a number can be")
+            self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: `{text}` is out of range")
             return None
         return values
 
@@ -103,7 +103,7 @@ class Values:
         """Read a number that is at least 0. If it is not written, return `default`, or report that if it is None."""
         value = self.number(element, attribute, default)
         if value is not None and value < 0.0:
-            self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected a number at least 0, found {value:g}")
+            self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected a number of at least 0, found {value:g}")
             return None
         return value
 
@@ -171,7 +171,7 @@ class Values:
                 key = "size" if form.tag == "box" else "radii"
                 sides = self.numbers(form, key, 3)
                 if sides is not None and min(sides) < 0.0:
-                    self.fault(form, key, f"`{key}` of `<{form.tag}>`: expected numbers at least 0, found {min(sides):g}")
+                    self.fault(form, key, f"`{key}` of `<{form.tag}>`: expected numbers of at least 0, found {min(sides):g}")
                 return None if sides is None else (form.tag, (sides[0], sides[1], sides[2]))
             case "sphere":
                 radius = self.from_zero(form, "radius")

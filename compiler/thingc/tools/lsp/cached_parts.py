@@ -291,7 +291,7 @@ class BackgroundWorkers:
             sliced = service.slice([definition for definition, _, _ in work.slices.values()], records, slices)
         except StoreUnusable as fault:
             refused = {
-                text: PartFailure(subject=text, kind="invalid", message=f"the store `{fault.root}` cannot be used: {fault.reason}")
+                text: PartFailure(subject=text, kind="invalid", message=f"the cache `{fault.root}` cannot be used: {fault.reason}")
                 for text in (*work.references, *work.definitions, *work.slices)
             }
             return {one: refused[one] for one in work.references}, {one: refused[one] for one in refused if one not in work.references}

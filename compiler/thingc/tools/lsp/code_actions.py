@@ -114,7 +114,7 @@ def _fixes(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any
         if stretch is not None:
             edit = {"range": analysis.lines(file).range_of(*stretch), "newText": fix.replacement}
             sure = any((one.file, one.start, one.end) == (file, *stretch) for one in _sure(diagnostic, analysis))
-            yield _action(f"replace `{fix.written}` by `{fix.replacement}`", diagnostic, analysis, file, [edit], preferred=sure)
+            yield _action(f"replace `{fix.written}` with `{fix.replacement}`", diagnostic, analysis, file, [edit], preferred=sure)
 
 
 def _sure(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:

@@ -37,7 +37,7 @@ def words_at(analysis: Analysis, cursor: Cursor, written: str) -> str:
     """Return the Markdown for the key or value `written` at a cursor, empty if there is nothing to show."""
     if cursor.role == "key" and written in _CODES:
         code = _CODES[written]
-        return f"**{code.code}**: {code.title}\n\nFix: {code.cure}\n\n`thingc explain {code.code}` says more."
+        return f"**{code.code}**: {code.title}\n\nFix: {code.cure}\n\nRun `thingc explain {code.code}` for details."
     known = analysis.known
     schema = None if known.in_reach is None else known.in_reach.schema_of(known, cursor.scalars)
     walk = None if schema is None else SchemaWalk(schema, cursor.keys, cursor.scalars)

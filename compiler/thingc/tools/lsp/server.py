@@ -241,7 +241,7 @@ class _Answering:
         from pygls.exceptions import JsonRpcException
 
         if self._opened is None:
-            raise JsonRpcException("`initialize` comes first", code=NOT_INITIALIZED)
+            raise JsonRpcException("`initialize` must be the first request", code=NOT_INITIALIZED)
         uri = params.get("textDocument", {}).get("uri", "") if feature.document else None
         path = self._recent if uri is None else path_of(uri)
         if not path:

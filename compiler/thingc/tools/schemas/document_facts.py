@@ -186,7 +186,7 @@ def _label(source: tuple[str, str] | None, made: tuple[Component, ...]) -> str:
 def _what(label: str, source: tuple[str, str] | None, made: tuple[Component, ...], schema: PartSchema | PartFailure | None) -> str:
     definition = made[0].definition if made else None
     if isinstance(definition, LinkDefinition):
-        return f"A {label.removeprefix('a ')}: its shapes are listed."
+        return f"A {label.removeprefix('a ')} with shapes."
     if source is None:
         return "A frame: a component without geometry." if made and made[0].frame else "A component."
     doc = schema.doc.strip().partition("\n")[0] if isinstance(schema, PartSchema) else ""
@@ -213,7 +213,7 @@ def _mounts_of(component: Component, records: Records) -> Names | None:
     elif isinstance(definition, AssemblyDefinition):
         if not definition.whole:
             return None
-        mounts = {name: f"Shown by `{definition.document}`: `{shown.text}`." for name, shown in definition.mounts.items()}
+        mounts = {name: f"Exported by `{definition.document}`: `{shown.text}`." for name, shown in definition.mounts.items()}
         for inner in definition.components:
             below = _mounts_of(inner, records)
             mounts.update({f"{inner.name}.{name}": text for name, text in (below or {}).items()})

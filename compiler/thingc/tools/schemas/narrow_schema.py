@@ -124,7 +124,7 @@ class _Narrowing:
     def _references(self) -> None:
         known = [*self._known_mounts()]
         self.definitions["mount"] = one_of(self.facts.mounts.items(), title="Mount", **({"allOf": known} if known else {}))
-        shown = {name: f"`{text}`, which this document shows." for name, text in self.facts.exports.items()}
+        shown = {name: f"`{text}`, exported by this document." for name, text in self.facts.exports.items()}
         self.definitions["frame"] = one_of({**self.facts.components, **shown, **self.facts.mounts}.items(), title="Component or mount")
         self.definitions["component"] = one_of(self.facts.components.items(), title="Component")
         self._put("AttachSpec", "mount", {"type": "string"})
@@ -276,7 +276,7 @@ class _Narrowing:
             section["properties"] = {name: _ref(key) for name in frames}
 
     def _sensors(self) -> None:
-        shown = {name: f"`{text}`, which this document shows." for name, text in self.facts.exports.items()}
+        shown = {name: f"`{text}`, exported by this document." for name, text in self.facts.exports.items()}
         mount = _ref("mount")
         if shown:
             mount = {"anyOf": [one_of(shown.items(), pattern=rf"^({'|'.join(shown)})$"), _ref("mount")]}
@@ -292,8 +292,8 @@ class _Narrowing:
         """
         joints = [(name, joint.what) for name, joint in self.facts.joints.items()]
         choices: dict[str, list[tuple[str, str]]] = {
-            "pose": [*self.facts.poses.items(), ("all", "Every keyframe of the mode.")], "mode": list(self.facts.modes.items()),
-            "drive": [*joints, ("*", "Every drive.")],
+            "pose": [*self.facts.poses.items(), ("all", "All keyframes of the mode.")], "mode": list(self.facts.modes.items()),
+            "drive": [*joints, ("*", "All drives.")],
         }
         self.definitions["shown"] = one_of({**self.facts.exports, **self.facts.mounts}.items(), title="Mount")
         for name in [name for name in self.definitions if name.endswith("Test") or name == "AllowSpec"]:
@@ -339,7 +339,7 @@ def _full_or_short(short: Schema, mounts: Iterable[str], *, mount: Schema | None
         full = {"allOf": [full, {"properties": {"mount": mount}}]}
     brief = {**short, "properties": {**short.get("properties", {})}}
     if "mount" in words:
-        text = "My mount, where the mate is written in full: `{mount: back, to: plate.servo_seat, turn: 90 deg}`."
+        text = "A mount of this component, in the full form of a mate: `{mount: back, to: plate.servo_seat, turn: 90 deg}`."
         brief["properties"]["mount"] = {"type": "string", "description": text}
     if not words:
         return brief

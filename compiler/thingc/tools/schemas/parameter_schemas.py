@@ -94,7 +94,7 @@ def fitting(parameters: Mapping[str, Quantity], dimension: Dimension) -> list[st
 _KINDS: Mapping[ParameterKind, str] = {
     "length": "a length", "angle": "an angle", "mass": "a mass", "ratio": "a number or a percentage", "number": "a number",
     "count": "a whole number", "integer": "a whole number", "flag": "`true` or `false`", "text": "a text",
-    "choice": "one of the words offered",
+    "choice": "one of the listed values",
 }
 
 
@@ -103,7 +103,7 @@ def part_schema(part: PartSchema, own: Mapping[str, Quantity]) -> Schema:
     required = [one.name for one in part.parameters if one.required]
     return {
         "type": "object", "title": f"Parameters of {part.reference}",
-        "description": part.doc.strip().partition("\n")[0].strip() or f"What `{part.reference}` takes.",
+        "description": part.doc.strip().partition("\n")[0].strip() or f"The parameters of `{part.reference}`.",
         "properties": {one.name: _parameter_schema(one, own) for one in part.parameters}, "additionalProperties": False,
         **({"required": required} if required else {}),
     }
@@ -179,7 +179,7 @@ def _description(one: ParameterSchema) -> str:
     text = f"{doc}{kind[0].upper()}{kind[1:]}" + (f", {limits}" if limits else "")
     if one.required:
         return f"{text}; required."
-    return f"{text}; `{one.shown(one.default)}` unless set." if one.default is not None else f"{text}."
+    return f"{text}; `{one.shown(one.default)}` by default." if one.default is not None else f"{text}."
 
 
 class ParameterSymbol(FrozenStruct):
@@ -236,7 +236,7 @@ def _parameter(node: Node) -> ParameterSymbol:
 def parameters_schema(document: str, symbols: DocumentSymbols) -> Schema:
     """Return the schema of the `parameters:` that a parent sets in a nested document."""
     return {
-        "type": "object", "title": f"Parameters of {document}", "description": symbols.description or f"What `{document}` takes.",
+        "type": "object", "title": f"Parameters of {document}", "description": symbols.description or f"The parameters of `{document}`.",
         "properties": {name: _schema(name, one) for name, one in symbols.parameters.items()}, "additionalProperties": False,
     }
 
@@ -251,7 +251,7 @@ def _schema(name: str, one: ParameterSymbol) -> Schema:
     doc = _sentence(one.doc)
     limits = within(one.minimum or None, one.maximum or None)
     said = ", ".join(word for word in (words and words[0].upper() + words[1:], limits) if word)
-    default = f"`{one.value}` unless set." if one.value else ""
+    default = f"`{one.value}` by default." if one.value else ""
     schema.update({
         "title": name, "description": f"{doc}{said}{'; ' if said and default else ''}{default}".strip() or f"`{name}`.",
         "examples": [one.value] if one.value else [],

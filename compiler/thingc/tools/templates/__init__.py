@@ -10,9 +10,9 @@ from pathlib import Path
 
 TEMPLATES = {
     "arm": "an arm of three servos, bolted to a table or held by its tip",
-    "legged": "a biped of four servos that walks, and stands on either foot",
-    "gripper": "a gripper of one servo: two gears, and fingers that loops keep parallel",
-    "empty": "two parts and a joint, to begin with",
+    "legged": "a biped of four servos that walks and can stand on either foot",
+    "gripper": "a gripper with one servo: two gears, and fingers kept parallel by loops",
+    "empty": "two parts and a joint",
 }
 """Descriptions of the templates; the first one is the default."""
 PLACEHOLDER = "my_robot"
@@ -25,7 +25,7 @@ def files_of(template: str, name: str) -> dict[str, bytes]:
     Raises `ValueError` if another document of the template has this name.
     """
     if name.lower() != PLACEHOLDER and any(path.stem == name.lower() for path in (_HERE / template).glob("*.yaml")):
-        raise ValueError(f"`{name}` is another document of the template `{template}`")
+        raise ValueError(f"`{name}` is the name of another document of the template `{template}`")
     files: dict[str, bytes] = {}
     for folder in (_HERE / "common", _HERE / template):
         for path in sorted(folder.rglob("*")):

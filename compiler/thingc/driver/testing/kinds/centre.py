@@ -18,7 +18,7 @@ def measure(case: TestCase, check: CentreCheck) -> Outcome:
     whole = total(robot.assembly.occurrences[index].properties.seen_from(at[index]) for index in case.components(check.of))
     expected: dict[str, Measure] = {axis: list(box) for axis, box in check.box.items()}
     if whole.mass <= 0.0:
-        weightless = Failure(code=Code.TEST_CENTRE, key="of", message="what is named weighs nothing, and has no centre of mass")
+        weightless = Failure(code=Code.TEST_CENTRE, key="of", message="the components have no mass and thus no centre of mass")
         return Outcome(measured={"mass": 0.0}, expected=expected, said="no mass", failure=weightless)
     place = whole.centre
     if check.frame is not None:

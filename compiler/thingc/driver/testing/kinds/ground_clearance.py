@@ -28,19 +28,19 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
     expected: dict[str, Measure] = {"at_least": check.least, "plane": check.plane}
     heights = sorted(_heights(case, check))
     if not heights:
-        shapeless = Failure(code=Code.TEST_CLEARANCE, key="except", message="no part that is looked at has a shape")
+        shapeless = Failure(code=Code.TEST_CLEARANCE, key="except", message="no checked part has a shape")
         return Outcome(measured={}, expected=expected, said="no shape", failure=shapeless)
     height, path = heights[0]
     failure: Failure | None = None
     if height < check.least:
         others = [(other, name) for other, name in heights[1:] if other < check.least]
-        notes = [Note(message=f"`{name}` is {_over(other)}, too") for other, name in others[:LISTED]]
+        notes = [Note(message=f"`{name}` is also {_over(other)}") for other, name in others[:LISTED]]
         if len(others) > LISTED:
             notes.append(Note(message=f"and {counted(len(others) - LISTED, 'more part')}"))
         failure = Failure(
             code=Code.TEST_CLEARANCE, key="at_least", notes=tuple(notes),
-            message=f"the lowest point of `{path}` is {_over(height)}, and {Quantity(check.least, LENGTH)} were asked for",
-            help=f"if that is right, write `except: [{path.replace('/', '.')}]`",
+            message=f"the lowest point of `{path}` is {_over(height)}, but at least {Quantity(check.least, LENGTH)} is required",
+            help=f"if this is intended, add `except: [{path.replace('/', '.')}]`",
         )
     return Outcome(
         measured={"clearance": height, "part": path}, expected=expected,

@@ -80,8 +80,8 @@ def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> N
     for number, allowance in enumerate(check.allow):
         if number not in needed:
             report.warn(
-                Code.TEST_ALLOWANCE, f"test `{linked.test.name}` allows {allowance.text} to meet, which they never do",
-                allowance.origin, path=f"tests.{linked.test.name}", help="take the pair out of `allow`",
+                Code.TEST_ALLOWANCE, f"test `{linked.test.name}` allows {allowance.text} to collide, but they never do",
+                allowance.origin, path=f"tests.{linked.test.name}", help="remove the pair from `allow`",
                 notes=[Note(message=f"the reason given is: {allowance.reason}")],
             )
 
@@ -106,7 +106,7 @@ def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], c
     if len(worst) > LISTED + 1:
         notes.append(Note(message=f"and {counted(len(worst) - LISTED - 1, 'more pair')}"))
     notes += [
-        Note(message=f"the surface of `{path}` is not closed: its convex hull stands for it")
+        Note(message=f"the surface of `{path}` is not closed: its convex hull is used instead")
         for path in collisions.hulls if path in (assembly.occurrences[first.one].path, assembly.occurrences[first.other].path)
     ]
     names = ", ".join(assembly.occurrences[index].path.replace("/", ".") for index in (first.one, first.other))
@@ -114,7 +114,7 @@ def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], c
         code=Code.TEST_COLLISION, key="clearance" if first.gap > 0.0 else "", notes=tuple(notes),
         message=f"{_how(assembly, first, check.clearance)}{_at(case, check, first)}",
         help=f"{allow_hint(Code.OVERLAP)} on one of the two" if (first.one, first.other) in collisions.close
-        else f'if that is right, write `allow: [{{pair: [{names}], reason: "..."}}]`',
+        else f'if this is intended, add `allow: [{{pair: [{names}], reason: "..."}}]`',
     )
 
 
@@ -134,9 +134,9 @@ def _pair_text(assembly: Assembly, near: NearPair, tick: str) -> str:
 def _how(assembly: Assembly, near: NearPair, clearance: float) -> str:
     text = _pair_text(assembly, near, "`")
     if near.gap > 0.0:
-        return f"{text} are {shown(near.gap, LENGTH)} apart, and {Quantity(clearance, LENGTH)} were asked for"
+        return f"{text} are {shown(near.gap, LENGTH)} apart, but at least {Quantity(clearance, LENGTH)} is required"
     if near.depth == 0.0:
-        return f"{text} touch, and {Quantity(clearance, LENGTH)} were asked for"
+        return f"{text} touch, but a gap of {Quantity(clearance, LENGTH)} is required"
     return f"{text} overlap by {shown(near.depth, LENGTH)} on average ({float(f'{1e9 * near.volume:.3g}'):g} mm^3)"
 
 

@@ -21,7 +21,7 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
     expected = {"distance": check.within} | ({"angle": check.angle} if check.direction is not None else {})
     failure: Failure | None = None
     if best is None:
-        failure = Failure(code=Code.TEST_POINT, key="at", message="the loops of the robot close in no position that was tried")
+        failure = Failure(code=Code.TEST_POINT, key="at", message="the loops of the robot did not close in any position that was tried")
         return Outcome(measured={}, expected=expected, said="no position", failure=failure)
     distance, off, joints = best
     said = f"{shown(distance, LENGTH)} from the point ({target}"
@@ -34,14 +34,14 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
     if distance > check.within:
         failure = Failure(
             code=Code.TEST_POINT, key="at", notes=notes,
-            message=f"`{check.mount.text}` comes no nearer to the point than {shown(distance, LENGTH)}, and "
-            f"{Quantity(check.within, LENGTH)} were asked for",
+            message=f"`{check.mount.text}` gets at best within {shown(distance, LENGTH)} of the point, but "
+            f"{Quantity(check.within, LENGTH)} is required",
         )
     elif check.direction is not None and off > check.angle:
         failure = Failure(
             code=Code.TEST_POINT, key="direction", notes=notes,
-            message=f"`{check.mount.text}` reaches the point, but at best {shown(off, ANGLE)} off the direction, and "
-            f"{Quantity(check.angle, ANGLE)} were asked for",
+            message=f"`{check.mount.text}` reaches the point, but is at best {shown(off, ANGLE)} off the direction; "
+            f"at most {Quantity(check.angle, ANGLE)} is allowed",
         )
     return Outcome(measured={**measured, "joints": joints}, expected=expected, said=f"{said})", failure=failure)
 

@@ -21,7 +21,7 @@ def measure(case: TestCase, check: SettleCheck) -> Outcome:
     if report.failed:
         for diagnostic in report.diagnostics:
             case.request.report.say(diagnostic)
-        failure = Failure(code=Code.TEST_SETTLES, key="", message="MuJoCo does not take the model")
+        failure = Failure(code=Code.TEST_SETTLES, key="", message="MuJoCo rejects the model")
         return Outcome(measured={}, expected={}, said="no model", failure=failure)
     store = case.request.store
     files = {path: content if isinstance(content, bytes) else store.read(content.sha256) for path, content in artifacts.files.items()}
@@ -51,19 +51,19 @@ def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
         failure = Failure(
             code=Code.TEST_SETTLES, key="within",
             message=f"after {Quantity(check.within, TIME)} it still moves by {shown(drift, LENGTH)} in "
-            f"{Quantity(check.hold, TIME)}, and {Quantity(check.drift, LENGTH)} were allowed",
+            f"{Quantity(check.hold, TIME)}, but at most {Quantity(check.drift, LENGTH)} is allowed",
         )
     elif check.moved is not None and moved > check.moved:
         failure = Failure(
             code=Code.TEST_SETTLES, key="moved",
-            message=f"it comes to rest {far} from the pose, and {Quantity(check.moved, LENGTH)} were allowed",
+            message=f"it comes to rest {far} from the pose, but at most {Quantity(check.moved, LENGTH)} is allowed",
         )
     elif deepest > check.penetration:
         failure = Failure(
             code=Code.TEST_SETTLES, key="penetration",
-            message=f"its contacts are {deep} deep at rest, and {Quantity(check.penetration, LENGTH)} were allowed",
-            help="let it start on the floor (`at: {on: floor}` of the mode) and apart from itself; where contacts are meant to be as soft, "
-            "write a larger `penetration`",
+            message=f"its contacts are {deep} deep at rest, but at most {Quantity(check.penetration, LENGTH)} is allowed",
+            help="start on the floor (`at: {on: floor}` of the mode) and without overlaps; if contacts are meant to be this soft, "
+            "increase `penetration`",
         )
     return Outcome(measured=measured, expected=expected, said=said, failure=failure)
 
@@ -71,7 +71,7 @@ def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
 def _diverged(time: float) -> Outcome:
     failure = Failure(
         code=Code.TEST_SETTLES, key="", message=f"the simulation diverges after {time:.3g} s",
-        help="take a smaller `simulation: {timestep: ...}`, or look for parts that overlap in the pose",
+        help="reduce `simulation: {timestep: ...}`, or look for parts that overlap in the pose",
     )
     return Outcome(measured={"diverged": time}, expected={}, said=f"diverges after {time:.3g} s", failure=failure)
 

@@ -47,26 +47,26 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
     aside = ""
     if choices:
         measured["undetermined"] = choices
-        notes.append(Note(message="statics alone does not determine these efforts: they are the least that hold the pose"))
-        aside = ", one answer of many"
+        notes.append(Note(message="statics alone does not determine these efforts: shown are the smallest that hold the pose"))
+        aside = ", one of many solutions"
     slippery = _without_friction(robot, frame, bodies, check)
     if slippery is not None:
         measured["margin_without_friction"] = slippery
         aside += f"; {slippery:.3g} if the floor had no friction"
     failure: Failure | None = None
     if not math.isfinite(margins[least]):
-        said = f"{least} carries nothing (margin at least {check.minimum:g}){aside}"
+        said = f"{least} carries no load (margin at least {check.minimum:g}){aside}"
         return Outcome(measured=measured, expected=expected, said=said)
     said = f"margin {margins[least]:.3g} at {least}: {text} of {limit} (at least {check.minimum:g}){aside}"
     if margins[least] < check.minimum:
         others = [path for path in check.joints if path != least and margins[path] < check.minimum]
         notes += [
-            Note(message=f"drive `{path}` holds {_effort(joints[path], efforts[path])}, a margin of {margins[path]:.3g}")
+            Note(message=f"drive `{path}` needs {_effort(joints[path], efforts[path])}, a margin of {margins[path]:.3g}")
             for path in others
         ]
         failure = Failure(
             code=Code.TEST_TORQUE, key="min", notes=tuple(notes),
-            message=f"drive `{least}` has to hold {text} of its {limit}: a margin of {margins[least]:.3g}, below {check.minimum:g}",
+            message=f"drive `{least}` needs {text} of its {limit}: a margin of {margins[least]:.3g}, below {check.minimum:g}",
         )
     return Outcome(measured=measured, expected=expected, said=said, failure=failure)
 
@@ -84,25 +84,25 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
         if high:
             listed = ", ".join(f"`{path}` by {shown(height, LENGTH)}" for path, height in high.items())
             failure = Failure(
-                code=Code.TEST_FOOT, key="pose", message=f"the mode stands on feet that are above its others in this pose: {listed}",
-                help="lower them in the pose, or let the mode stand on the others",
+                code=Code.TEST_FOOT, key="pose", message=f"in this pose, feet of the mode are above the other feet: {listed}",
+                help="lower them in the pose, or remove them from `standing_on`",
             )
             return "stands on feet in the air", failure
     if held.fall is not None:
         said, why = {
-            "tips": ("falls over", f"its centre of mass is {shown(held.fall.outside, LENGTH)} outside of the polygon of its feet"),
-            "slides": ("slides off", "friction does not hold its feet where they are"),
-            "pulls": ("falls off", "gravity pulls it away from the floor, and nothing else presses it on"),
+            "tips": ("falls over", f"its centre of mass is {shown(held.fall.outside, LENGTH)} outside the polygon of its feet"),
+            "slides": ("slides off", "friction does not hold its feet in place"),
+            "pulls": ("falls off", "gravity pulls it away from the floor, and nothing presses it on"),
         }[held.fall.how]
         failure = Failure(
             code=Code.TEST_FALLS, key="pose", message=f"in this pose the robot {said}: {why}",
-            help="move its feet or what is heavy, or let the mode stand on more feet",
+            help="move its feet or heavy parts, or add feet to `standing_on`",
         )
         return said, failure
     if held.unheld > SLACK:
         moves = f"joint `{held.where}`" if held.where else "the robot"
         failure = Failure(
-            code=Code.TEST_TORQUE, key="drive", message=f"no effort of the drives holds this pose: {moves} would move",
+            code=Code.TEST_TORQUE, key="drive", message=f"the drives cannot hold this pose: {moves} would move",
             help="drive the joint, or choose a pose in which it hangs at rest",
         )
         return "does not stay in the pose", failure

@@ -291,7 +291,7 @@ def _color(stated: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[P
         try:
             return named(stated), ()
         except ValueError:
-            return None, (PartWarning(message=f"`{stated}` is no colour: use a CSS name or `#rrggbb`"),)
+            return None, (PartWarning(message=f"`{stated}` is not a colour: use a CSS name or `#rrggbb`"),)
     if len(of_shapes) > 1:
         several = ", ".join(f"`{color}`" for color in sorted(of_shapes))
         return None, (PartWarning(message=f"its solids have {len(of_shapes)} colours, {several}: it is drawn in that of its material"),)
@@ -309,7 +309,7 @@ def _record(text: str, made: BuiltPart, tessellations: Tessellations, store: Sto
         solid = solid_part(made)
         measures = measure(solid)
         if not measures.volume > NOTHING:
-            raise NoPart("empty", f"it holds {measures.volume:.3g} mm^3")
+            raise NoPart("empty", f"its volume is {measures.volume:.3g} mm^3")
         brep = store.put(written_brep(solid))  # before meshing, which would add triangles to it
         solids = _meshes(solid, tessellations.fine)
         mesh = meshing.together(solids)
@@ -332,7 +332,7 @@ def _record(text: str, made: BuiltPart, tessellations: Tessellations, store: Sto
         printed = meshing.in_single(mesh)
         meshes["print"] = _stored(printed, meshing.stl(printed), store)
         if not meshes["print"].closed:
-            extra = (*extra, PartWarning(message="its mesh is not closed: the kernel left gaps between faces"))
+            extra = (*extra, PartWarning(message="its mesh is not closed: the CAD kernel left gaps between faces"))
         extra = (*extra, *_overlap(solids, file=made.file))
         fits = fit_all(round_about.vertices, convert.unit_inertia(measures.inertia))
     return PartRecord(
@@ -364,7 +364,7 @@ def _off(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning
     if away <= DEVIATION * size:
         return ()
     off = f"up to {away * convert.MM:.2g} mm off its surface ({100.0 * away / size:.2g} % of its size)"
-    return (PartWarning(message=f"the {len(fewer.faces)} triangles that simulators have of it are {off}; allow more `faces`"),)
+    return (PartWarning(message=f"its mesh for simulators, of {len(fewer.faces)} triangles, is {off}; increase `faces`"),)
 
 
 def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWarning, ...]:
@@ -376,8 +376,8 @@ def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWa
     if common <= max(OVERLAP * whole, 1.0):
         return ()
     shared, all_of_it = (f"{float(f'{volume:.4g}'):g}" for volume in (common, whole))  # 1000, not 1e+03
-    twice = f"its {len(solids)} solids overlap: {shared} of {all_of_it} mm^3 are counted twice, in volume and mass"
-    return (PartWarning(message=f"{twice}; {'unite them where the file is made' if file else 'fuse them (`a + b`)'}"),)
+    twice = f"its {len(solids)} solids overlap: {shared} of {all_of_it} mm^3 are counted twice in volume and mass"
+    return (PartWarning(message=f"{twice}; {'unite them in the CAD program' if file else 'fuse them (`a + b`)'}"),)
 
 
 def solid_part(made: BuiltPart) -> TopoDS_Shape:
@@ -390,7 +390,7 @@ def solid_part(made: BuiltPart) -> TopoDS_Shape:
 
     solids = [_at_origin(solid) for shape in made.shapes for solid in solids_of(shape)]
     if not solids:
-        raise NoPart("empty", f"{'it' if made.file else 'result()'} holds no solid, {_instead(made.shapes)}")
+        raise NoPart("empty", f"{'it' if made.file else 'result()'} contains no solid, {_instead(made.shapes)}")
     if len(solids) == 1:
         return solids[0]
     builder = BRep_Builder()
@@ -445,7 +445,7 @@ def _meshes(shape: TopoDS_Shape, tessellation: Tessellation) -> list[meshing.Tri
 def _visual(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation) -> meshing.Triangles:
     mesh = meshing.together([_triangles(shape, tessellation) for shape in shapes])
     if len(mesh.faces) == 0:
-        raise NoPart("invalid", "visual() returned nothing that can be seen: expected faces or solids")
+        raise NoPart("invalid", "visual() returned nothing visible: expected faces or solids")
     return mesh
 
 

@@ -68,10 +68,10 @@ def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str
     except Exception as fault:
         raise BadPartFile(f"the file {damaged(suffix, fault)}") from fault
     if len(mesh.faces) == 0:
-        raise BadPartFile("the file holds no triangles")
+        raise BadPartFile("the file contains no triangles")
     farthest = float(np.abs(mesh.vertices).max())
     if farthest > FARTHEST:
-        raise BadPartFile(f"a coordinate is {farthest:.3g} mm: no part is so large")
+        raise BadPartFile(f"a coordinate is {farthest:.3g} mm, which is too large for a part")
     once, again = _once(mesh)
     closed, mended = _closed(once)
     return closed, (*again, *mended)
@@ -118,11 +118,11 @@ def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     _, first = np.unique(np.take_along_axis(mesh.faces, turns, axis=1), axis=0, return_index=True)
     if more := len(mesh.faces) - len(first):
         mesh = Triangles(mesh.vertices, mesh.faces[np.sort(first)])
-        mended.append(f"triangles that stand in it more than once, left out: {more}")
+        mended.append(f"duplicate triangles removed: {more}")
     _, first = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_index=True)
     if 2 * len(first) == len(mesh.faces):
         mesh = Triangles(mesh.vertices, mesh.faces[np.sort(first)])
-        mended.append(f"triangles that are the other side of one that it has, left out: {len(first)}")
+        mended.append(f"back sides of other triangles removed: {len(first)}")
     return mesh, tuple(mended)
 
 
@@ -140,23 +140,23 @@ def _closed(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     lost = len(mesh.vertices) - len(first_of)
     if lost:
         mesh = without_slivers(mesh.vertices[first_of], np.asarray(inverse).reshape(-1)[mesh.faces])
-        mended.append(f"corners joined within {10.0**-digits:.1g} mm: {lost}")
+        mended.append(f"vertices merged within {10.0**-digits:.1g} mm: {lost}")
     whole = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     if open_edges(mesh):
         trimesh.repair.fix_winding(whole)  # type: ignore[no-untyped-call]
         turned = int((np.asarray(whole.faces) != mesh.faces).any(axis=1).sum())
         mesh = _of(whole)
-        mended += [f"triangles turned round: {turned}"] if turned else []
+        mended += [f"triangles flipped: {turned}"] if turned else []
     if open_edges(mesh):
         count = len(whole.faces)
         trimesh.repair.fill_holes(whole)
         filled = len(whole.faces) - count
         mesh = _of(whole)
-        mended += [f"triangles put into holes: {filled}"] if filled else []
+        mended += [f"triangles added to fill holes: {filled}"] if filled else []
     if left := open_edges(mesh):
-        rest = "" if left == first else f" ({left} after trimesh has mended what it can)"
-        raise BadPartFile(f"its surface is not closed: {first} edges have no neighbour{rest}, so that it has no volume")
-    return mesh, (f"its surface was not closed, and was mended ({', '.join(mended)})",)
+        rest = "" if left == first else f" ({left} after repair by trimesh)"
+        raise BadPartFile(f"its surface is not closed: {first} edges have no neighbour{rest}, so it has no volume")
+    return mesh, (f"its surface was not closed and was repaired ({', '.join(mended)})",)
 
 
 def _of(mesh: Any) -> Triangles:
@@ -188,7 +188,7 @@ def _from_3mf(data: bytes) -> Triangles:
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         name = next((entry for entry in sorted(archive.namelist()) if entry.lower().endswith(".model")), None)
         if name is None:
-            raise BadMesh("holds no model")
+            raise BadMesh("contains no model")
         refuse_beyond(archive.getinfo(name).file_size, LARGEST, "bytes of XML")
         unit, objects = _read_3mf(archive.read(name))
     if unit not in _UNITS_3MF:
@@ -196,13 +196,13 @@ def _from_3mf(data: bytes) -> Triangles:
 
     def parts(name: str) -> list[str]:
         if name not in objects:
-            raise BadMesh(f"names an object `{name}` that is not there")
+            raise BadMesh(f"refers to a missing object `{name}`")
         return [one for one, _ in objects[name].components]
 
     unfold(_BUILD, parts)
     meshes = _placed_3mf(objects, _BUILD, _affine(None))
     if not meshes:
-        raise BadMesh("builds nothing")
+        raise BadMesh("has an empty `build`")
     return together(meshes).scaled(_UNITS_3MF[unit])
 
 
@@ -236,7 +236,7 @@ def _placed_3mf(objects: Mapping[str, _Object3mf], name: str, transform: NDArray
     item, surfaces = objects[name], list[Triangles]()
     points, faces = np.array(item.points).reshape(-1, 3), np.array(item.faces, dtype=np.int64).reshape(-1, 3)
     if faces.size and (faces.min() < 0 or faces.max() >= len(points)):
-        raise BadMesh("names a vertex that is not there")
+        raise BadMesh("refers to a missing vertex")
     if faces.size:
         moved = _finite(points) @ transform[:3] + transform[3]
         surfaces.append(_welded(moved[(faces[:, ::-1] if np.linalg.det(transform[:3]) < 0.0 else faces).ravel()]))

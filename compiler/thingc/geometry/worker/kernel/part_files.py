@@ -28,12 +28,12 @@ def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tup
     if suffix in SUFFIXES:
         mesh, mended = read_mesh(path, suffix, unit)
         return solids_from(mesh), set(), mended
-    raise BadPartFile(f"`{suffix or path}` is no format of parts")
+    raise BadPartFile(f"`{suffix or path}` is not a supported part format")
 
 
 def unusable(fault: BaseException) -> BadPartFile:
     """Return the reason for a file from which the kernel reads something and then fails."""
-    reason = BadPartFile("the file is damaged, or holds a shape that the CAD kernel cannot use")
+    reason = BadPartFile("the file is damaged, or contains a shape that the CAD kernel cannot use")
     reason.__cause__ = fault
     return reason
 
@@ -56,7 +56,7 @@ def _from_step(path: str) -> tuple[list[TopoDS_Shape], set[str]]:
         raise BadPartFile("the file is damaged, or is not STEP") from fault
     shape = kernel_shape(whole)
     if shape is None:
-        raise BadPartFile("the STEP file holds no shape")
+        raise BadPartFile("the STEP file contains no shape")
     return [shape], {hexadecimal(node.color) for node in (whole, *whole.descendants) if getattr(node, "color", None) is not None}
 
 
@@ -66,13 +66,13 @@ def _from_brep(path: str) -> TopoDS_Shape:
     with open(path, "rb") as stream:
         stream.seek(max(0, os.path.getsize(path) - 100))
         if re.search(rb"[+-]\d+ \d+\s*$", stream.read(100)) is None:  # last line: the whole shape; without it the kernel never returns
-            raise BadPartFile("the file is cut off, or is not BREP")
+            raise BadPartFile("the file is truncated, or is not BREP")
     try:
         shape = kernel_shape(import_brep(path))
     except Exception as fault:
         raise BadPartFile("the file is damaged, or is not BREP") from fault
     if shape is None:
-        raise BadPartFile("the BREP file holds no shape")
+        raise BadPartFile("the BREP file contains no shape")
     return shape
 
 

@@ -48,7 +48,7 @@ def simplified(mesh: Triangles, faces: int) -> Triangles:
     if len(fewer.faces) > faces or not _sound(fewer, whole):
         fewer = _by_tolerance(solid, faces) if whole else mesh
     if len(fewer.faces) > faces or not _sound(fewer, whole):
-        raise NoPart("unbounded", f"its surface cannot be brought down to {faces} triangles and stay closed")
+        raise NoPart("unbounded", f"its surface cannot be simplified to {faces} triangles without gaps")
     return fewer.scaled(1.0 / scale)
 
 

@@ -45,6 +45,6 @@ def suited(
                 refused.setdefault((consumer.label, refusal), []).append(robot.mode.name)
     for (label, one), modes in refused.items():
         which = f"mode{'' if len(modes) == 1 else 's'} {', '.join(f'`{mode}`' for mode in modes)}"
-        message, hint = f"{label} will refuse {which}: {one.what}", f"{one.hint}; {allow_hint(Code.COMPAT)}"
+        message, hint = f"{label} cannot load {which}: {one.what}", f"{one.hint}; {allow_hint(Code.COMPAT)}"
         report.warn(Code.COMPAT, message, one.origin, path=one.path, help=hint)
     return made, losses

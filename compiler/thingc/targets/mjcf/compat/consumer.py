@@ -75,4 +75,4 @@ def _refusals(element: Element, lacking: Mapping[str, Mapping[str, str]]) -> Ite
         if value in values:
             raw = element.raw.get(name)
             what = f"it has no `{name}` `{value}`" if element.tag == "option" else f"it has no `{name}` that is {values[value]}"
-            yield Refusal(what=what, origin=raw.attribute.origin if raw else element.origin, path=name, hint=f"leave `{name}` out")
+            yield Refusal(what=what, origin=raw.attribute.origin if raw else element.origin, path=name, hint=f"remove `{name}`")

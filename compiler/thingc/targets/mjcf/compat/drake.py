@@ -15,19 +15,19 @@ from thingc.targets.mjcf.compat.consumer import Consumer, nothing_refused
 from thingc.targets.xml_writer import Element
 
 SECTIONS = {
-    ("equality", "joint"): "what it follows", ("equality", "weld"): "what closes it", ("equality", "connect"): "what closes it",
+    ("equality", "joint"): "its mimic", ("equality", "weld"): "its closing constraint", ("equality", "connect"): "its closing constraint",
     ("actuator", "adhesion"): "its adhesion", ("keyframe", "key"): "its keyframe",
 }
 """What Drake ignores, by section and tag."""
 
 ATTRIBUTES = {
     ("joint", "frictionloss"): "its dry friction", ("joint", "actuatorfrcrange"): "its effort limit",
-    ("body", "mocap"): "that it is moved at run time",
+    ("body", "mocap"): "its motion at run time",
 }
 """What Drake ignores, by tag and attribute."""
 
 
-COMMANDS = "the range of its commands: Drake takes it for that of its force"
+COMMANDS = "the range of its commands: Drake uses it as the range of the force"
 """The loss of a drive that is not a motor."""
 
 TURNED = ":turned"
@@ -47,18 +47,18 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
         if section.tag == "sensor":
             for path in dict.fromkeys(_path(one) for one in section.children):
                 origin = next(one.origin for one in section.children if _path(one) == path)
-                yield Loss.of(origin, "mjcf", None, path, "its sensor: Drake leaves it out", "omitted")
+                yield Loss.of(origin, "mjcf", None, path, "its sensor: not supported by Drake", "omitted")
         for one in section.children:
             what = SECTIONS.get((section.tag, one.tag))
             if what is not None:
                 own = robot.mode.name if one.tag in ("weld", "connect") else None
-                yield Loss.of(one.origin, "mjcf", own, _path(one), f"{what}: Drake leaves it out", "omitted")
+                yield Loss.of(one.origin, "mjcf", own, _path(one), f"{what}: not supported by Drake", "omitted")
     world = root.find("worldbody")
     for element in world.walk() if world is not None else ():
         for name in element.attributes:
             what = ATTRIBUTES.get((element.tag, name))
             if what is not None:
-                yield Loss.of(element.origin, "mjcf", None, _path(element), f"{what}: Drake leaves it out", "omitted")
+                yield Loss.of(element.origin, "mjcf", None, _path(element), f"{what}: not supported by Drake", "omitted")
 
 
 def _is_misread(element: Element) -> bool:

@@ -29,7 +29,7 @@ FLUID = ("density", "viscosity", "wind")
 
 def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
     if robot.base == "held" and len(robot.bodies) > 1:
-        what = "that its base can be moved: MJX moves a mocap body without its children"
+        what = "moving its base: MJX moves a mocap body without its children"
         yield Loss.of(robot.mode.origin, "mjcf", robot.mode.name, robot.mode.name, what, "omitted")
     yield from _integrator(robot, root)
     yield from _prisms(root)
@@ -44,8 +44,8 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
     if needed:
         names = " and ".join(f"`{path}`" for path in needed)
         yield Refusal(
-            what=f"it has no adhesion, and that at {names} carries the robot", origin=robot.mode.origin, path=robot.mode.name,
-            hint="leave the mode out with `--mode`, or root it at what holds",
+            what=f"it has no adhesion, but the adhesion at {names} carries the robot", origin=robot.mode.origin, path=robot.mode.name,
+            hint="exclude the mode with `--mode`, or use another root",
         )
     yield from LACKS.refusals(root)
     option = root.find("option")
@@ -53,13 +53,13 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
         for name in FLUID:
             if any(float(value) for value in option.get(name, "0").split()):
                 raw = option.raw[name].attribute
-                yield Refusal(what=f"it has no `{name}` with `implicitfast`", origin=raw.origin, path=name, hint=f"leave `{name}` out")
+                yield Refusal(what=f"it has no `{name}` with `implicitfast`", origin=raw.origin, path=name, hint=f"remove `{name}`")
     touching = list(pairs(root))
     elliptic = option is not None and option.get("cone") == "elliptic"
     if option is not None and elliptic and not needed and all(one.element is None for one, _ in touching):
         said = option.raw.get("cone")
         yield Refusal(
-            what="without the floor of the scene it has no contacts, and it steps elliptic cones beside contacts only",
+            what="without the floor of the scene it has no contacts, but it supports elliptic cones only with contacts",
             origin=robot.mode.origin if said is None else said.attribute.origin, path="cone",
             hint=f"load `scene_{robot.mode.name}.xml`, or write `cone: pyramidal` under `simulation`",
         )
@@ -78,11 +78,11 @@ def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterat
     """Yield what MJX refuses of a pair, and the attribute that causes it."""
     kinds = sorted((one.type, other.type))
     if frozenset(kinds) in LACKING:
-        yield f"it has no contacts of a {kinds[0]} and a {kinds[1]}", "type"
+        yield f"it has no contacts between {kinds[0]} and {kinds[1]}", "type"
     if "mesh" in kinds and one.margin + other.margin:
         yield "it has no `margin` for contacts of meshes", "margin"
     if elliptic and _condim(one, other) == 1:
-        yield "it has no contacts without friction beside elliptic cones", "condim"
+        yield "it has no frictionless contacts with elliptic cones", "condim"
 
 
 def _condim(one: ContactPairs, other: ContactPairs) -> int:
@@ -121,7 +121,7 @@ def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
     option = root.find("option")
     if option is not None and option.get("integrator") == "implicit":
         option.attributes["integrator"] = "implicitfast"
-        what = "its integrator `implicit`, which MJX lacks: it is `implicitfast`"
+        what = "its integrator `implicit`, which MJX lacks: `implicitfast` is used"
         yield Loss.of(robot.mode.origin, "mjcf", robot.mode.name, robot.mode.name, what, "approximated")
 
 
@@ -150,7 +150,7 @@ def _prisms(root: Element) -> Iterator[Loss]:
             ("mesh" if name == "size" else name): {"type": "mesh", "size": mesh}.get(name, value)
             for name, value in element.attributes.items()
         }
-        what = f"its cylinder, of which MJX has no contacts with boxes and meshes: it is a prism of {SIDES} sides"
+        what = f"its cylinder, which MJX cannot collide with boxes and meshes: a prism of {SIDES} sides is used"
         yield Loss.of(element.origin, "mjcf", None, path, what, "approximated")
     if sizes:
         section = root.find("asset")

@@ -24,7 +24,7 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
                 element.attributes[name] = value.replace("/", SEPARATOR)
                 renamed = True
     if renamed:
-        what = f"`/` in names, which PyMJCF refuses: they have `{SEPARATOR}` in its place"
+        what = f"`/` in names, which PyMJCF rejects: `{SEPARATOR}` is used"
         yield Loss.of(robot.assembly.definition.origin, "mjcf", None, robot.assembly.name, what, "approximated")
 
 

@@ -68,7 +68,7 @@ class CompiledSource:
             if joint != one.name and joint in self.joints.values() and len(speed) == 1 and speed[0] > 0.0:
                 yield joint, speed[0]
             else:
-                self.losses.note(f"the number `{one.name}`", "a document has no data of others", self.flat.place(one.info))
+                self.losses.note(f"the number `{one.name}`", "documents cannot store custom data", self.flat.place(one.info))
 
     def _leave_out_doubles(self) -> None:
         """Leave out redundant sites: duplicates get the name of the original."""

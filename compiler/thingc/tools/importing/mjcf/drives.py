@@ -61,16 +61,16 @@ class Actuators:
             elif transmission == AT_TENDON:
                 one = tendons.of.get(target)
                 if one is None:
-                    why = "its tendon is left out"
+                    why = "its tendon is not imported"
                 else:
                     lower, upper = one.ends.lower, one.ends.upper
                     ends = None if lower is None or upper is None else (lower, upper)
                     length = _Length(ends, original.bounds("tendon_actfrc", target))
                     why = self._driving(number, SourceTarget(kind="tendon", name=one.name), target, self.of_tendon, length)
             elif transmission not in (AT_JOINT, AT_PARENT) or int(self.model.jnt_type[target]) not in (HINGE, SLIDE):
-                why = "a document drives tendons, and joints that turn about, or slide along, an axis"
+                why = "a drive in a document needs a tendon, or a joint that rotates about or slides along an axis"
             elif target not in joints:
-                why = "its joint is left out"
+                why = "its joint is not imported"
             else:
                 length = _Length(original.bounds("jnt_", target), original.bounds("jnt_actfrc", target))
                 why = self._driving(number, SourceTarget(kind="joint", name=original.joints[target]), target, self.of_joint, length)
@@ -84,10 +84,10 @@ class Actuators:
     def _driving(self, number: int, what: SourceTarget, target: int, drives: dict[int, SourceDrive], length: _Length) -> str:
         """Add an actuator to `drives` by the number of its target. If documents cannot express it, return why, else an empty text."""
         if target in drives:
-            return f"`{what.name}` is driven by `{drives[target].name}`, and a {what.kind} of a document has one drive"
+            return f"`{what.name}` is already driven by `{drives[target].name}`, and a {what.kind} in a document has one drive"
         drive = self._drive(number, length)
         if drive is None:
-            return "a drive of a document is a motor, or of position or velocity with a gain"
+            return "a drive in a document is a motor, a position drive or a velocity drive"
         drives[target] = drive
         self.driven[number] = what
         return ""
@@ -96,7 +96,7 @@ class Actuators:
         for name in UNSAID:
             values = getattr(self.model, f"actuator_{name}", None)
             if values is not None and float(values[number]):
-                self.original.lose("actuator", number, f"`{name}` of {what}", "a document does not say it")
+                self.original.lose("actuator", number, f"`{name}` of {what}", "documents have no such property")
 
     def _drive(self, number: int, length: _Length) -> SourceDrive | None:
         """Return the drive of an actuator; None if documents have no such kind."""
@@ -145,7 +145,7 @@ class Actuators:
         if gain != 1.0:
             ends = None if force is None else (force[0] / gain, force[1] / gain)
             what = f"the gain of motor `{original.actuators[number]}`, {gain:g}"
-            original.lose("actuator", number, what, "it is in its gear: the same torque for the same control")
+            original.lose("actuator", number, what, "it is applied to the gear, so the same control gives the same torque")
         bounds = [max(map(abs, one)) for one in (control, ends) if one is not None]
         effort = None if not bounds else min(bounds) * abs(gear * gain)
         effort = length.effort(None if effort is None else (-effort, effort))
@@ -159,8 +159,8 @@ class Actuators:
     def _adhesion(self, number: int, link: str) -> SourceAdhesion:
         gain, control = floats(self.model.actuator_gainprm[number])[0], self.original.bounds("actuator_ctrl", number) or (0.0, 1.0)
         force = gain * control[1]
-        why = "contacts of what adheres are harder in a document, so that they hold"
-        self.original.lose("actuator", number, f"how soft contacts of `{link}` are", why)
+        why = "contacts with adhesion are stiffer in a document, so that they hold"
+        self.original.lose("actuator", number, f"the softness of contacts of `{link}`", why)
         wanted = [("gain", numbers([gain])), ("ctrlrange", numbers(control))]
         return SourceAdhesion(
             name=self.original.actuators[number], link=link, force=force, where=self.original.where("actuator", number),

@@ -33,15 +33,15 @@ class Equalities:
         loops = []
         for number in range(self.model.neq):
             kind = int(self.model.eq_type[number])
-            why = "" if self.model.eq_active0[number] else "it is not active, and what a document couples always is"
+            why = "" if self.model.eq_active0[number] else "it is not active, but couplings in a document always are"
             if not why and kind == JOINT:
                 why = self._follow(number)
             elif not why and kind in (CONNECT, WELD):
                 loop = self._loop(number)
-                why = "it does not join two links" if loop is None else ""
+                why = "it does not connect two links" if loop is None else ""
                 loops += [] if loop is None else [loop]
             elif not why and not added.equality(number):
-                why = "a document couples joints and closes loops, nothing else"
+                why = "documents only support equalities that couple joints or close loops"
             if why:
                 original.lose("equality", number, f"equality `{original.equalities[number]}`", why)
         self.loops = tuple(loops)
@@ -56,15 +56,15 @@ class Equalities:
         one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
         a, b, *higher = floats(model.eq_data[number][:5])
         if other < 0 or not b and not any(higher):
-            return "a joint of a document that follows another follows it"
+            return "a joint in a document can only mimic another joint, not a constant"
         if one in self.drives.of_joint and other not in self.drives.of_joint and abs(b) == 1.0 and not any(higher):
             one, other, a = other, one, -a * b  # the inverse relation
         if one in self.drives.of_joint:
-            return f"joint `{original.joints[one]}` is driven, and one that follows is not"
+            return f"joint `{original.joints[one]}` is driven, but a joint with `mimic` cannot be"
         if one in self.follows or other in self.follows:
-            return "one of the two joints follows another already"
+            return "one of the two joints already mimics another"
         if any(int(model.jnt_bodyid[joint]) not in self.on for joint in (one, other)):
-            return "it is of joints that are left out"
+            return "its joints are not imported"
         first, second = (float(model.qpos0[model.jnt_qposadr[joint]]) for joint in (one, other))
         offset, multiplier, *rest = _shifted((a, b, *higher), second)
         self.follows[one] = SourceMimic(
@@ -128,7 +128,7 @@ def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings:
             kind, ends = "prismatic", SourceLimits(lower=lower, upper=upper)
             if not limited:
                 ends = SourceLimits(lower=start - FAR, upper=start + FAR, made_up=True)
-                original.losses.note(f"slide `{name}` without ends", f"a document has them, at {FAR:g} m", where)
+                original.losses.note(f"unlimited slide `{name}`", f"the document has limits at {FAR:g} m", where)
         case _:
             kind, ends = ("revolute", SourceLimits(lower=lower, upper=upper)) if limited else ("continuous", SourceLimits())
     if name in original.speeds and kind != "ball":
@@ -140,12 +140,14 @@ def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings:
     rest = float(model.qpos_spring[model.jnt_qposadr[joint]]) if kind != "ball" else 0.0
     begin = None if kind == "ball" else ends.nearest(start)
     if start:
-        why = "MuJoCo takes it from where its reference is, which is q = 0 in a document"
-        original.losses.note(f"how soft constraints are at the reference of joint `{name}`, {start:g}", why, where)
+        why = "MuJoCo measures it at the reference, which is q = 0 in a document"
+        original.losses.note(f"the softness of constraints at the reference of joint `{name}`, {start:g}", why, where)
     for what in ("jnt_stiffnesspoly", "dof_dampingpoly"):
         polynomial = getattr(model, what, None)
         if polynomial is not None and any(floats(polynomial[joint if what.startswith("jnt") else dof])):
-            original.losses.note(f"what of joint `{name}` is not linear", "damping and stiffness of a document are numbers", where)
+            original.losses.note(
+                f"nonlinear damping or stiffness of joint `{name}`", "damping and stiffness in a document are numbers", where,
+            )
     (x, y, z), (u, v, w) = floats(model.jnt_pos[joint]), floats(model.jnt_axis[joint])
     return SourceJoint(
         name=name, kind=kind, axis=(u, v, w), anchor=(x, y, z), where=where, ends=ends, start=start, begin=begin, stiffness=stiffness,

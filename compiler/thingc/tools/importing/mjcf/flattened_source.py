@@ -28,11 +28,11 @@ MOST_STEPS = 100_000
 MOST_MESH_BYTES = 500_000_000
 """Maximum total size of meshes, counting every use: MuJoCo computes a hull for each."""
 LEFT_OUT = {
-    "texture": "it is not read: shapes have the colours of their materials", "hfield": "a document has no height fields",
-    "skin": "a document has no skins", "flex": "a document has rigid links only", "flexcomp": "a document has rigid links only",
-    "composite": "it is not supported: replace it by the bodies that it generates", "size": "the sizes of a model follow from its robot",
-    "text": "a document has no data of others", "tuple": "a document has no data of others", "extension": "a document has no plugins",
-    "statistic": "MuJoCo works them out of the robot", "light": "lights belong to a scene", "visual": "how it is drawn belongs to a scene",
+    "texture": "not imported: shapes have the colours of their materials", "hfield": "documents have no height fields",
+    "skin": "documents have no skins", "flex": "documents only have rigid links", "flexcomp": "documents only have rigid links",
+    "composite": "it is not supported: replace it by the bodies that it generates", "size": "thingc computes the sizes of a model",
+    "text": "documents cannot store custom data", "tuple": "documents cannot store custom data", "extension": "documents have no plugins",
+    "statistic": "MuJoCo computes them", "light": "lights belong to a scene", "visual": "rendering settings belong to a scene",
 }
 ABSENT = ".absent"
 """Suffix, before the file type, of the names of files that replace missing meshes."""
@@ -154,7 +154,7 @@ class Flattening:
         """
         name, where = element.attributes.get("file", ""), element.place("file")
         if element.children:
-            self.report.add(Code.SOURCE_VALUE, "an `<include>` has elements in it", element.where, help="write them beside it")
+            self.report.add(Code.SOURCE_VALUE, "an `<include>` contains elements", element.where, help="move them out of it")
         beside = os.path.relpath(os.path.join(os.path.dirname(element.where.file), name), self.packages.folder)
         try:
             try:
@@ -165,8 +165,8 @@ class Flattening:
             self.report.add(Code.SOURCE_FILE, str(fault), where, help=fault.help)
             return None
         if path in self.included or path == self.root.where.file:
-            notes = [Note(message="it was included here", span=self.included[path])] if path in self.included else []
-            self.report.add(Code.SOURCE_FILE, f"`{name}` is included a second time", where, notes=notes, help="leave this one out")
+            notes = [Note(message="first included here", span=self.included[path])] if path in self.included else []
+            self.report.add(Code.SOURCE_FILE, f"`{name}` is included a second time", where, notes=notes, help="remove this one")
             return None
         self.included[path] = where
         return read_xml(path, data, self.report)
@@ -180,15 +180,15 @@ class Flattening:
             return
         self.made += copies * (1 + self.sizes.get(element.attributes.get("model", ""), 0) if element.tag == "attach" else 1)
         if self.made > MOST_ELEMENTS:
-            message = f"the model has more than {MOST_ELEMENTS:,} elements from here on, those that `<replicate>` copies among them"
-            self.report.add(Code.SOURCE_VALUE, message, element.where, help="no robot needs so many")
+            message = f"the model has more than {MOST_ELEMENTS:,} elements, including copies made by `<replicate>`"
+            self.report.add(Code.SOURCE_VALUE, message, element.where, help="reduce their number")
             return
         if element.tag == "replicate":
             written = re.match(r"\s*\+?(\d{1,12})", element.attributes.get("count", ""))  # MuJoCo ignores the rest
             copies *= 1 if written is None else int(written[1])
             if copies > MOST_COPIES:
-                message = f"this makes {copies:,} of what is in it, and {MOST_COPIES:,} are read at most"
-                self.report.add(Code.SOURCE_VALUE, message, element.place("count"), help="no robot needs so many")
+                message = f"this makes {copies:,} copies, but at most {MOST_COPIES:,} are supported"
+                self.report.add(Code.SOURCE_VALUE, message, element.place("count"), help="reduce their number")
                 return
         if element.tag in LEFT_OUT or element.tag == "geom" and ("hfield" in (element.attributes.get("type"), *element.attributes)):
             self.losses.note(f"`<{element.tag}>`", LEFT_OUT.get(element.tag, LEFT_OUT["hfield"]), element.where)
@@ -197,13 +197,13 @@ class Flattening:
         if element.tag == "layer":
             return  # only in textures, which are left out
         if element.tag == "lengthrange" and _steps(element) > MOST_STEPS:
-            message = f"this takes more than {MOST_STEPS:,} steps of simulation for every muscle"
-            self.report.add(Code.SOURCE_VALUE, message, element.where, help="write a smaller `inttotal`, or a larger `timestep`")
+            message = f"this requires more than {MOST_STEPS:,} steps of simulation per muscle"
+            self.report.add(Code.SOURCE_VALUE, message, element.where, help="reduce `inttotal`, or increase `timestep`")
             return
         attributes = dict(element.attributes)
         self._look_at_numbers(element)
         if element.tag == "inertial" and element.attributes.get("mass", "").strip().startswith("-"):
-            self.losses.note(f"a mass of {element.attributes['mass'].strip()}", "MuJoCo takes it for 0", element.place("mass"))
+            self.losses.note(f"a mass of {element.attributes['mass'].strip()}", "MuJoCo uses 0 instead", element.place("mass"))
         if element.tag == "compiler":
             attributes = {name: value for name, value in attributes.items() if name not in FOLDERS}
         elif element.tag == "material":
@@ -223,7 +223,7 @@ class Flattening:
             wrong = next((word for word in value.split() if word.lower().lstrip("+-") in NOT_FINITE), None)
             if wrong is not None and name != "name" and value not in self.names:
                 message = f"`{name}` of `<{element.tag}>`: expected finite numbers, found `{wrong}`"
-                help = "leave it out: what has no range has no ends" if name.endswith("range") else None
+                help = "remove it: without a range, there are no limits" if name.endswith("range") else None
                 self.report.add(Code.SOURCE_VALUE, message, element.place(name), help=help)
 
     def _line(self, text: str, element: SourceElement) -> None:
@@ -243,8 +243,8 @@ class Flattening:
             _, content = self.packages.read(uri)
             self.mesh_bytes += len(content)
             if self.mesh_bytes > MOST_MESH_BYTES:
-                message = f"with `{uri}` the meshes have more than {MOST_MESH_BYTES:,} bytes"
-                raise NotFound(message, "use meshes with fewer facets, and name each once")
+                message = f"with `{uri}`, the meshes have more than {MOST_MESH_BYTES:,} bytes"
+                raise NotFound(message, "use meshes with fewer facets, and list each only once")
         except NotFound as fault:
             if self.with_meshes:
                 self.report.add(Code.SOURCE_FILE, str(fault), element.place("file"), help=fault.help)

@@ -63,7 +63,7 @@ def _compiled(flat: FlattenedSource, report: Report) -> CompiledSource | None:
         said = re.sub(r"^(XML )?Error: |Error: |Schema violation: ", "", text.split("\nElement")[0]).strip()
         attribute = re.search(r"attribute:? '(\w+)'", said)
         where = flat.place(text, None if attribute is None else attribute[1])
-        report.add(Code.SOURCE_VALUE, f"MuJoCo cannot read this: {said}", where, help="fix the place shown")
+        report.add(Code.SOURCE_VALUE, f"MuJoCo cannot load this: {said}", where, help="fix the place shown")
         return None
     original = CompiledSource(flat, spec, model)
     for geom in (one for one in absent if not one.parent.explicitinertial):
@@ -86,7 +86,7 @@ class _Reader:
     def robot(self) -> SourceRobot | None:
         """Return the robot: the bodies attached to the world, or the floating body with the most joints."""
         if len(self.parents) > MOST_LINKS:
-            message = f"the robot has {len(self.parents):,} bodies, and {MOST_LINKS:,} are read at most"
+            message = f"the robot has {len(self.parents):,} bodies, but at most {MOST_LINKS:,} are supported"
             self.report.add(Code.SOURCE_TREE, message, self.original.flat.root.where)
             return None
         kept = self._kept()
@@ -135,8 +135,8 @@ class _Reader:
         """Record losses about indices in the arrays of `MjData` and, without keyframes, about joints that start at another value."""
         for joint in (joint for one in hangings for joint in one.joints if not posed and joint.follows is None):
             if joint.begin is not None and abs(joint.begin - joint.start) > _ALIKE:
-                what = f"where joint `{joint.name}` starts, {joint.start:g}"
-                self.original.losses.note(what, f"it is beyond its limits, and starts at the nearest, {joint.begin:g}", joint.where)
+                what = f"the start position of joint `{joint.name}`, {joint.start:g}"
+                self.original.losses.note(what, f"it is outside the limits; the nearest limit is used, {joint.begin:g}", joint.where)
         sensed |= {one.name for one in added.elements if one.section == "sensor"}
         self._lose_indices("data.ctrl", [1] * self.model.nu, sorted(added.kept["actuator"]))
         self._lose_indices("data.sensordata", self.model.sensor_dim, [k for k, name in self.original.sensors.items() if name in sensed])
@@ -161,7 +161,7 @@ class _Reader:
             here += size
         moved = [f"[{there}:{there + size}] is [{here}:{here + size}]" for there, here, size in runs if there != here]
         if moved:
-            why = f"not everything is in the document in that order: {', '.join(moved)} in its models"
+            why = f"the order in models of the document differs: {', '.join(moved)}"
             self.original.losses.note(f"the indices of `{array}`", why, self.original.flat.root.where)
 
     def _hangings(
@@ -202,8 +202,8 @@ class _Reader:
         chosen = max(groups, key=lambda one: (sum(len(self.joints[body]) for body in groups[one]), len(groups[one]), -one))
         for body in tops:
             if group[body] != chosen:
-                what = f"body `{self.original.bodies[body]}`, with all that is on it"
-                self.original.lose("body", body, what, "it is not part of the robot, and a document contains one robot")
+                what = f"body `{self.original.bodies[body]}`, with everything attached to it"
+                self.original.lose("body", body, what, "it is not part of the robot, but a document contains only one robot")
         on_world = self._on_world(planes=False)
         if chosen == WORLD:
             first = [body for body in tops if group[body] == WORLD]
@@ -213,7 +213,7 @@ class _Reader:
             kept = groups[chosen]
         for kind, number in [*self._on_world(planes=True), *([] if WORLD in kept else on_world)]:
             is_plane = (kind, number) not in on_world
-            why = "a floor belongs to a scene" if is_plane else "it is fixed to the world, and not part of the robot"
+            why = "floors belong to a scene" if is_plane else "it is fixed to the world and not part of the robot"
             self.original.lose(kind, number, f"a {kind} of the world", why)
         return kept
 

@@ -63,7 +63,7 @@ class _Sensing:
                 if self.added.sensor(number):
                     continue
                 name, kind = self.original.sensors[number], self._kind(number)
-                self.original.lose("sensor", number, f"sensor `{name}` of kind `{kind}`", "a document has no such sensor")
+                self.original.lose("sensor", number, f"sensor `{name}` of kind `{kind}`", "documents have no such sensor")
             else:
                 placed_before.add(placed)
                 read.append((number, *placed))
@@ -150,7 +150,7 @@ def _cameras(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> li
     model, cameras = original.model, []
     for number in range(model.ncam):
         body, where = int(model.cam_bodyid[number]), original.where("camera", number)
-        why = "it follows what it looks at" if int(model.cam_mode[number]) else "" if body in on else "it is on no link of the robot"
+        why = "it tracks a target" if int(model.cam_mode[number]) else "" if body in on else "it is not on a link of the robot"
         if why:
             original.losses.note(f"camera `{original.cameras[number]}`", why, where)
             continue

@@ -34,7 +34,7 @@ def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
     usual: dict[str, float | str] = {"timestep": 0.002, "integrator": "euler", "cone": "pyramidal", "impratio": 1.0}
     for name, value in said:
         if isinstance(value, float) and value <= 0.0:
-            original.losses.note(f"a `{name}` of {value:g}", "that of a document is above 0", original.flat.root.where)
+            original.losses.note(f"a `{name}` of {value:g}", "it must be above 0 in a document", original.flat.root.where)
             usual[name] = value
     return tuple((name, value) for name, value in said if value != usual[name])
 
@@ -56,7 +56,7 @@ def options(original: CompiledSource) -> tuple[tuple[tuple[str, ...], str], ...]
             if name.startswith(prefix) and int(getattr(ours, field)) & int(bit):
                 entries.append((("option", "flag", name.removeprefix(prefix).lower()), word))
     if int(ours.disableactuator):
-        original.losses.note("groups of actuators that are off", "a document has none: see `actuators` of modes", original.flat.root.where)
+        original.losses.note("disabled groups of actuators", "documents have none: see `actuators` of modes", original.flat.root.where)
     return tuple(entries)
 
 
@@ -99,11 +99,11 @@ def touching(
     for head, parent in sorted(parents.items()):
         if (parent == still or not filtered) and meet(head, parent):
             what = f"contacts of `{original.bodies[head]}` with `{original.bodies[parent]}`"
-            original.lose("body", head, what, "links of a document that a joint connects never touch")
+            original.lose("body", head, what, "links that are connected by a joint never touch in a document")
     for head, other in sorted(apart.keys() - near):
         if meet(head, other):
             what = f"contacts of `{original.bodies[other]}` with `{original.bodies[head]}`"
-            why = "two bodies of theirs never touch, and bodies that are fixed to one another are one link"
+            why = "two of their bodies never touch, and bodies that are fixed to each other are one link"
             original.lose("body", other, what, why)
     touch = {head for head, bodies in members.items() if head != still and any(any(masks[body]) for body in bodies)}
     _lose_parts(original, members, touch)
@@ -118,11 +118,11 @@ def _excluded(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> I
         first, second = (numbers_of[name] for name in (one.bodyname1, one.bodyname2))
         if one.name:
             what = f"the name of exclude `{one.name}`"
-            original.losses.note(what, "a document excludes pairs without names", original.flat.place(one.info))
+            original.losses.note(what, "excluded pairs in a document have no names", original.flat.place(one.info))
         if first in on and second in on:
             yield first, second
         else:
-            what = f"that `{one.bodyname1}` and `{one.bodyname2}` never touch"
+            what = f"the excluded contact of `{one.bodyname1}` and `{one.bodyname2}`"
             original.losses.note(what, "one of the two is not part of the robot", original.flat.place(one.info))
 
 
@@ -132,16 +132,18 @@ def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touc
     fluid = bool(model.opt.density or model.opt.viscosity)
     for body in sorted(body for bodies in members.values() for body in bodies) if fluid else ():
         for geom in (geom for geom in original.geoms_of[body] if model.geom_fluid[geom][0]):
-            original.lose("geom", geom, f"drag of a geom of `{original.bodies[body]}` as an ellipsoid", "a document has the drag of links")
+            original.lose(
+                "geom", geom, f"drag of a geom of `{original.bodies[body]}` as an ellipsoid", "documents only have the drag of links",
+            )
     for head, bodies in sorted(members.items()):
         if sum(model.body_mass[body] > 0.0 for body in bodies) < 2:
             continue
         if fluid:
             what = f"drag of `{original.bodies[head]}`, part by part"
-            original.lose("body", head, what, "bodies that are fixed to one another are one link")
+            original.lose("body", head, what, "bodies that are fixed to each other are one link")
         if head in touch:
-            why = "MuJoCo takes it from a body's inverse mass, and bodies that are fixed to one another are one"
-            original.lose("body", head, f"how soft contacts of `{original.bodies[head]}` are", why)
+            why = "MuJoCo derives it from the inverse mass of a body, and bodies that are fixed to each other are one link"
+            original.lose("body", head, f"the softness of contacts of `{original.bodies[head]}`", why)
 
 
 def _pair(one: int, other: int) -> tuple[int, int]:
@@ -180,22 +182,22 @@ def poses(
                 name_of, value = original.joints[joint], float(model.key_qpos[number][at])
                 q[name_of] = joints[name_of].ends.nearest(value)
                 if abs(value - joints[name_of].ends.nearest(value)) > _ALIKE:
-                    what = f"of keyframe `{name}` joint `{name_of}` at {value:g}"
-                    original.losses.note(what, "it is beyond its limit, and laid onto it", where)
+                    what = f"joint `{name_of}` at {value:g} in keyframe `{name}`"
+                    original.losses.note(what, "it is outside the limit; the limit is used", where)
         for name_of, follows in following.items():
             was, leader = q.pop(name_of), q[follows.joint]
             if isinstance(was, float) and isinstance(leader, float) and abs(was - follows.at(leader)) > 1e-6:
-                original.losses.note(f"of keyframe `{name}` joint `{name_of}` at {was:g}", f"it follows `{follows.joint}`", where)
+                original.losses.note(f"joint `{name_of}` at {was:g} in keyframe `{name}`", f"it mimics `{follows.joint}`", where)
         first = int(model.jnt_qposadr[model.body_jntadr[root]]) if base == "free" else 0
         here, usual = (floats(qpos[first : first + 7]) for qpos in (model.key_qpos[number], model.qpos0))
         moved = base == "free" and any(abs(a - b) > _ALIKE for a, b in zip(here, usual, strict=True))
         for loop, gap in _open_loops(original, number):
-            what = f"of keyframe `{name}` the values: loop `{loop}` is open by {gap:.2g} m"
-            original.losses.note(what, "a build takes the nearest values that close it", where)
+            what = f"the values of keyframe `{name}`: loop `{loop}` is open by {gap:.2g} m"
+            original.losses.note(what, "a build uses the nearest values that close it", where)
         if any(floats(model.key_qvel[number])):
-            original.losses.note(f"of keyframe `{name}` its speeds", "a pose of a document is at rest", where)
+            original.losses.note(f"the velocities of keyframe `{name}`", "poses of a document are at rest", where)
         if any(floats(model.key_act[number])):
-            original.losses.note(f"of keyframe `{name}` its activations", "a pose of a document has none", where)
+            original.losses.note(f"the activations of keyframe `{name}`", "poses of a document have none", where)
         controls = floats(model.key_ctrl[number])
         poses.append(SourcePose(name=name, q=q, controls={original.actuators[k]: controls[k] for k in range(len(controls))}, where=where,
                                 at=pose_of(here[:3], here[3:]) if moved else None))

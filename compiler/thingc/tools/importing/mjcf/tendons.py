@@ -51,14 +51,14 @@ class Tendons:
         """Return why a document cannot express a step of a path; empty if it can."""
         model = self.model
         kind, thing, side = (int(one[wrap]) for one in (model.wrap_type, model.wrap_objid, model.wrap_prm))
-        gone = "it goes over what is left out"
+        gone = "it uses elements that are not imported"
         if kind == JOINT:
             return "" if thing in self.joints else gone
         if kind == SITE:
             return "" if thing in self.sites else gone
         if kind == PULLEY:
             begins = any(wrap == int(first) for first in model.tendon_adr)
-            return "it begins with a pulley" if begins else "" if model.wrap_prm[wrap] > 0.0 else "it has a pulley of divisor 0"
+            return "it starts with a pulley" if begins else "" if model.wrap_prm[wrap] > 0.0 else "it has a pulley of divisor 0"
         body = int(model.geom_bodyid[thing])
         if body not in self.on or side >= 0 and side not in self.sites:
             return gone
@@ -66,11 +66,11 @@ class Tendons:
             return ""
         on, place = int(model.site_bodyid[side]), pose_of(model.site_pos[side], model.site_quat[side])
         if self.heads[on] != self.heads[body]:
-            return "its side site is on another link than what it goes around"
+            return "its side site is on another link than the geom around which it wraps"
         shape = self._fixed(body) @ pose_of(model.geom_pos[thing], model.geom_quat[thing])
         x, y, z = (shape.inverse() @ self._fixed(on) @ place).translation
         inside = hypot(x, y, z if kind == SPHERE else 0.0) <= float(model.geom_size[thing][0])
-        return "it goes through a shape on the inside, and that of a document goes around it" if inside else ""
+        return "it wraps inside a shape, but tendons of a document wrap around the outside" if inside else ""
 
     def _fixed(self, body: int) -> Pose:
         """Return the pose of a body in the first body that it is rigidly connected to."""
@@ -97,8 +97,8 @@ class Tendons:
         for what in ("stiffnesspoly", "dampingpoly"):
             polynomial = getattr(model, f"tendon_{what}", None)
             if polynomial is not None and any(floats(polynomial[number])):
-                what = f"what of tendon `{original.tendons[number]}` is not linear"
-                original.lose("tendon", number, what, "damping and stiffness of a document are numbers")
+                what = f"nonlinear damping or stiffness of tendon `{original.tendons[number]}`"
+                original.lose("tendon", number, what, "damping and stiffness in a document are numbers")
         made = SourceTendon(
             name=original.tendons[number], where=original.where("tendon", number), moves=tuple(moves.items()), turns=bool(moves) and turns,
             steps=() if moves else tuple(map(self._step, wraps)), ends=ends, damping=damping, friction=friction, armature=armature,
