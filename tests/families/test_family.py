@@ -176,7 +176,7 @@ def test_compile_takes_numbers_and_flags_as_a_family_does(everything: thingc.Rob
     assert numbers.modes["standing"].mjcf() == texts.modes["standing"].mjcf()
     for given, words in (
         ({"parameters": {"load": 30}}, "parameter `load` must be at most 20 kg, found `30 kg`"),
-        ({"parameters": {"load": True}}, "is a mass (such as 120 g), found true or false (`true`)"),
+        ({"parameters": {"load": True}}, "must be a mass (such as 120 g), found a boolean (`true`)"),
         ({"parameters": {"load": None}}, "expected a number with a unit, found `None`"),
         ({"parameters": {"lod": 3}}, "has no parameter `lod`"),
         ({"choices": {"joints.x*.offset": 3}}, "the document has nothing named `joints.x*.offset`"),

@@ -200,7 +200,7 @@ def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thin
         ({**good, "load": 30.0}, "TC803", "must be at most 20 kg"),
         ({**good, "load": math.nan}, "TC803", "parameter `load`: expected a number with a unit, found `nan kg`"),
         ({"load": -(10**400)}, "TC803", "parameter `load`: expected a number with a unit, found `-inf kg`"),
-        ({"load": np.True_}, "TC803", "parameter `load` of `everything` is a mass (such as 120 g), found true or false (`true`)"),
+        ({"load": np.True_}, "TC803", "parameter `load` of `everything` must be a mass (such as 120 g), found a boolean (`true`)"),
         ({"load": np.array([0.1, 0.2])}, "TC803", "parameter `load`: expected a number with a unit, found `array([0.1, 0.2])`"),
         ({"load": "\ud800"}, "TC803", "parameter `load`: half of a surrogate pair (U+D800) is not allowed in a document"),
         ({"joints.lift.limit.upper": "\x071 rad"}, "TC809", "`joints.lift.limit.upper`: a control character (U+0007) cannot stand in"),

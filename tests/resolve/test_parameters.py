@@ -80,7 +80,7 @@ def test_an_expression_of_the_command_line_may_use_parameters(tmp_path: Path) ->
      " | write `120 mm`"),
     ("reach", "30 deg", "TC803 (-p reach) parameter `reach` of `arm` must be a length (such as 120 mm), found an angle (`30 deg`)"),
     ("reach", "120 mmm", "TC803 (-p reach) parameter `reach`: unknown unit `mmm`; did you mean `mm`?"),
-    ("reach", "true", "TC803 (-p reach) parameter `reach` of `arm` must be a length (such as 120 mm), found true or false (`true`)"),
+    ("reach", "true", "TC803 (-p reach) parameter `reach` of `arm` must be a length (such as 120 mm), found a boolean (`true`)"),
     ("open", "5 mm", "TC803 (-p open) parameter `open` of `arm` must be `true` or `false`, found a length (`5 mm`)"),
 ])
 def test_a_bad_option_is_named(tmp_path: Path, option: str, text: str, said: str) -> None:
@@ -171,6 +171,6 @@ def test_parameters_are_asked_for_from_outside(tmp_path: Path) -> None:
     assert parameters.fitting("reech", Quantity(0.06, LENGTH), complain) is None
     assert said == [
         ("reach", Code.OUT_OF_RANGE, "parameter `reach` must be at least 60 mm, found `50 mm`"),
-        ("open", Code.VALUE_KIND, "parameter `open` of `arm` must be `true` or `false`, found a text (`wide`)"),
+        ("open", Code.VALUE_KIND, "parameter `open` of `arm` must be `true` or `false`, found a string (`wide`)"),
         ("reech", Code.UNKNOWN_PARAMETER, "`arm` has no parameter `reech`"),
     ]

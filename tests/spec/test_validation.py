@@ -57,12 +57,12 @@ def in_doubt(documents: Documents, report: Report) -> bool:
     ("simulation: {xyzzy: 1}", Code.UNKNOWN_KEY, "unknown key `xyzzy` in `simulation`",
      "known keys: `cone`, `impratio`, `integrator`, `timestep`", "xyzzy"),
     # types
-    ("description: 5", Code.WRONG_TYPE, "expected text, found the number `5`", 'write `"5"`', "5"),
-    ("description: [a]", Code.WRONG_TYPE, "expected text, found a list of 1", None, "[a]"),
+    ("description: 5", Code.WRONG_TYPE, "expected a string, found the number `5`", 'write `"5"`', "5"),
+    ("description: [a]", Code.WRONG_TYPE, "expected a string, found a list of 1", None, "[a]"),
     ("joints: [a]", Code.WRONG_TYPE, "expected a mapping, found a list of 1",
      "write `joints: {NAME: ...}`: the key of each entry is its name", "[a]"),
     ("materials: m.yaml", Code.WRONG_TYPE, "expected a list or a mapping, found text `m.yaml`", "write `[m.yaml]`", "m.yaml"),
-    ("materials: [3]", Code.WRONG_TYPE, "expected text, found the number `3`", 'write `"3"`', "3"),
+    ("materials: [3]", Code.WRONG_TYPE, "expected a string, found the number `3`", 'write `"3"`', "3"),
     ("poses: {home: 3}", Code.WRONG_TYPE, "expected a mapping, found the number `3`",
      "a pose sets positions of joints: `{JOINT: 3}`", "3"),
     ("simulation: fast", Code.WRONG_TYPE, "expected a mapping with `timestep`, `integrator`, `cone`, found text `fast`", None,
@@ -165,8 +165,8 @@ def test_one_fault_of_an_assembly(
      "remove one of them", "frame"),
     ("words", Code.WRONG_TYPE, "expected a mapping with `part`, `file`, `assembly`, found text `words`", None, "words"),
     ("{prt: a:B}", Code.UNKNOWN_KEY, "unknown key `prt` in `components.c`", "did you mean `part`?", "prt"),
-    ("{part: a:B, visual: yes}", Code.WRONG_TYPE, "expected true or false, found text `yes`", "write `true`", "yes"),
-    ("{part: a:B, visual: 1}", Code.WRONG_TYPE, "expected true or false, found the number `1`", None, "1"),
+    ("{part: a:B, visual: yes}", Code.WRONG_TYPE, "expected a boolean, found text `yes`", "write `true`", "yes"),
+    ("{part: a:B, visual: 1}", Code.WRONG_TYPE, "expected a boolean, found the number `1`", None, "1"),
     ("{frame: false}", Code.UNKNOWN_CHOICE, "expected `true`, found `false`", None, "false"),
     ("{part: a:B, mass: 3}", Code.BAD_UNIT, "a mass needs a unit, found `3`", "write `3 g` or `3 kg`", "3"),
     ("{part: a:B, mass: {value: 3 mm, source: vendor}}", Code.WRONG_DIMENSION,
@@ -273,7 +273,7 @@ def test_missing_keys_of_a_document_point_at_its_first_key(tmp_path: Path) -> No
 def test_values_over_several_lines_are_pointed_at_by_their_key(tmp_path: Path) -> None:
     documents, report = read(tmp_path, HEAD + "description:\n  - a\n  - b\n")
     validate(documents, report)
-    assert said(report) == [(Code.WRONG_TYPE, "expected text, found a list of 2", None, (4, 1, 12))]
+    assert said(report) == [(Code.WRONG_TYPE, "expected a string, found a list of 2", None, (4, 1, 12))]
 
 
 def test_everything_wrong_is_said_at_once_with_its_path(tmp_path: Path) -> None:

@@ -153,7 +153,7 @@ def test_docstrings_of_three_styles() -> None:
         ({"infill": "15 %"}, "`infill` of `Block` is a ratio, found '15 %'"),
         ({"holes": 2.5}, "`holes` of `Block` is a whole number, found 2.5"),
         ({"solid": 1}, "`solid` of `Block` must be True or False, found 1"),
-        ({"label": 3}, "`label` of `Block` is a text, found 3"),
+        ({"label": 3}, "`label` of `Block` must be a string, found 3"),
         ({"side": "middle"}, "`side` of `Block` must be one of 'left', 'right', found 'middle'"),
         ({"length": math.nan}, "`length` of `Block` must be finite, found nan"),
         ({"holes": math.inf}, "`holes` of `Block` must be finite, found inf"),
@@ -231,7 +231,7 @@ def test_choices_are_told_apart_by_type() -> None:
         ),
         ("self, size: Length = 'x'", "the default of `size` of `Bad` is a length in mm, found 'x'"),
         ("self, size: Annotated[Length, Range(5, 9)] = 4", "the default of `size` of `Bad` must be at least 5 mm, found 4 mm"),
-        ("self, size: Annotated[str, Range(5, 9)] = 'x'", "`size` of `Bad` cannot have a Range: it is a text"),
+        ("self, size: Annotated[str, Range(5, 9)] = 'x'", "`size` of `Bad` cannot have a Range: it is a string"),
         (
             "self, size: Literal['a', None] = 'a'",
             "`size` of `Bad` cannot be a parameter: a choice is a string, an integer or a boolean",

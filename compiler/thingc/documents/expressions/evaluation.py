@@ -61,7 +61,7 @@ class _Evaluator:
         value = self.value(term)
         if isinstance(value, Quantity):
             return value
-        found = "true or false" if isinstance(value, bool) else "a text"
+        found = "a boolean" if isinstance(value, bool) else "a string"
         raise ExpressionError(f"expected a quantity, found {found} (`{self.written(term)}`)", term.offset, term.end, kind="dimension")
 
     def written(self, term: Term) -> str:
@@ -187,7 +187,7 @@ def kind_of(value: ExpressionValue) -> str:
     """Describe the type of a value, with its article: `an angle`, `a text`, `true or false`."""
     if isinstance(value, Quantity):
         return value.dimension.words
-    return "true or false" if isinstance(value, bool) else "a text"
+    return "a boolean" if isinstance(value, bool) else "a string"
 
 
 def words_of(value: ExpressionValue) -> str:

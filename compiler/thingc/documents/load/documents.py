@@ -153,7 +153,7 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
     if empty and len(report.diagnostics) == before:
         report.add(Code.NOT_A_MAPPING, "the document is empty", source.span(0, 0), help=f"start the document with `{head_line(path)}`")
     elif tree is not None and not empty:
-        found = "a list" if isinstance(tree, SequenceNode) else "text"
+        found = "a list" if isinstance(tree, SequenceNode) else "a string"
         span, help = tree.span, f"start the document with `{head_line(path)}`"
         if isinstance(tree, ScalarNode) and (missing := re.match(r"([A-Za-z_]\w*):(\S+)", tree.text)):
             help = f"a space is missing after the `:`: `{missing.group(1)}: {missing.group(2)}`"

@@ -62,7 +62,7 @@ class FieldType(FrozenStruct):
             return " or ".join(
                 shape.words for shape in shapes if not (some and shape.kind == "dict" or numbered and shape.kind in ("list", "dict"))
             )
-        return {"dict": "a mapping", "list": "a list", "text": "text", "flag": "true or false", "number": "a number"}[self.kind]
+        return {"dict": "a mapping", "list": "a list", "text": "a string", "flag": "a boolean", "number": "a number"}[self.kind]
 
 
 @cache

@@ -20,7 +20,7 @@ NUMERIC = frozenset({"length", "angle", "mass", "ratio", "number", *WHOLE})
 UNITS = {"length": " mm", "angle": " deg", "mass": " kg"}
 NOUNS = {
     "length": "a length in mm", "angle": "an angle in deg", "mass": "a mass in kg", "ratio": "a ratio", "number": "a number",
-    "count": "a whole number", "integer": "a whole number", "flag": "True or False", "text": "a text",
+    "count": "a whole number", "integer": "a whole number", "flag": "a boolean", "text": "a string",
 }
 
 

@@ -190,7 +190,7 @@ def _complain_kind(
             help = f"its default is 0 without a unit: write `0 {value.dimension.example.partition(' ')[2]}` there"
         complain(name, Code.DIMENSION, message, help=help, notes=notes)
     else:
-        wanted = "`true` or `false`" if isinstance(own, bool) else "a text"
+        wanted = "`true` or `false`" if isinstance(own, bool) else "a string"
         complain(name, Code.VALUE_KIND, f"{label} must be {wanted}, found {kind_of(value)} (`{shortened(words_of(value))}`)", notes=notes)
 
 

@@ -237,7 +237,7 @@ def _reference_hint(context: ResolveRun, text: str) -> str:
     """Return a hint for a text that is not `module:Class`."""
     called = re.fullmatch(r"([\w.]+:[\w.]+)\((.*)\)", text, re.DOTALL)
     if called is not None:
-        return f"write `part: {shortened(called.group(1))}`and set its parameters: `params: {{...}}`"
+        return f"write `part: {shortened(called.group(1))}`, and set its parameters: `params: {{...}}`"
     module, _, name = text.rpartition(":") if ":" in text else text.rpartition(".")
     for folder in context.workspace.parts:
         relative = context.workspace.relative(folder)

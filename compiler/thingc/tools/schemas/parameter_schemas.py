@@ -93,7 +93,7 @@ def fitting(parameters: Mapping[str, Quantity], dimension: Dimension) -> list[st
 
 _KINDS: Mapping[ParameterKind, str] = {
     "length": "a length", "angle": "an angle", "mass": "a mass", "ratio": "a number or a percentage", "number": "a number",
-    "count": "a whole number", "integer": "a whole number", "flag": "`true` or `false`", "text": "a text",
+    "count": "a whole number", "integer": "a whole number", "flag": "`true` or `false`", "text": "a string",
     "choice": "one of the listed values",
 }
 

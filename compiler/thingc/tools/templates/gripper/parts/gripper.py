@@ -106,7 +106,7 @@ class Lever(Thing):
 
     def __init__(self, teeth: Annotated[Count, Range(15, 31)] = 23, length: Annotated[Length, Range(38, 80)] = 46):
         super().__init__(material="pla_orange")
-        assert teeth % 2, f"{teeth} teeth: only with an odd number a gear meshes with one that stands as it does"
+        assert teeth % 2, f"{teeth} teeth: expected an odd number, so that two equal gears mesh"
         servo = XM430()
         self.radius = MODULE * teeth / 2
         self.seat = MountPoint(MATE, interface="x430-horn")
