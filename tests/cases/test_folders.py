@@ -89,7 +89,7 @@ def test_a_store_that_cannot_be_written(folder: Path, capsys: pytest.CaptureFixt
     (folder / "store").write_text("a file")
     code, lines = said(capsys, "check", "robot.yaml", "--store", "store")
     assert code == 2
-    assert lines[0].startswith(f"error[{Code.OUTPUT.code}]: the store ") and "cannot be used" in lines[0]
+    assert lines[0].startswith(f"error[{Code.OUTPUT.code}]: the cache ") and "cannot be used" in lines[0]
     assert lines[1] == "  help: choose a writable folder with --store or THINGC_STORE"
 
 
@@ -388,7 +388,7 @@ def test_what_a_person_did_to_a_build_is_kept_until_they_give_it_up(
     before = {path: (path.is_symlink(), path.is_file() and path.read_bytes()) for path in two.rglob("*")}
     for _ in range(2):
         code, lines = said(capsys, *words)
-        assert code == 2 and lines[0].startswith(f"error[{Code.UNEXPECTED.code}]: `out/two` holds files that ") and f"`{name}`" in lines[0]
+        assert code == 2 and lines[0].startswith(f"error[{Code.UNEXPECTED.code}]: `out/two` contains files that ") and f"`{name}`" in lines[0]
         assert lines[1].endswith("or give them up with --force")
         assert {path: (path.is_symlink(), path.is_file() and path.read_bytes()) for path in two.rglob("*")} == before
     assert said(capsys, *words, "--force")[0] == 0

@@ -260,7 +260,7 @@ class TestStrangers:
         with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
         assert raised.value.message == (
-            "`arm` holds files that no build of `arm.yaml` wrote (`notes.txt`) and files that have changed since the build "
+            "`arm` contains files that no build of `arm.yaml` wrote (`notes.txt`) and files that have changed since the build "
             "(`bom.csv`) and is unchanged"
         )
         build(tmp_path, SECOND, store, force=True)

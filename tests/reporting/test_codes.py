@@ -60,7 +60,7 @@ ELSEWHERE = {
 }
 """Codes that no document on a healthy machine causes, and where they are tested. Their pages have no examples."""
 
-_SPOKEN = {"UNREACHED": "does not hang together with the root of mode"}
+_SPOKEN = {"UNREACHED": "is not connected to the root of mode"}
 
 
 SHOWN = [code for code in CODES if code.name not in ELSEWHERE]
