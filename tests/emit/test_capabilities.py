@@ -125,7 +125,7 @@ def test_what_is_said_or_not_looked_for_is_not_lost(robot: Any) -> None:
 def test_what_a_robot_touches_and_rubs_with(root: Path, shared_store: str) -> None:
     assembly = thingc.compile(str(root / "assemblies" / "arm.yaml"), store=shared_store).assembly
     said = {(one.path, one.what) for one in losses("toy", every(OMITTED), assembly, ())}
-    touched = {("yaw_servo", "its collision cylinder"), ("hand/pen", "its collision convex mesh")}
+    touched = {("yaw_servo", "its collision cylinder"), ("hand/pen", "its convex collision mesh")}
     assert said > touched | {("petg", "its friction")} and ("hand/pen", "its collision cylinder") not in said
 
 

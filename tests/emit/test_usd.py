@@ -245,7 +245,7 @@ def test_what_no_float_holds_is_a_loss(tmp_path: Path) -> None:
     document = document.replace("kp: 1 N*m/rad", "kp: 1 N*m/rad, kv: 1e39 N*m*s/rad")
     made = Compiled(tmp_path, document, "usd")
     infinite = [loss[:3] for loss in made.losses(None) if "infinite" in loss[1]]
-    end = "infinite in the file, up to 3.4e+38"
+    end = "infinite in the file, which supports numbers up to 3.4e+38"
     assert infinite == [
         ("a", f"its kv of 1e+39 N m s/rad: {end}", "approximated"), ("d", f"its velocity limit of 1e+38 rad/s: {end}", "approximated"),
     ]

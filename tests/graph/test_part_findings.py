@@ -107,7 +107,7 @@ def test_a_part_that_failed_is_said_once(kind: str, code: str, words: str, help:
     assert said(report)[0] == (code, words, help, 5)
     assert notes(report) == [
         ("`spare` also uses this part", "/robots/robot.yaml", 6),
-        ("`pen` also uses this part part part part part part part", "/robots/robot.yaml", 41),
+        ("`pen` also uses this part", "/robots/robot.yaml", 41),
         ("its parameters: diameter=15 mm, length=-100 mm", None, None),
         ("in the part file, here", "/robots/parts/p.py", 31),
     ]
@@ -182,7 +182,7 @@ def test_expectations_that_are_not_met() -> None:
     assert notes(other) == [("`board` is here", "/robots/robot.yaml", 3)]
     turned = warnings(*board(component("cap", "p:Cap", attach("cap.top", "board.cap_seat"), line=5)))
     assert said(turned) == [
-        ("EXPECTATION", "`board.cap_seat` was cut for `p:Cap` by its mount `foot`, but `cap` is attached there by `top`", help, 5)
+        ("EXPECTATION", "`board.cap_seat` is cut for `p:Cap` by its mount `foot`, but `cap` is attached there by `top`", help, 5)
     ]
 
 

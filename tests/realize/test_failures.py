@@ -108,7 +108,7 @@ EXPECTED = {
     "Segfaults": ("crashed", "killed by SIGSEGV", "bad.py", 28),
     "Leaves": ("crashed", "it exited the interpreter with status 0", None, None),
     "Exits": ("raised", "SystemExit: 3", "bad.py", 39),
-    "Flat": ("empty", "result() holds no solid, only faces", None, None),
+    "Flat": ("empty", "result() contains no solid, only faces", None, None),
     "Nothing": ("empty", "result() returned an empty Part", None, None),
     "Number": (
         "invalid", "result() must return a build123d shape, several, or None: expected a build123d shape, found 5", None, None,
@@ -242,7 +242,7 @@ def test_a_kernel_that_does_not_load(
         failure = service.realize([define("arm:A")])["arm:A"]
     assert isinstance(failure, PartFailure)
     assert (failure.kind, failure.message) == (
-        "crashed", "the CAD kernel does not load: ImportError: no kernel on this machine",
+        "crashed", "the CAD kernel cannot be loaded: ImportError: no kernel on this machine",
     )
 
 
@@ -275,7 +275,7 @@ def test_where_no_process_can_be_started_it_is_said(
     with place.service(workers=None) as service:
         failure = service.realize([define("arm:A")])["arm:A"]
     assert isinstance(failure, PartFailure)
-    assert (failure.kind, failure.message) == ("crashed", "no worker process can be started: No such file or directory")
+    assert (failure.kind, failure.message) == ("crashed", "cannot start a worker process: No such file or directory")
 
 
 def test_a_fault_without_a_line_of_its_own_is_at_the_class(place: Any, define: Callable[..., Any]) -> None:

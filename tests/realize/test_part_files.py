@@ -154,7 +154,7 @@ def test_an_open_surface_is_mended_and_that_is_told(name: str, change: Any, word
     assert isinstance(record, PartRecord), record
     assert record.volume == pytest.approx(24e-6, rel=1e-6)
     assert [warning.message for warning in record.warnings] == (
-        [f"its surface was not closed, and was mended ({words})"] if words is not None else []
+        [f"its surface was not closed and was repaired ({words})"] if words is not None else []
     )
 
 
@@ -226,13 +226,13 @@ def binary(faces: list[list[tuple[float, ...]]], count: int) -> bytes:
     ("name", "content", "words"),
     [
         ("open.stl", None, "its surface is not closed: 6 edges have no neighbour, so it has no volume"),
-        ("words.stl", b"no triangles at all", "the file is cut off: it has 19 bytes"),
+        ("words.stl", b"no triangles at all", "the file is truncated: it has 19 bytes"),
         ("words.ply", b"no triangles at all", "the file is damaged, or is not PLY"),
         ("words.glb", b"no triangles at all", "the file is damaged, or is not GLB"),
         ("beyond.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "the file is damaged, or is not OBJ"),
-        ("short.stl", binary(BOX, 50), "the file is cut off: it declares 50 triangles, but has bytes for 12"),
-        ("long.stl", binary(BOX, 5), "the file has data after its end: it says that it has 5 triangles, and there are"),
-        ("cut.stl", binary(BOX, 12)[:-80], "the file is cut off: it declares 12 triangles, but has bytes for 10.4"),
+        ("short.stl", binary(BOX, 50), "the file is truncated: it declares 50 triangles, but has bytes for 12"),
+        ("long.stl", binary(BOX, 5), "the file has data after its end: it declares 5 triangles, but has bytes for"),
+        ("cut.stl", binary(BOX, 12)[:-80], "the file is truncated: it declares 12 triangles, but has bytes for 10.4"),
         ("head.stl", bytes(50), "the file is truncated: it has 50 bytes, but a binary STL file has at least 84"),
         ("text.stl", b"solid box\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\n", "the file is truncated: it has no `endsolid`"),
         ("far.stl", binary([[(1e38, 0.0, 0.0), *BOX[0][1:]], *BOX[1:]], 12), "a coordinate is 1e+38 mm, which is too large for a part"),

@@ -181,8 +181,8 @@ def test_a_thing_says_how_it_lies(spot: Place) -> None:
 
 
 @pytest.mark.parametrize(("said", "words"), [
-    ('{"up": (0, 0, 0)}', "must have a direction"), ('{"up": (0, 1)}', "must return three numbers"),
-    ('{"down": (0, 0, 1)}', "has one key, `up`"), ('(0, 0, 1)', "has one key, `up`"),
+    ('{"up": (0, 0, 0)}', "must not be zero"), ('{"up": (0, 1)}', "must return three numbers"),
+    ('{"down": (0, 0, 1)}', "must have one key, `up`"), ('(0, 0, 1)', "must have one key, `up`"),
 ])
 def test_a_thing_that_says_it_wrongly(spot: Place, said: str, words: str) -> None:
     spot.write("parts/wrong.py", f"""

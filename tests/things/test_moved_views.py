@@ -419,7 +419,7 @@ def test_mount_names_that_cannot_be() -> None:
             setattr(self, name, [MountPoint(Pos())])
             self.hip_0 = MountPoint(Pos())
 
-    with pytest.raises(ValueError, match="^two mounts of `Clash` are called `hip_0`$"):
+    with pytest.raises(ValueError, match="^two mounts of `Clash` are named `hip_0`$"):
         Clash("hip")
 
     class Named(Thing):

@@ -100,7 +100,7 @@ def test_a_whole_number_may_be_negative_and_a_count_may_not() -> None:
 
     assert given(steps=-3, least=-4.0) == (-3, -4, 2) and all(type(one) is int for one in given(steps=-3.0))
     for wrong, message in (
-        ({"steps": -2.5}, "`steps` of `Turned` is a whole number, found -2.5"),
+        ({"steps": -2.5}, "`steps` of `Turned` must be a whole number, found -2.5"),
         ({"least": -5}, "`least` of `Turned` must be at least -4, found -5"),
         ({"holes": -1}, "`holes` of `Turned` must be at least 0, found -1"),
     ):
@@ -151,7 +151,7 @@ def test_docstrings_of_three_styles() -> None:
         ({"tilt": [1]}, "`tilt` of `Block` must be an angle in deg, found [1]"),
         ({"load": "1 kg"}, "`load` of `Block` is a mass in kg, found '1 kg'"),
         ({"infill": "15 %"}, "`infill` of `Block` is a ratio, found '15 %'"),
-        ({"holes": 2.5}, "`holes` of `Block` is a whole number, found 2.5"),
+        ({"holes": 2.5}, "`holes` of `Block` must be a whole number, found 2.5"),
         ({"solid": 1}, "`solid` of `Block` must be True or False, found 1"),
         ({"label": 3}, "`label` of `Block` must be a string, found 3"),
         ({"side": "middle"}, "`side` of `Block` must be one of 'left', 'right', found 'middle'"),
@@ -401,7 +401,7 @@ def test_material_and_colour_are_names() -> None:
         def __init__(self, name: str):
             super().__init__(material=3 if name == "material" else None, color=name)  # type: ignore[arg-type]
 
-    with pytest.raises(TypeError, match='^the material of a Thing is a name, such as "petg" or "white"; found 3$'):
+    with pytest.raises(TypeError, match='^the material of a Thing must be a name such as "petg" or "white", found 3$'):
         Odd("material")
     with pytest.raises(TypeError, match="^the color of a Thing is a name"):
         Odd("")

@@ -316,7 +316,7 @@ def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: s
         place = _element_at(error, written)
         blamed = _blame(error, place, candidate, files)
         if blamed is None:
-            _say(Code.MJCF_REFUSED, "refuses", error, candidate, written, report)
+            _say(Code.MJCF_REFUSED, "rejects", error, candidate, written, report)
             return
         owner, name, value = blamed
         report.add(
