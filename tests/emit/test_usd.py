@@ -347,7 +347,7 @@ def fourbar(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
 
 @pytest.mark.parametrize("mode", ["bench", "by_coupler", "other", "third"])
 def test_a_loop_is_a_joint_that_is_excluded_from_the_articulation(fourbar: Compiled, mode: str) -> None:
-    """Closed in every pose of MuJoCo's, up to the coordinate its mimic leaves open."""
+    """Closed in every pose of MuJoCo's, up to the coordinate that it leaves open."""
     model, robot, reference = read(fourbar, mode), fourbar.robots[mode], fourbar.reference(mode)
     assert model.faults() == []
     excluded = [joint.name for joint in model.joints.values() if joint.excluded]
