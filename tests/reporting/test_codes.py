@@ -98,7 +98,7 @@ def test_the_examples_of_a_page_print_what_it_shows(
         printed, exit_code = said(shlex.split(example.command)[1:])
         if os.environ.get("REGENERATE"):
             path_of(code).write_text(with_output(path_of(code).read_text(), example, printed))
-        again = f"if it is right: REGENERATE=1 .venv/bin/pytest tests/reporting -k {code.code}, and read the difference"
+        again = f"if it is right: REGENERATE=1 .venv/bin/pytest tests/reporting -k 'examples and {code.code}', and read it"
         assert printed == read_page(code).examples[side].printed, again
         heads = re.findall(r"^(error|warning|note)\[(TC\d+)\]", printed, re.MULTILINE)
         assert {head for _, head in heads} == ({code.code} if side == "wrong" else set())
