@@ -140,7 +140,7 @@ def test_an_open_mesh_says_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("data", "said"), [
     (b"", "`part.stl` is empty"), (b"x" * 50, "`part.stl` is truncated: it has 50 bytes, but a binary STL file has at least 84"),
-    (stl(1.0)[:-30], "`part.stl` is cut off: it declares 12 triangles, but has bytes for 11.4"),
+    (stl(1.0)[:-30], "`part.stl` is truncated: it declares 12 triangles, but has bytes for 11.4"),
 ])
 def test_files_that_are_cut_off_are_said_where_they_are_named(data: bytes, said: str, tmp_path: Path) -> None:
     path, report = arm(tmp_path, data, inertia='<inertia ixx="0.05" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/>')
