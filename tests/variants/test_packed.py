@@ -26,7 +26,7 @@ from thingc.batch.results import find_variant
 from thingc.driver.environment import Options
 from thingc.tools.cli.main import main
 from variants.families import BOARDS, SOME, arrays
-from variants.robots import environment, thingc, tree, with_emitter, workspace
+from variants.robots import InThisProcess, environment, thingc, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
 from variants.test_faults import FAULTS, assert_gone, descendants, listed, started
 
@@ -119,12 +119,12 @@ def test_the_same_batch_gives_the_same_chunks(here: Path, tmp_path: Path, shared
     """Whoever finishes first, and however often it was stopped: here after 7 of 12, within a chunk."""
     other = workspace(tmp_path, some=SOME)
     options = Options(store=shared_store)
-    run(str(other / "some.yaml"), options=options, jobs=1, layout="packed", limit=7)
+    run(str(other / "some.yaml"), options=options, executor=InThisProcess(), layout="packed", limit=7)
     assert sorted(tree(other / "build/some/chunks"))[-1] == "000001.run.parquet"
-    summary = run(str(other / "some.yaml"), options=options, jobs=1, resume=True)
+    summary = run(str(other / "some.yaml"), options=options, executor=InThisProcess(), resume=True)
     assert summary.before == 7 and sealed(other / "build/some") == sealed(here / "build/some")
     before = {path: path.stat().st_mtime_ns for path in (other / "build/some").rglob("results.*")}
-    assert run(str(other / "some.yaml"), options=options, jobs=1, resume=True).before == 12
+    assert run(str(other / "some.yaml"), options=options, executor=InThisProcess(), resume=True).before == 12
     assert {path: path.stat().st_mtime_ns for path in before} == before  # nothing is new: nothing is written
 
 
@@ -164,7 +164,7 @@ def test_a_kill_while_a_chunk_is_sealed_loses_nothing(here: Path, tmp_path: Path
     assert list(in_order(str(out))) == list(in_order(str(here / "build" / "some")))
     count, some_lines = build_records.spread(str(out), 4)
     assert count == 12 and list(some_lines) == list(in_order(str(out)))[::3]
-    summary = run(str(other / "some.yaml"), options=Options(store=shared_store), jobs=1, resume=True)
+    summary = run(str(other / "some.yaml"), options=Options(store=shared_store), executor=InThisProcess(), resume=True)
     assert summary.before == 12 and tree(out / "chunks") == expected
 
 
@@ -228,7 +228,7 @@ def test_the_page_of_a_long_table_has_some_of_its_rows(here: Path, monkeypatch: 
 @pytest.mark.parametrize("name", ["000001.parquet", "000001.run.parquet"])
 def test_a_damaged_chunk_is_said_and_built_again_once_it_is_deleted(name: str, tmp_path: Path, shared_store: str) -> None:
     document = workspace(tmp_path, some=SOME) / "some.yaml"
-    run(str(document), options=Options(store=shared_store), layout="packed")
+    run(str(document), options=Options(store=shared_store), executor=InThisProcess(), layout="packed")
     out = tmp_path / "build" / "some"
     whole, file = sealed(out), out / "chunks" / name
     for damage in (b"", b"no table", file.read_bytes()[:-9]):
@@ -239,16 +239,17 @@ def test_a_damaged_chunk_is_said_and_built_again_once_it_is_deleted(name: str, t
             run(str(document), options=Options(store=shared_store), resume=True)
         assert caught.value.diagnostic.code is Code.BATCH_CHANGED
     file.unlink()
-    again = "does not exist any more: continue with --resume, which builds its variants again"
-    with pytest.raises(OSError, match=f"`.*{name}` {again}"):
+    gone = "does not exist any more: continue with --resume, which builds its variants again"
+    with pytest.raises(OSError, match=f"`.*{name}` {gone}"):
         load(out, mode="flying")
     for asked in (lambda: show_again(str(document)), lambda: find_variant(plan(str(document)), "some_00", str(out))):
         with pytest.raises(BatchFault, match="does not exist any more"):
             asked()
-    assert run(str(document), options=Options(store=shared_store), resume=True).statuses == {"built": 8, "kept_out": 4}
+    again = run(str(document), options=Options(store=shared_store), executor=InThisProcess(), resume=True)
+    assert again.statuses == {"built": 8, "kept_out": 4}
     assert sealed(out) == whole
     shutil.rmtree(out / "chunks")
-    with pytest.raises(OSError, match=f"`.*000000.run.parquet` {again}"):
+    with pytest.raises(OSError, match=f"`.*000000.run.parquet` {gone}"):
         load(out)
 
 

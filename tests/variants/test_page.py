@@ -16,6 +16,7 @@ import psutil
 import pytest
 from PIL import Image
 
+from conformance.harness import thingc_here
 from thingc.base.diagnostics import Code
 from thingc.batch import folder_layout
 from thingc.batch.page import write_page
@@ -93,8 +94,8 @@ STANDS = """
 def stands(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
     """The folder of a batch with pictures: 12 variants, some of them kept out."""
     here = workspace(tmp_path_factory.mktemp("page"), stands=STANDS)
-    done = thingc("batch", "stands.yaml", "--pictures", "6", "--jobs", "1", cwd=here, env=environment(shared_store))
-    assert done.returncode == 0, done.stderr
+    done = thingc_here("batch", "stands.yaml", "--pictures", "6", "--jobs", "1", cwd=here, store=shared_store)
+    assert done.code == 0, done.err
     return here / "build" / "stands"
 
 
@@ -118,8 +119,8 @@ def test_the_page_is_the_same_again(stands: Path, shared_store: str) -> None:
     before = (stands / "index.html").read_bytes()
     pictures = {path.name: path.read_bytes() for path in (stands / "pictures").iterdir()}
     (stands / "index.html").unlink()
-    done = thingc("batch", "stands.yaml", "--page-only", "--pictures", "6", cwd=stands.parents[1], env=environment(shared_store))
-    assert done.returncode == 0 and done.stderr == "build/stands/index.html\n" and done.stdout == ""
+    done = thingc_here("batch", "stands.yaml", "--page-only", "--pictures", "6", cwd=stands.parents[1], store=shared_store)
+    assert done.code == 0 and done.err == "build/stands/index.html\n" and done.out == ""
     assert (stands / "index.html").read_bytes() == before
     assert {path.name: path.read_bytes() for path in (stands / "pictures").iterdir()} == pictures
 
@@ -226,12 +227,12 @@ def test_of_very_many_variants_there_are_no_pictures_unless_asked(tmp_path: Path
     assert [usual(count) for count in (1, 48, 200, 201, 50_000)] == [48, 48, 48, 0, 0]
     many = "thingc: variants/1\nassembly: pendulum.yaml\nname: many\nparameters: {length: {from: 200 mm, to: 400 mm, count: 201}}\n"
     here = workspace(tmp_path, many=many + "keep: [length < 202 mm]\n")
-    env = environment(shared_store)
-    done = thingc("batch", "many.yaml", "--verify", "none", "--jobs", "1", cwd=here, env=env)
+    done = thingc_here("batch", "many.yaml", "--verify", "none", "--jobs", "1", cwd=here, store=shared_store)
     words = "by default, the page of more than 200 variants has no pictures; to draw them: "
     words += "thingc batch many.yaml --page-only --pictures 48\n"
-    assert done.returncode == 0 and done.stderr.endswith(words), done.stderr
-    assert words not in thingc("batch", "many.yaml", "--verify", "none", "--jobs", "1", "--pictures", "none", cwd=here, env=env).stderr
+    assert done.code == 0 and done.err.endswith(words), done.err
+    without = thingc_here("batch", "many.yaml", "--verify", "none", "--jobs", "1", "--pictures", "none", cwd=here, store=shared_store)
+    assert without.code == 0 and words not in without.err
 
 
 @browser
@@ -331,9 +332,9 @@ def test_the_run_leaves_no_trace_on_the_page(tmp_path: Path) -> None:
 
 def test_robots_of_frames_have_no_pictures_and_a_page(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
-    done = thingc("batch", "sweep.yaml", "--jobs", "1", cwd=here, env=environment(shared_store))
-    assert done.returncode == 0 and (here / "build/sweep/index.html").is_file() and not (here / "build/sweep/pictures").exists()
-    assert "warning" not in done.stderr
+    done = thingc_here("batch", "sweep.yaml", "--jobs", "1", cwd=here, store=shared_store)
+    assert done.code == 0 and (here / "build/sweep/index.html").is_file() and not (here / "build/sweep/pictures").exists()
+    assert "warning" not in done.err
 
 
 @browser
@@ -353,8 +354,8 @@ def test_a_card_says_what_it_leaves_out(tmp_path: Path, shared_store: str) -> No
     name: several
     list: {listed}
     """)
-    done = thingc("batch", "several.yaml", "--pictures", "2", "--jobs", "1", cwd=here, env=environment(shared_store))
-    assert done.returncode == 0, done.stdout + done.stderr
+    done = thingc_here("batch", "several.yaml", "--pictures", "2", "--jobs", "1", cwd=here, store=shared_store)
+    assert done.code == 0, done.out + done.err
     found = seen(here / "build/several/index.html", """
         return { told: [...$("#grid .card dl").querySelectorAll("dt")].map((e) => e.textContent) };
     """)
@@ -374,7 +375,7 @@ def test_where_nothing_can_be_drawn_the_page_says_less(stands: Path, tmp_path: P
 
 def test_page_only_needs_a_batch(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
-    done = thingc("batch", "sweep.yaml", "--page-only", cwd=here, env=environment(shared_store))
-    assert done.returncode == 2 and "error[TC924]" in done.stderr and not (here / "build").exists()
-    wrong = thingc("batch", "sweep.yaml", "--pictures", "some", cwd=here, env=environment(shared_store))
-    assert wrong.returncode == 2 and "expected a whole number from 1, `none` or `all`, found `some`" in wrong.stderr
+    done = thingc_here("batch", "sweep.yaml", "--page-only", cwd=here, store=shared_store)
+    assert done.code == 2 and "error[TC924]" in done.err and not (here / "build").exists()
+    wrong = thingc_here("batch", "sweep.yaml", "--pictures", "some", cwd=here, store=shared_store)
+    assert wrong.code == 2 and "expected a whole number from 1, `none` or `all`, found `some`" in wrong.err

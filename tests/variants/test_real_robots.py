@@ -11,8 +11,9 @@ from pathlib import Path
 import mujoco
 import pytest
 
+from conformance.harness import thingc_here
 from thingc.tools.cli.main import main
-from variants.robots import environment, thingc, tree
+from variants.robots import tree
 
 pytestmark = pytest.mark.slow
 
@@ -51,10 +52,9 @@ def test_variants_equal_single_builds(
         shutil.copytree(root / folder, tmp_path / folder)
     shutil.copy(root / "thingc.toml", tmp_path)
     (tmp_path / "family.yaml").write_text(text)
-    env = environment(shared_store)
-    assert thingc("check", "family.yaml", cwd=tmp_path, env=env).stdout == "family.yaml: ok\n"
-    done = thingc("batch", "family.yaml", "--jobs", "1", "--pictures", "none", cwd=tmp_path, env=env)
-    assert done.returncode == 0, done.stderr
+    assert thingc_here("check", "family.yaml", cwd=tmp_path, store=shared_store).out == "family.yaml: ok\n"
+    done = thingc_here("batch", "family.yaml", "--jobs", "1", "--pictures", "none", cwd=tmp_path, store=shared_store)
+    assert done.code == 0, done.err
     out = tmp_path / "build" / name
     with (out / "results.csv").open() as stream:
         rows = list(csv.DictReader(stream))
