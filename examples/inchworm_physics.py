@@ -111,8 +111,11 @@ class World:
 
     def __init__(self, folder: Path, mode: str, faces: Sequence[Face] = BEAM) -> None:
         self.mode, self.model = mode, on_steel(folder, mode, faces)
-        self.faces = {face.name for face in faces}
+        self.stood_on = {frozenset((face.name, f"{foot}/magnet:collision")) for face in faces for foot in FEET}
         self.data = mujoco.MjData(self.model)
+        self.feet = {foot: self.model.body(f"{foot}/foot").id for foot in FEET}
+        self.soles = {foot: self.data.site(f"{foot}/sole") for foot in FEET}
+        self.magnets = {foot: self.data.actuator(f"{foot}/sole") for foot in FEET}
         self.names = [self.model.geom(number).name for number in range(self.model.ngeom)]
         self.qpos = [int(self.model.joint(name).qposadr[0]) for name in JOINTS]
         self.dofs = [int(self.model.joint(name).dofadr[0]) for name in JOINTS]
@@ -126,15 +129,15 @@ class World:
 
     def sole(self, foot: str) -> Array:
         """The middle of a sole in the world (3,)."""
-        return np.array(self.data.site(f"{foot}/sole").xpos)
+        return np.array(self.soles[foot].xpos)
 
     def normal(self, foot: str) -> Array:
         """(3,) of the steel on which a foot stands, from the steel to the robot: along an axis of the world, as all steel here."""
-        return -np.round(self.data.site(f"{foot}/sole").xmat.reshape(3, 3)[:, 2])
+        return -np.round(self.soles[foot].xmat[2::3])
 
     def turn(self, foot: str) -> float:
         """How a sole is turned from a floor [rad], toe up."""
-        x, _, z = self.data.site(f"{foot}/sole").xmat.reshape(3, 3)[:, 2]
+        x, _, z = self.soles[foot].xmat[2::3]
         return float(np.arctan2(x, -z))
 
     def gravity(self, foot: str) -> Array:
@@ -145,18 +148,18 @@ class World:
 
     def tilt(self, foot: str) -> float:
         """The angle [rad] between a sole and the steel."""
-        return float(np.linalg.norm(cross(self.data.site(f"{foot}/sole").xmat.reshape(3, 3)[:, 2], self.normal(foot))))
+        return float(np.linalg.norm(cross(self.soles[foot].xmat[2::3], self.normal(foot))))
 
-    def contacts(self) -> Iterator[set[str]]:
+    def contacts(self) -> Iterator[frozenset[str]]:
         """The names of the geoms of each contact."""
-        for one, other_one in self.data.contact.geom:
-            yield {self.names[one], self.names[other_one]}
+        for pair in self.data.contact.geom.tolist():
+            yield frozenset(self.names[geom] for geom in pair)
 
     def reaction(self, foot: str) -> tuple[float, float, float]:
         """What the steel does to the sole of a foot: force towards the robot [N], force along the steel [N], and the moment that
         tips the foot [N m]. Of a held foot from the accelerations of all that hangs on it, else from its contacts."""
         centre, wrench = self.sole(foot), np.zeros(6)
-        body = self.model.body(f"{foot}/foot").id
+        body = self.feet[foot]
         if self.model.body_mocapid[body] >= 0:
             mujoco.mj_rnePostConstraint(self.model, self.data)
             wrench[3:], wrench[:3] = self.data.cfrc_int[body][:3], self.data.cfrc_int[body][3:]
@@ -174,8 +177,7 @@ class World:
 
     def on_sole(self, foot: str, centre: Array) -> Iterator[tuple[Array, Array]]:
         """Force [N] and moment about `centre` [N m] of each contact of a foot with the steel."""
-        body = self.model.body(f"{foot}/foot").id
-        found = self.data.contact
+        body, found = self.feet[foot], self.data.contact
         for index, bodies in enumerate(self.model.geom_bodyid[found.geom].tolist()):
             if sorted(bodies) == [0, body]:
                 local = np.zeros(6)
@@ -185,19 +187,19 @@ class World:
 
     def hold(self, foot: str, centre: Array) -> tuple[int, Array, Array]:
         """How many contacts a magnet has, its pull [N] and the moment of that about `centre` [N m]: MuJoCo spreads it evenly."""
-        body = self.model.body(f"{foot}/foot").id
-        bodies = np.sort(self.model.geom_bodyid[self.data.contact.geom], axis=1)
-        points = self.data.contact.pos[(bodies == [0, body]).all(axis=1)]
-        if not len(points):
+        bodies = self.model.geom_bodyid[self.data.contact.geom].tolist()
+        touching = [index for index, pair in enumerate(bodies) if sorted(pair) == [0, self.feet[foot]]]
+        if not touching:
             return 0, np.zeros(3), np.zeros(3)
-        force = -float(self.data.actuator(f"{foot}/sole").force[0]) * self.normal(foot)
+        points = self.data.contact.pos[touching]
+        force = -float(self.magnets[foot].force[0]) * self.normal(foot)
         return len(points), force, cross(points.mean(axis=0) - centre, force)
 
     def drive(self, now: Instant, torque: Array) -> None:
         """Ask the servos for the positions at which they give `torque` (6,), and set the magnets."""
         self.data.ctrl[self.drives] = now.q + (torque + self.kv * now.v) / self.kp
         for foot, force in now.magnets.items():
-            self.data.actuator(f"{foot}/sole").ctrl = force
+            self.magnets[foot].ctrl = force
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -337,7 +339,7 @@ class Climb:
         data, most = world.data, -np.inf
         carrying = [swing.holds] if now.share == 0.0 else [swing.moves] if now.share == 1.0 else FEET
         for foot in carrying:
-            held = world.model.body_mocapid[world.model.body(f"{foot}/foot").id] >= 0
+            held = world.model.body_mocapid[world.feet[foot]] >= 0
             if not held and world.hold(foot, world.sole(foot))[0] == 0:
                 seen.pull, seen.pulled, most = np.inf, now.phase, np.inf  # it has come off
                 continue
@@ -346,14 +348,14 @@ class Climb:
             if most > seen.pull:
                 seen.pull, seen.pulled = most, now.phase
             seen.shear = max(seen.shear, along / (SLIDE * max(PULL + normal, 1e-9)))
-        force, speed = data.actuator_force[world.drives], np.abs(data.qvel[world.dofs])
-        for name, part in zip(JOINTS, np.abs(force) / world.stall, strict=True):
-            seen.torque[name] = max(seen.torque[name], float(part))
+        torque, speed = np.abs(data.actuator_force[world.drives]) / world.stall, np.abs(data.qvel[world.dofs])
+        for name, part in zip(JOINTS, torque.tolist(), strict=True):
+            seen.torque[name] = max(seen.torque[name], part)
         no_load = world.stall / world.kv
-        seen.speed = max(seen.speed, float((np.abs(force) / world.stall + speed / no_load).max()))
+        seen.speed = max(seen.speed, float((torque + speed / no_load).max()))
         seen.tracking = max(seen.tracking, float(np.abs(world.joints() - now.q).max()))
         for pair in world.contacts():
-            if not any(pair == {steel, f"{foot}/magnet:collision"} for foot in FEET for steel in world.faces):
+            if pair not in world.stood_on:
                 seen.touches |= {" and ".join(sorted(pair))}
         return most
 

@@ -14,7 +14,7 @@ import io
 import subprocess
 import sys
 import tokenize
-from collections import Counter, defaultdict
+from collections import Counter, defaultdict, deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,10 +104,10 @@ def is_template(path: str) -> bool:
     return path.rpartition("templates/")[2].count("/") > 0 and "templates/" in path
 
 
-def code_lines(text: str) -> int:
+def code_lines(text: str, tree: ast.Module) -> int:
     """Return the number of lines of a module without comments, docstrings and empty lines."""
     docstrings = {
-        line for node in ast.walk(ast.parse(text)) if isinstance(body := getattr(node, "body", None), list)
+        line for node in statements(tree) if isinstance(body := getattr(node, "body", None), list)
         for one in body if isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant) and isinstance(one.value.value, str)
         for line in range(one.lineno, one.end_lineno + 1)
     }
@@ -122,13 +122,13 @@ def code_lines(text: str) -> int:
 def structure(texts: dict[str, str]) -> Structure:
     """Return the figures of modules with these texts."""
     trees: Trees = {path: (text, ast.parse(text)) for path, text in texts.items() if not is_template(path)}
-    sizes = {path: code_lines(text) for path, (text, _) in trees.items()}
+    sizes = {path: code_lines(text, tree) for path, (text, tree) in trees.items()}
     names: Counter[str] = Counter()
     rooms: Counter[str] = Counter()
     classes: defaultdict[str, set[str]] = defaultdict(set)
     for path, (_, tree) in trees.items():
         rooms[path.partition("/")[0]] += sizes[path]
-        for node in ast.walk(tree):
+        for node in statements(tree):
             if isinstance(node, ast.FunctionDef) and not (node.name == "run" and "cli/" in path) and not node.name.startswith("__"):
                 names[node.name] += 1
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
@@ -143,9 +143,18 @@ def structure(texts: dict[str, str]) -> Structure:
     )
 
 
+def statements(tree: ast.Module) -> Iterator[ast.AST]:
+    """Yield a module and its statements, outer ones first, without expressions, which are most of a tree."""
+    waiting: deque[ast.AST] = deque([tree])
+    while waiting:
+        node = waiting.popleft()
+        yield node
+        waiting.extend(inner for inner in ast.iter_child_nodes(node) if not isinstance(inner, ast.expr))
+
+
 def functions(path: str, tree: ast.Module) -> Iterator[Function]:
     """Yield the functions of a module, including methods and inner ones."""
-    for node in ast.walk(tree):
+    for node in statements(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             names = [argument.arg for argument in ast.walk(node.args) if isinstance(argument, ast.arg)]
             bound = names[:1] in (["self"], ["cls"])
@@ -172,10 +181,11 @@ def module(path: str) -> str:
 
 
 def at_run_time(node: ast.AST) -> Iterator[ast.AST]:
-    """Yield the nodes below a node, without code for type checkers only."""
+    """Yield the statements below a node, without code for type checkers only."""
     yield node
     for inner in node.orelse if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test) else ast.iter_child_nodes(node):
-        yield from at_run_time(inner)
+        if not isinstance(inner, ast.expr):
+            yield from at_run_time(inner)
 
 
 if __name__ == "__main__":

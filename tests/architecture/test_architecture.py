@@ -91,14 +91,14 @@ def layer(name: str) -> int:
 
 
 def at_run_time(node: ast.AST, *, called: bool = True) -> Iterator[ast.AST]:
-    """What is below a node, but for what stands there for type checkers alone; of functions only where they are `called`."""
+    """The statements below a node, but for those for type checkers alone; of functions only where they are `called`."""
     waiting = [node]
     while waiting:
         node = waiting.pop()
-        if called or not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+        if called or not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             yield node
             types = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
-            waiting += node.orelse if types else ast.iter_child_nodes(node)
+            waiting += [inner for inner in (node.orelse if types else ast.iter_child_nodes(node)) if not isinstance(inner, ast.expr)]
 
 
 def named_by(nodes: Iterable[ast.AST]) -> set[str]:

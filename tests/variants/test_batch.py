@@ -170,7 +170,7 @@ def test_what_is_set_by_path_is_a_column_and_the_command_builds_the_same(tmp_pat
     assert (units["joints.swing.limit.upper"], units["joints.twist.dynamics.damping"]) == ("rad", "kg*m^2/rad/s")
     words = shlex.split(table[1]["command"])[1:]
     assert "joints.swing.limit.upper=60 deg" in words
-    assert thingc_here(*words, "-o", "alone", cwd=here, store=shared_store).err.startswith("alone/pendulum: ")
+    assert thingc_here(*words, "-o", "alone", cwd=here, store=shared_store).err.startswith("Built alone/pendulum: ")
     assert tree(here / "alone" / "pendulum") == tree(here / "build" / "paths" / table[1]["path"])
 
 
