@@ -211,7 +211,7 @@ def test_a_killed_driver_of_a_packed_batch_can_be_resumed(tmp_path: Path, shared
 
 
 def test_a_batch_is_gone_on_with_in_its_own_layout(here: Path, shared_store: str) -> None:
-    with pytest.raises(BatchFault, match="begun with something else: its layout is `packed`, not `folders`") as caught:
+    with pytest.raises(BatchFault, match="started with other input: its layout is `packed`, not `folders`") as caught:
         run(str(here / "some.yaml"), options=Options(store=shared_store), resume=True, layout="folders")
     assert caught.value.diagnostic.code is Code.BATCH_CHANGED
 
