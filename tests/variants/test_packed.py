@@ -239,11 +239,11 @@ def test_a_damaged_chunk_is_said_and_built_again_once_it_is_deleted(name: str, t
             run(str(document), options=Options(store=shared_store), resume=True)
         assert caught.value.diagnostic.code is Code.BATCH_CHANGED
     file.unlink()
-    gone = "does not exist any more: continue with --resume, which builds its variants again"
+    gone = "no longer exists: continue with --resume, which builds its variants again"
     with pytest.raises(OSError, match=f"`.*{name}` {gone}"):
         load(out, mode="flying")
     for asked in (lambda: show_again(str(document)), lambda: find_variant(plan(str(document)), "some_00", str(out))):
-        with pytest.raises(BatchFault, match="does not exist any more"):
+        with pytest.raises(BatchFault, match="no longer exists"):
             asked()
     again = run(str(document), options=Options(store=shared_store), executor=InThisProcess(), resume=True)
     assert again.statuses == {"built": 8, "kept_out": 4}
