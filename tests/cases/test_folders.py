@@ -389,7 +389,7 @@ def test_what_a_person_did_to_a_build_is_kept_until_they_give_it_up(
     for _ in range(2):
         code, lines = said(capsys, *words)
         assert code == 2 and lines[0].startswith(f"error[{Code.UNEXPECTED.code}]: `out/two` contains files ") and f"`{name}`" in lines[0]
-        assert lines[1].endswith("or give them up with --force")
+        assert lines[1].endswith("or overwrite them with --force")
         assert {path: (path.is_symlink(), path.is_file() and path.read_bytes()) for path in two.rglob("*")} == before
     assert said(capsys, *words, "--force")[0] == 0
     assert sorted(path.name for path in two.iterdir()) == sorted(whole)
