@@ -1,1 +1,1 @@
-"""The robot: from documents and part records to assemblies, trees of modes, and loads."""
+"""The robot model: resolved documents, linked assemblies, the kinematic tree of each mode, and static loads."""

@@ -1,1 +1,1 @@
-"""Linking: the resolved model and the part records become occurrences, mates and links, before a root is chosen."""
+"""Linking: convert the resolved model and the part records to occurrences, mates and links. No root is chosen yet."""

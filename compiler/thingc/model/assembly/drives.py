@@ -1,4 +1,4 @@
-"""Joint edges of the mate graph, with the values that their drives provide."""
+"""Joint edges of the mate graph, including the values provided by their drives."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`driv
 
 
 def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
-    """Return the joint edge as the document states it, without values of its drive."""
+    """Return the joint edge with the values of the document only, without those of its drive."""
     mimic = None if joint.mimic is None else replace(joint.mimic, joint=_named(instance, joint.mimic.joint))
     return JointEdge(
         name=_named(instance, joint.name), kind=joint.kind, twist=twist, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset,
@@ -96,7 +96,7 @@ def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: D
 
 
 def _drive_notes(tree: Tree, instance: Instance, drive: Drive) -> tuple[Note, ...]:
-    """Return the note that shows where the Thing of a drive is written; empty for an inline drive."""
+    """Return a note with the location of a drive's Thing. Empty for an inline drive."""
     named = tree.component(instance, drive.component) if drive.component is not None else None
     if named is None or named.part is None or named.part.record is None:
         return ()

@@ -19,8 +19,8 @@ DefinitionKind = Literal["assembly", "part", "file", "link", "frame"]
 class Definition(OneLineRepr, FrozenStruct):
     """A node of the HAG.
 
-    `text` prints it exactly and is, with `reference` (`module:Class`, a file, or the path of a document in the workspace), its identity.
-    `label` is the display name. `mirror` is the axis of a mirror image, and `plain` the definition that it mirrors.
+    `text` is the exact representation. Together with `reference` (`module:Class`, a file, or the path of a document in the workspace), it
+    identifies the node. `label` is the display name. For a mirror image, `mirror` is the axis and `plain` is the original definition.
     """
 
     text: str
@@ -48,9 +48,10 @@ class Definition(OneLineRepr, FrozenStruct):
 
 
 class DefinitionEdge(OneLineRepr, FrozenStruct):
-    """An edge of the HAG: `parent` contains `child` (texts of definitions) as its component `component`.
+    """An edge of the HAG: definition `parent` contains definition `child` as its component `component`.
 
-    `mounts` shows how it is placed (`back -> plate.servo_seat`), `joint` is the name of the joint that places it, if any.
+    `parent` and `child` are the texts of definitions. `mounts` describes the placement (`back -> plate.servo_seat`). `joint` is the name of
+    the joint that places the component, if any.
     """
 
     parent: str
@@ -74,7 +75,7 @@ class Hag(OneLineRepr, FrozenStruct):
 
 
 FRAME = Definition(text="frame", label="frame", reference="frame", kind="frame")
-"""The definition that all components without geometry share."""
+"""The shared definition of all components without geometry."""
 
 
 def hag_of(model: AssemblyDefinition) -> Hag:
@@ -109,8 +110,8 @@ def hag_of(model: AssemblyDefinition) -> Hag:
 class _Names:
     """Nodes by definition.
 
-    Edges refer to texts: if two definitions print the same text (two documents, or an assembly and a frame), the later one gets its
-    reference in brackets.
+    Edges refer to definitions by text. If two definitions have the same text (two documents, or an assembly and a frame), the reference is
+    appended to the later one in brackets.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Non-deterministic parts: compare two records of one definition and report the differences."""
+"""Detect non-deterministic parts: compare two records of the same definition and report the differences."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from thingc.model.assembly.report import written_at
 from thingc.model.assembly.types import Assembly
 
 OTHER_SEED = 1
-"""Hash seed of the second run; fixed, so that a part that depends on it differs in every run."""
+"""Hash seed of the second run. It is fixed, so that a part that depends on the seed is always detected."""
 
 _HELP = (
     "sort what comes from a set: `sorted(names)`; seed generators; make a parameter of what the clock, the environment or another "
@@ -25,7 +25,7 @@ Show = Callable[[Any, int], str]
 
 
 class RecordDifference(FrozenStruct, kw_only=False):
-    """A difference of two records: the name of the property (`volume`), and a description (`its volume is 1.2 cm^3 and 1.3 cm^3`)."""
+    """A difference between two records: the property (`volume`), and a description (`its volume is 1.2 cm^3 and 1.3 cm^3`)."""
 
     name: str
     words: str
@@ -48,7 +48,7 @@ def _text(value: Any, digits: int) -> str:
 
 
 class _Field(FrozenStruct, kw_only=False):
-    """Display name of a field of a record, and how to format its values; without `show`, a difference is reported without values."""
+    """Display name and formatter of a field of a record. Without the formatter `show`, differences are reported without values."""
 
     name: str
     show: Show | None = None
@@ -97,7 +97,7 @@ FIELDS: Mapping[str, _Field] = {
 """Compared fields of a record, most informative first."""
 
 LEFT_OUT = frozenset({"text", "code", "own_image", "warnings", "convex", "slices", "exact", "brep"})
-"""Fields that are not compared: they do not affect the part, or follow from its meshes.
+"""Fields that are not compared, because they do not affect the part or are derived from its meshes.
 
 The B-rep has numerical noise of the kernel (see `modelling.DECIMALS`).
 """
@@ -116,7 +116,7 @@ def definitions_of(assembly: Assembly) -> tuple[PartDefinition, ...]:
 
 
 def compare(assembly: Assembly, again: Mapping[str, PartRecord | PartFailure], report: Report) -> None:
-    """Report an error for each part whose record in `again` (by text) differs from that in the assembly, at its first occurrence."""
+    """Report each part whose record differs between the assembly and `again` (keyed by text), at its first occurrence."""
     waiting = dict(again)
     for occurrence in assembly.occurrences:
         second = waiting.pop(occurrence.definition.text, None)

@@ -20,9 +20,10 @@ _ROOM = 1e-9
 
 
 def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
-    """Report stated inertias that are not physical, and return the indices of these occurrences.
+    """Report unphysical inertias in documents and return the indices of their occurrences.
 
-    A non-physical inertia is accepted if that of the whole link is physical (common after `fixed` joints of URDF); a zero inertia is not.
+    An unphysical inertia is accepted if the inertia of the whole link is physical, which is common for `fixed` joints of URDF. A zero
+    inertia is always an error.
     """
     faulty = []
     for index, one in enumerate(robot.occurrences):
@@ -45,11 +46,11 @@ def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
 
 
 def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport) -> None:
-    """Report one error per link that moves in some mode without a valid mass and inertia.
+    """Report each link that moves in some mode but has no valid mass and inertia.
 
-    A link moves in a mode unless it is the root and the base is `fixed` or `held`. Massless intermediate links (`between` two joints) only
-    need a mass in modes whose root they are. Links with an occurrence in `faulty` (already reported) are skipped. Links that the same
-    line of a document defines (a definition used several times) are reported once.
+    A link moves in a mode unless it is the root and the base is `fixed` or `held`. Massless intermediate links (`between` two joints) need
+    a mass only in modes that use them as the root. Links with an occurrence in `faulty` (already reported) are skipped. If a definition is
+    used several times, its links are reported once.
     """
     said: set[Span] = set()
     modes, link_of = robot.modes, robot.link_of
@@ -91,7 +92,7 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
 
 
 def _light(mass: float, least: float) -> str | None:
-    """Describe why the mass or the smallest principal moment [kg m^2] of a moving link is too small for MuJoCo; None if neither is."""
+    """Describe why the mass or smallest principal moment [kg m^2] of a moving link is too small for MuJoCo; None if it is not."""
     if mass <= LEAST_MASS:
         return f"its mass is {mass_words(mass)}, but must be more than {mass_words(LEAST_MASS)}"
     if least < LEAST_MOMENT * (1.0 + _ROOM):
@@ -106,7 +107,7 @@ def _measured(one: Occurrence) -> str:
 
 
 def _cause(one: Occurrence) -> str:
-    """Return a hint on why a link is too light: the unit or the density of its heaviest component, else a general hint."""
+    """Return a likely cause of a light link: the unit or density of its heaviest component, otherwise a general hint."""
     record = one.record
     if record is not None and record.box is not None:
         longest = numeric.maximum(above - below for below, above in zip(*record.box))

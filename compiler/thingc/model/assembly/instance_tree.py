@@ -24,7 +24,7 @@ from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, R
 class Instance:
     """A node of the tree. `path` is like `hand/cap` (empty for the top), `origin` the chain of spans that created it.
 
-    Either `assembly` or `part` is set; neither, if the component is invalid (already reported).
+    Either `assembly` or `part` is set. If the component is invalid (already reported), neither is set.
     `index` counts occurrences in document order. For an assembly it is the index of `base`, the component that is not placed; None if
     there is no base.
     """
@@ -80,8 +80,8 @@ def unplaced(definition: AssemblyDefinition) -> list[str]:
 class Tree:
     """The tree of instances of a model.
 
-    `assemblies` lists parents before children, `occurrences` is in document order (including those of nested assemblies). `added` contains
-    the mounts that documents add to nested assemblies, by occurrence: they are on the base of the assembly.
+    `assemblies` lists parents before children. `occurrences` is in document order and includes nested assemblies. `added` contains the
+    mounts added to nested assemblies by documents, keyed by the occurrence of the assembly's base.
     """
 
     def __init__(self, model: AssemblyDefinition, instances: PartInstances, findings: LinkReport) -> None:
@@ -195,8 +195,8 @@ class Tree:
     def _mount(self, instance: Instance, name: str, shown: str, document: Instance) -> FoundMount | _Fault:
         """Find a mount by name: of a part, of an assembly (exported or added), or `origin`.
 
-        `shown` is the name of the instance in `document`, for messages. An invalid exported mount is reported at the line that exports it,
-        not where it is used.
+        `shown` is the name of the instance in `document`, for messages. An invalid exported mount is reported where it is exported, not
+        where it is used.
         """
         met: set[tuple[str, str]] = set()
         exported, within = False, document.assembly
@@ -255,7 +255,7 @@ def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> 
 def _mount_help(name: str, mounts: Collection[str], document: Instance) -> str:
     """Suggest a fix for an unknown mount.
 
-    It is the indices of a list, the nearest name, the existing mounts, or the one other component that has a mount of this name.
+    Suggest the valid indices of a list, the most similar name, the existing mounts, or the only other component with such a mount.
     """
     numbers = sorted(int(one[len(name) + 1 :]) for one in mounts if re.fullmatch(rf"{re.escape(name)}_\d+", one))
     if numbers:
@@ -267,28 +267,28 @@ def _mount_help(name: str, mounts: Collection[str], document: Instance) -> str:
 
 
 def _may_be_there(name: str, mounts: Collection[str]) -> bool:
-    """Return whether a part that is only approximately known may have this mount.
+    """Return whether a part with incomplete information may have this mount.
 
-    It may if no mounts are known, or if `name` is an element of a list (`hip_7` if there is a `hip_0`), whose length may depend on any
-    parameter.
+    This is the case if no mounts are known. It is also the case if `name` is an element of a list (`hip_7` if there is a `hip_0`), because
+    the length of the list may depend on any parameter.
     """
     stem, _, index = name.rpartition("_")
     return not mounts or index.isdigit() and f"{stem}_0" in mounts
 
 
 def _counted(reference: Reference) -> tuple[Note, ...]:
-    """Return the note that shows where the `repeat` of an indexed reference is written; empty if both are on one line."""
+    """Return a note with the location of the `repeat` of an indexed reference. Empty if both are on the same line."""
     here, there = reference.repeat_origin[:1], reference.origin[:1]
     return noted(COUNTED, here) if here and there and here[0].line != there[0].line else ()
 
 
 def _owner(instance: Instance, shown: str) -> str:
-    """Format an instance by its name in the referring document and its definition: `hand.cap` (`arm:Cap`)."""
+    """Format the name of an instance in the referring document, and its definition: `hand.cap` (`arm:Cap`)."""
     label = instance.assembly.label if instance.assembly is not None else instance.part.definition.label if instance.part else ""
     return f"`{shown}` (`{label}`)" if shown and label else f"`{shown or label}`"
 
 
 def _shown_by(definition: AssemblyDefinition) -> tuple[Note, ...]:
-    """Return the note that shows where an assembly exports its mounts."""
+    """Return a note with the location of an assembly's exported mounts."""
     places = [reference.origin[0] for reference in definition.mounts.values() if reference.origin] or list(definition.origin[:1])
     return (Note(message=f"`{definition.label}` exports its mounts here", span=places[0]),) if places else ()

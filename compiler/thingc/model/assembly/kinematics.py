@@ -12,14 +12,14 @@ from thingc.model.assembly.types import Assembly, JointEdge, Mate
 
 
 def joints_of(assembly: Assembly) -> tuple[JointEdge, ...]:
-    """Return the coordinates of all joints: a document's own as written, then those of its nested documents."""
+    """Return the coordinates of all joints: those of a document in written order, then those of its nested documents."""
     return tuple(joint for mate in assembly.mates for joint in mate.joints)
 
 
 def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dict[str, float]:
-    """Return q [rad or m] by joint path, in the order of `joints`: from `values`, else from the joint that it mimics, else 0.
+    """Return a mapping of joint paths to q [rad or m], in the order of `joints`. Values come from `values`, mimics, or 0.
 
-    Joints that mimic each other in a cycle are at 0 (the cycle is reported when documents are resolved).
+    Joints in a cycle of mimics are at 0. The resolver reports such cycles.
     """
     by_path = {joint.path: joint for joint in joints}
     known: dict[str, float] = {}
@@ -41,10 +41,10 @@ def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dic
 
 
 def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -> dict[str, tuple[str, float, float]]:
-    """Return for each joint the joint that it finally follows (itself if it mimics none), a multiplier and an offset [rad or m].
+    """Return the leader, multiplier and offset [rad or m] of each joint. The leader of a joint without a mimic is itself.
 
-    q = offset + multiplier q(leader). The result is by path, in the order of `joints`. Polynomials are linearized at `q` (all joints by
-    path [rad or m]; by default with all leaders at 0).
+    q = offset + multiplier q(leader). Chains of mimics are followed to the end. The result is keyed by path, in the order of `joints`.
+    Polynomials are linearized at `q`, which contains all joints by path [rad or m] (by default, all leaders are 0).
     """
     by_path = {joint.path: joint for joint in joints}
     if q is None:
@@ -65,12 +65,12 @@ def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -
 
 
 def bent(joints: Iterable[JointEdge]) -> bool:
-    """Return whether any joint follows another one by a nonlinear polynomial, so that `leaders` depends on q."""
+    """Return whether any mimic is a nonlinear polynomial. The result of `leaders` then depends on q."""
     return any(joint.mimic is not None and joint.mimic.higher for joint in joints)
 
 
 def across(mate: Mate, q: Mapping[str, float]) -> Pose:
-    """Return `X_PC(q)`: the child occurrence in the parent occurrence, q [rad or m] by joint path (0 by default)."""
+    """Return `X_PC(q)`, the pose of the child occurrence in the parent occurrence. `q` [rad or m] is keyed by joint path (default 0)."""
     if not mate.joints:
         return mate.X_PJ @ mate.X_JC
     values = tuple(q.get(joint.path, 0.0) + joint.offset for joint in mate.joints)
@@ -84,7 +84,7 @@ def balls(joints: Iterable[JointEdge]) -> Iterator[tuple[JointEdge, ...]]:
 
 
 def in_cones(balls: Iterable[tuple[JointEdge, ...]], q: Mapping[str, float]) -> dict[str, float]:
-    """Clamp the coordinates of balls [rad]: return them by path, within half a turn and within the cone limit of each ball."""
+    """Return the coordinates of ball joints [rad] by path, clamped to half a turn and to the cone limit of each joint."""
     angles: dict[str, float] = {}
     for ball in balls:
         x, y, z = within_turn((q[ball[0].path], q[ball[1].path], q[ball[2].path]))
@@ -95,7 +95,7 @@ def in_cones(balls: Iterable[tuple[JointEdge, ...]], q: Mapping[str, float]) -> 
 
 
 def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
-    """Return for each occurrence the indices of its mates, without those that close loops: the remaining mates form a tree."""
+    """Return the mate indices of each occurrence. Mates that close loops are omitted, so the others form a tree."""
     neighbours: list[list[int]] = [[] for _ in range(count)]
     for number, mate in enumerate(mates):
         if mate.loop is not None:
@@ -107,7 +107,7 @@ def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
 
 
 def on_loops(count: int, mates: Sequence[Mate]) -> frozenset[str]:
-    """Return the paths of joints on loops: those that close a loop, and those between its ends in the tree of placements."""
+    """Return the paths of all joints on loops, including the joints that close them."""
     closing = [mate for mate in mates if mate.loop is not None]
     if not closing:
         return frozenset()
@@ -143,10 +143,10 @@ def forward_kinematics(
     mates: Sequence[Mate], neighbours: Sequence[Sequence[int]], start: int, base: Pose, q: Mapping[str, float], *,
     rigid: bool = False,
 ) -> dict[int, Pose]:
-    """Return the poses of the occurrences that are connected to `start`, whose pose is `base`.
+    """Return the poses of all occurrences connected to `start`, which has the pose `base`.
 
-    `q` [rad or m] is by joint path (0 by default); `rigid` follows only mates without a joint. Poses are in the frame of `base`. Takes time
-    linear in the number of connected occurrences.
+    `q` [rad or m] is keyed by joint path (default 0). If `rigid`, only mates without a joint are followed. Poses are in the frame of
+    `base`. The time is linear in the number of connected occurrences.
     """
     at = {start: base}
     waiting = [start]
@@ -166,7 +166,7 @@ def forward_kinematics(
 def poses(assembly: Assembly, q: Mapping[str, float], base: Pose = NO_POSE) -> tuple[Pose, ...]:
     """Return the pose of every occurrence, in document order, with the assembly's base occurrence at `base`.
 
-    `q` [rad or m] is by joint path; joints that it does not contain follow the joint that they mimic, or are at 0.
+    `q` [rad or m] is keyed by joint path. Missing values are computed from mimics, or are 0.
     """
     full = coordinates(joints_of(assembly), q)
     count = len(assembly.occurrences)

@@ -1,4 +1,4 @@
-"""The pass `link`: build an assembly from the resolved model and the part records, before any root is chosen."""
+"""The pass `link`: build an assembly from the resolved model and the part records. No root is chosen yet."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ ABSENT = {
     "decompose": "it has no convex decomposition", "part": "its part class has no `collision()`", "hull": "it has no hull",
     "mesh": "it has no mesh",
 }
-"""Why there is no shape, by value of `collision`."""
+"""Reasons for a missing collision shape, keyed by the value of `collision`."""
 
 
 def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Report an error for each part without the shape that its `collision` selects.
+    """Report each part that has no shape for its `collision` setting.
 
-    Parts of unknown geometry, such as those of a lock, are skipped.
+    Parts with unknown geometry, such as those read from a lock file, are skipped.
     """
     for one in occurrences:
         choice = one.overrides.collision
@@ -56,8 +56,8 @@ def link(
     """Link the model. Return None if there are errors (in `report`).
 
     `records` contains the result of every part definition of `model`, by text. With `unmodelled`, parts are not modelled: only errors of
-    the documents are reported, and the result is None. `meshes` are the known records of mesh files of links. Whatever depends on something
-    invalid is skipped without a further message. Takes time linear in the number of occurrences; `memo` caches intermediate results.
+    the documents are reported, and the result is None. `meshes` are the known records of mesh files of links. Elements that depend on
+    invalid ones are skipped without another message. The time is linear in the number of occurrences. `memo` caches intermediate results.
     """
     memo = memo or Memo()
     findings = LinkReport(report)
@@ -92,7 +92,7 @@ def link(
 
 
 def _connected(tree: Tree, model: AssemblyDefinition, mates: tuple[Mate, ...], findings: LinkReport, memo: Memo) -> Connected:
-    """Return the occurrences, the links that mates make of them, and the modes, sensors, tendons and adhesions on them."""
+    """Return the occurrences, their links, and the modes, sensors, tendons and adhesions of the robot."""
     exported = exported_of(tree, findings)
     occurrences = tuple(
         memo.same(("occurrence", instance.path), _occurrence(index, instance, tree)) for index, instance in enumerate(tree.occurrences)
@@ -120,7 +120,7 @@ def _check(robot: Connected, laid: Collection[int], findings: LinkReport) -> Non
 
 
 def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findings: LinkReport) -> None:
-    """Report a component that is not connected to the base (not in `at`), unless a previous error explains it."""
+    """Report a component without a pose in `at`, which is not connected to the base, unless a previous error explains it."""
     if findings.failed or findings.earlier:
         return
     alone = next((one for k, one in enumerate(tree.occurrences) if k not in at), tree.top)

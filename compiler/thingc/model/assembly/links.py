@@ -1,4 +1,4 @@
-"""Links, the sets of rigidly connected occurrences: their names, frames, mass properties and neighbours."""
+"""Links (sets of rigidly connected occurrences): names, frames, mass properties and neighbours."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def connected_components(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
 
 
 class _Naming(FrozenStruct, kw_only=False):
-    """A line of `links:`: the name of a link, and the occurrence whose frame it uses."""
+    """An entry of `links:`: the name of a link, and the occurrence that defines its frame."""
 
     name: str
     occurrence: int
@@ -43,7 +43,7 @@ class _Naming(FrozenStruct, kw_only=False):
 def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: LinkReport, memo: Memo) -> tuple[Link, ...]:
     """Return the links in order.
 
-    Names and frames are those of `links:` (the outermost document wins), else those of the first occurrence.
+    Names and frames are specified in `links:` (the outermost document takes precedence). Otherwise, those of the first occurrence are used.
     """
     link_of = connected_components(len(occurrences), mates)
     members: list[list[int]] = [[] for _ in range(max(link_of, default=-1) + 1)]
@@ -78,12 +78,12 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
 
 
 def _summed(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> MassProperties:
-    """Combine the mass properties of bodies, each in its own frame, whose poses are `poses`."""
+    """Combine the mass properties of bodies. Each is in its own frame, with the corresponding pose in `poses`."""
     return total(own.seen_from(pose) for own, pose in zip(properties, poses, strict=True))
 
 
 def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[int, _Naming]:
-    """Return the effective line of `links:` by link: that of the outermost document, and its first."""
+    """Return the effective entry of `links:` for each link: the first one in the outermost document."""
     chosen: dict[int, _Naming] = {}
     for instance, definition in tree.assemblies:
         depth = instance.path.count("/") + 1 if instance.path else 0
@@ -110,7 +110,7 @@ def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[i
 
 
 def _clash(other: Link, link: Link, *, named: bool, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Report two links of the same name: one is named by `links:`, the other by its first occurrence."""
+    """Report two links with the same name: one from `links:`, the other from its first occurrence."""
     written, called = (link, other) if named else (other, link)
     first = occurrences[called.members[0]]
     findings.error(
@@ -126,7 +126,7 @@ def links_between(
 ) -> frozenset[int]:
     """Return the indices of massless intermediate links.
 
-    They have no mass, inertia and geometry, no hold, foot or adhesion, and exactly two joints, neither of them a ball or on a loop.
+    They have no mass, inertia, geometry, hold, foot or adhesion. They have exactly two joints, which are not balls and not on loops.
     """
     ends: dict[int, list[Mate]] = {link.index: [] for link in links if link.properties.mass == 0.0 and link.properties.inertia == ZERO}
     busy = [mount.occurrence for mount in adhesions]
@@ -162,7 +162,7 @@ def neighbouring_links(assembly: Assembly, root: int) -> Iterator[tuple[int, int
 
 
 def _beyond(between: Collection[int], at: dict[int, list[tuple[int, int]]], link: int, pair: tuple[int, int]) -> int:
-    """Return the first link, starting at `link` and moving away from the joint `pair`, that is not an intermediate link."""
+    """Return the first link that is not an intermediate link, starting at `link` and moving away from the joint `pair`."""
     while link in between:
         pair = next(other for other in at[link] if other != pair)
         link = pair[0] if pair[1] == link else pair[1]

@@ -1,7 +1,7 @@
 """Mass, centre of mass and inertia of one component.
 
-In order of precedence: overrides of the component, the Thing's `mass()` and `matrix_of_inertia()`, density x volume. The volume is that of
-the solid, or, with an infill, the estimated printed volume.
+In order of precedence: overrides of the component, the Thing's `mass()` and `matrix_of_inertia()`, and density x volume. For a part with an
+infill, the volume is the estimated printed volume.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ NOTHING = MassProperties(mass=0.0)
 
 
 class Density(FrozenStruct):
-    """A density [kg/m^3]. `estimated` marks a guess; every mass that is computed from it is estimated, too."""
+    """A density [kg/m^3]. If it is `estimated`, masses computed from it are estimates as well."""
 
     value: float
     estimated: bool = False
@@ -29,7 +29,7 @@ class Density(FrozenStruct):
 class MassResult(FrozenStruct):
     """Mass properties in the component's frame, and their source (`measured | vendor | stated | derived | estimated`).
 
-    `estimate` is the method (`layers | skin`) if an infill was taken into account, else None.
+    `estimate` is the method (`layers | skin`) for a part with an infill, otherwise None.
     """
 
     properties: MassProperties
@@ -50,21 +50,21 @@ _NEEDED = {"skin": ("walls", "line_width"), "layers": ("walls", "line_width", "l
 
 
 def estimate_of(process: Process | None) -> str | None:
-    """Return the method that estimates the printed volume: `layers` or `skin`; None for a solid part."""
+    """Return the estimation method for the printed volume, `layers` or `skin`. Return None for a solid part."""
     if process is None or process.infill is None or process.infill >= 1.0:
         return None
     return process.estimate or ("layers" if process.kind == "fdm" else "skin")
 
 
 def missing_keys(process: Process | None) -> tuple[str, ...]:
-    """Return the keys that the estimate requires and the process lacks, such as `("walls",)`."""
+    """Return the keys of the process that are missing for the estimate, such as `("walls",)`."""
     return tuple(key for key in _NEEDED.get(estimate_of(process) or "", ()) if getattr(process, key) is None)
 
 
 def unsaid_keys(process: Process | None) -> tuple[str, ...]:
-    """Return the `missing_keys` that have not been reported.
+    """Return the `missing_keys` to report.
 
-    Invalid keys are left out (they are reported); there are none if `kind` or `estimate` is invalid.
+    Invalid keys are left out, because they have already been reported. The result is empty if `kind` or `estimate` is invalid.
     """
     if process is None or not process.wrong.isdisjoint(("kind", "estimate")):
         return ()
@@ -72,17 +72,17 @@ def unsaid_keys(process: Process | None) -> tuple[str, ...]:
 
 
 def layers_too_high(process: Process) -> bool:
-    """Return whether layers are higher than lines are wide."""
+    """Return whether the layer height exceeds the line width."""
     return process.layer is not None and process.line_width is not None and process.layer > process.line_width
 
 
 def slicing_of(process: Process | None, overrides: Overrides, record: PartRecord) -> Slicing | None:
-    """Return how to slice a part whose mass is estimated from its layers; None if it is not, or if the process is incomplete."""
+    """Return the slicing of a part whose mass is estimated from its layers. Return None for other parts and incomplete processes."""
     return layers_of(process, overrides.up or record.up) if record.volume > 0.0 else None
 
 
 def layers_of(process: Process | None, up: Vector | None) -> Slicing | None:
-    """Return how a process slices a part with the print direction `up`; None if it does not estimate by layers or is incomplete."""
+    """Return the slicing of a part printed in the direction `up`. Return None for incomplete processes and other estimation methods."""
     if process is None or estimate_of(process) != "layers" or missing_keys(process) or layers_too_high(process):
         return None
     return Slicing(
@@ -95,8 +95,8 @@ def layers_of(process: Process | None, up: Vector | None) -> Slicing | None:
 def component_mass(record: PartRecord | None, density: Density | None, process: Process | None, overrides: Overrides) -> MassResult | None:
     """Return the mass properties of a component, or None if its mass is not specified.
 
-    `record` is None for a frame. `density` is that of the Thing or the material, if any. If only the mass is overridden, the inertia is
-    scaled; if only the centre is, the inertia is unchanged. Inertias are about the centre.
+    `record` is None for a frame. `density` is from the Thing or the material, if any. If only the mass is overridden, the inertia is
+    scaled. If only the centre is overridden, the inertia is unchanged. Inertias are about the centre of mass.
     """
     matter, estimate = _matter(record, process, overrides)
     natural = _natural(matter, density, estimate)
@@ -129,7 +129,7 @@ def component_mass(record: PartRecord | None, density: Density | None, process: 
 
 
 def weigh_link(matter: MassProperties, overrides: Overrides) -> MassResult:
-    """Return the mass properties of a link: as stated in the document, else `matter`, those of its shapes.
+    """Return the mass properties of a link, from the document or from `matter`, the mass properties of its shapes.
 
     If only the mass is stated, `matter` is scaled to it.
     """
@@ -144,7 +144,7 @@ def is_fully_stated(overrides: Overrides) -> bool:
 
 
 def _with_overrides(properties: MassProperties, overrides: Overrides) -> MassProperties:
-    """Apply the centre and the inertia that the document states."""
+    """Apply the centre of mass and the inertia specified in the document."""
     if overrides.com is not None:
         x, y, z = overrides.com.value
         properties = replace(properties, centre=(x, y, z))
@@ -160,10 +160,10 @@ def stated_inertia(six: tuple[float, ...]) -> Matrix:
 
 
 def _matter(record: PartRecord | None, process: Process | None, overrides: Overrides) -> tuple[MassProperties, str | None]:
-    """Return the properties of a part at density 1: volume [m^3] as the mass, centre, inertia [m^5]; and the method of the estimate.
+    """Return the mass properties of a part at density 1 (volume [m^3], centre [m], inertia [m^5]) and the estimation method.
 
-    Without an infill they are exact. `layers` uses the sliced part. `skin` uses `V_s + infill * (V - V_s)` for a solid of volume V and area
-    A, where `V_s = min(V, A * walls * line_width)`.
+    They are exact for a part without an infill. The method `layers` uses the sliced part. The method `skin` uses `V_s + infill * (V - V_s)`
+    for a solid with volume V and area A, where `V_s = min(V, A * walls * line_width)`.
     """
     if record is None or record.volume <= 0.0:
         return (NOTHING if record is None else replace(NOTHING, centre=record.centre)), None
@@ -179,7 +179,7 @@ def _matter(record: PartRecord | None, process: Process | None, overrides: Overr
 
 
 def _natural(matter: MassProperties, density: Density | None, estimate: str | None) -> MassResult | None:
-    """Return density x matter; zero without matter, None without a density."""
+    """Return density x matter. The result is zero without matter, and None without a density."""
     if matter.mass <= 0.0:
         return MassResult(properties=NOTHING, source="derived")
     if density is None:

@@ -25,13 +25,13 @@ from thingc.model.assembly.types import JointEdge, Link, Mate
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Reference
 
 UPSIDE_DOWN = turned_x(math.pi)
-"""Frame in which a mirrored joint moves, relative to its mounts; its own inverse."""
+"""Motion frame of a mirrored joint relative to its mounts. It is its own inverse."""
 
 
 def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
-    """Return all edges, and the indices of those from `at` (they do not connect mounts).
+    """Return all edges and the indices of the edges from `at`, which do not connect mounts.
 
-    For each assembly: first `attach` and `at` in component order, then its joints as written; nested assemblies follow.
+    The order for each assembly is: `attach` and `at` in component order, joints in written order, then nested assemblies.
     Edges with an invalid reference are left out.
     """
     mates: list[Mate] = []
@@ -72,7 +72,7 @@ def _laid(tree: Tree, instance: Instance, component: Component, at: At, memo: Me
 
 
 def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findings: LinkReport, memo: Memo) -> Iterator[Mate]:
-    """Yield the mate of a joint with its `coordinates` in order (a `fixed` joint has a mate without joint edges)."""
+    """Yield the mate of a joint, with one joint edge per coordinate. The mate of a `fixed` joint has no joint edges."""
     joint = coordinates[0]
     child, parent = tree.find(instance, joint.child), tree.find(instance, joint.parent)
     if child is None or parent is None:
@@ -93,7 +93,7 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findi
 
 
 def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, ...]:
-    """Return `joints`, and those of parts whose mounts are unknown: documents specify their limits."""
+    """Return `joints` and the joints of parts with unknown mounts, because their limits are known from documents."""
     edges = {joint.path: joint for joint in joints}
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
@@ -143,7 +143,7 @@ def _laid_on(parent: FoundMount, child: FoundMount, pose: Pose, origin: Origin) 
 
 
 def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
-    """Map each component to the component that it is placed on, and where this is written."""
+    """Map each component to its parent component and the location of the placement."""
     names = {component.name for component in definition.components}
     stands: dict[str, tuple[str, Origin]] = {}
     for component in definition.components:
@@ -156,9 +156,9 @@ def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
 
 
 def _check_circles(instance: Instance, definition: AssemblyDefinition, findings: LinkReport) -> None:
-    """Report cycles of components placed on each other, each once, starting at its first component.
+    """Report each cycle of components that are placed on each other, starting at its first component.
 
-    If no component is left as the base, the resolver has reported it.
+    If no base is left, the resolver has already reported it.
     """
     if findings.earlier and not unplaced(definition):
         findings.leave_out()

@@ -1,4 +1,4 @@
-"""Link modes, poses, tests, exported mounts and raw attributes of the top document: resolve their references."""
+"""Resolve the references of modes, poses, tests, exported mounts and raw attributes of the top document."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from thingc.model.resolve.raw_protected import NAMING
 from thingc.model.resolve.types import AssemblyDefinition, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference, Test
 
 _ROUNDING = 1e-9
-"""Relative tolerance of limits of poses: limits and poses may come from expressions."""
+"""Relative tolerance for poses at joint limits, because both may be computed by expressions."""
 
 
 SLIDE = 1.0
-"""Default sliding friction, that of MuJoCo for both sides of a contact (the larger one applies).
+"""Default sliding friction of MuJoCo. MuJoCo uses the larger friction of the two sides of a contact.
 
-The friction of a material takes precedence over that of the floor (it is written with a priority).
+The friction of a material takes precedence over the friction of the floor, because it is written with a priority.
 """
 
 
@@ -54,7 +54,7 @@ def exported_of(tree: Tree, findings: LinkReport) -> tuple[ExportedMount, ...]:
 
 
 def modes_of(tree: Tree, model: AssemblyDefinition, link_of: Sequence[int], findings: LinkReport) -> tuple[LinkedMode, ...]:
-    """Return the modes with a valid root. Pairs within one link are dropped: a link does not collide with itself."""
+    """Return the modes with a valid root. Pairs of parts of the same link are omitted, because a link does not collide with itself."""
     linked = (_mode(tree, mode, link_of, findings) for mode in model.modes)
     return tuple(mode for mode in linked if mode is not None)
 
@@ -81,7 +81,7 @@ def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: LinkReport) 
 
 
 def _holds(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[LinkedHold]:
-    """Yield what the mode holds. A mount that is held twice (also by its own and an exported name) is reported."""
+    """Yield the holds of the mode. Report mounts that are held twice, possibly under their own name and an exported name."""
     met: dict[tuple[int, str], LinkedHold] = {}
     for hold in mode.holds:
         choice = mount_of(tree, tree.top, hold.mount)
@@ -99,7 +99,7 @@ def _holds(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[LinkedHold]
 
 
 def _feet(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[Foot]:
-    """Yield the mounts that the mode stands on, each once. A mount that is held as well is reported."""
+    """Yield the contact mounts of a mode without duplicates. Report mounts that are also held."""
     if mode.standing is None:
         return
     held = {(choice.occurrence, choice.mount): hold for hold in mode.holds if (choice := mount_of(tree, tree.top, hold.mount)) is not None}
@@ -123,7 +123,7 @@ def _feet(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[Foot]:
 
 
 def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
-    """Return the sensors of all documents, an assembly's before those of nested assemblies."""
+    """Return the sensors of all documents. Sensors of an assembly precede those of its nested assemblies."""
     sensors: list[LinkedSensor] = []
     for instance, definition in tree.assemblies:
         for one in definition.sensors:
@@ -156,7 +156,7 @@ def _path(reference: Reference) -> str:
 def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], within: Instance | None = None) -> Iterator[int]:
     """Yield the links of a component in the document `within` (by default the top).
 
-    These are all links of an assembly, or, if the reference names a mount, only the link of the mount.
+    For a reference to an assembly, these are all of its links. For a reference to a mount, it is only the link of the mount.
     """
     document = within or tree.top
     if reference.mount is not None:
@@ -169,7 +169,7 @@ def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], withi
 
 
 def adhesions_of(tree: Tree, model: AssemblyDefinition) -> tuple[Adhesion, ...]:
-    """Return all magnets of all modes, in the order of first use, each with its largest force [N]."""
+    """Return the magnets of all modes in the order of first use, with the largest force [N] of each."""
     largest: dict[str, Adhesion] = {}
     for mode in model.modes:
         for reference, force in mode.adhesion:
@@ -184,7 +184,7 @@ def adhesions_of(tree: Tree, model: AssemblyDefinition) -> tuple[Adhesion, ...]:
 
 
 def raw_of(tree: Tree) -> tuple[RawAttribute, ...]:
-    """Return the raw attributes of all documents, with names converted to paths of the robot: `yaw` of `hand` is `hand/yaw`."""
+    """Return the raw attributes of all documents, with names converted to paths in the robot: `yaw` of `hand` becomes `hand/yaw`."""
     attributes: list[RawAttribute] = []
     for instance, definition in tree.assemblies:
         for raw in definition.raw:
@@ -196,7 +196,7 @@ def raw_of(tree: Tree) -> tuple[RawAttribute, ...]:
 
 
 def added_of(tree: Tree) -> tuple[RawElement, ...]:
-    """Return the raw elements of all documents, with names and references converted to paths of the robot."""
+    """Return the raw elements of all documents, with names and references converted to paths in the robot."""
 
     def within(instance: Instance, element: RawElement) -> RawElement:
         attributes = {
@@ -215,8 +215,8 @@ def check_poses(
 ) -> None:
     """Check every pose against the limits of joints.
 
-    In poses that a mode uses, check also joints that are at 0 because the pose does not set them, and those that mimic others (only if
-    `unset`, which means that no joints were left out). Joints in `loops` are only checked if the pose sets them.
+    If `unset` (no joints were left out), poses used by modes are also checked for joints that mimic others and joints that are 0 by
+    default. Joints in `loops` are checked only if the pose sets them.
     """
     used = {name for mode in modes for name in mode.poses}
     names = {pose.name for pose in poses}
@@ -243,7 +243,7 @@ def check_poses(
 
 
 def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: LinkReport) -> None:
-    """Check that a pose keeps a ball joint within its cone; a ball that it does not set is at 0, which is inside."""
+    """Check that a ball joint is within its cone in a pose. A joint that the pose does not set is at 0, which is always inside."""
     joint, cone = ball[0], ball[0].limit.cone
     angle = hypot(*(pose.values.get(one.path, 0.0) for one in ball))
     if cone is not None and angle > cone * (1.0 + _ROUNDING):
@@ -292,7 +292,7 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
 
 
 def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge], findings: LinkReport) -> tuple[LinkedTest, ...]:
-    """Return the tests whose mounts and components are valid; the others have been reported."""
+    """Return the tests with valid mounts and components. Report the others."""
     by_path = {joint.path: joint for joint in joints}
     linked: list[LinkedTest] = []
     for test in tests:

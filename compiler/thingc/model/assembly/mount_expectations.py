@@ -1,4 +1,4 @@
-"""Warn of mounts whose part was designed for another component than the assembly puts there."""
+"""Warn of mounts with another component than the part was designed for."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _NUMBER = re.compile(r"\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+")
 
 
 def check_expectations(robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
-    """Warn of each mount that lacks the part for which its geometry was cut.
+    """Warn of each mount without the component that its geometry was designed for.
 
-    `laid` are the indices of mates from `at`, which do not connect mounts. Empty mounts that the top document exports are accepted: a
-    parent assembly may use them.
+    `laid` are the indices of mates from `at`, which do not connect mounts. Empty mounts are accepted if the top document exports them,
+    because a parent assembly may use them.
     """
     occurrences = robot.occurrences
     open_mounts = {(mount.occurrence, mount.mount) for mount in robot.exported if "/" not in mount.path}
@@ -44,7 +44,7 @@ def check_expectations(robot: Connected, laid: Collection[int], findings: LinkRe
 def _is(other: Occurrence, expected: MountExpectation, owner: Occurrence) -> bool:
     """Return whether `other` is the expected part.
 
-    For a mirrored owner, the mirror image is expected, or the part itself if it is symmetric.
+    If the owner is mirrored, the mirror image is expected. A symmetric part is its own mirror image.
     """
     plain = other.definition.plain if owner.definition.mirror is not None else None
     texts = (other.definition.text,) if plain is None else (other.definition.text, plain.text)

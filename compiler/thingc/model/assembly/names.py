@@ -1,4 +1,4 @@
-"""Names in output files, as specified by all documents."""
+"""Names of elements in output files, as specified by documents."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from thingc.model.assembly.types import Connected, FileNames, JointEdge, LinkedT
 from thingc.model.resolve.types import NamedKind, NamedPose, NameInFiles, Reference
 
 Named = dict[NamedKind, dict[str, tuple[str, Origin]]]
-"""By kind and path of the element: its name in files, and where it is written."""
+"""Names in files and their locations, keyed by the kind and path of the element."""
 
 
 def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings: LinkReport) -> FileNames | None:
-    """Return the names in files, with the path of nested documents in front; None if no document specifies any. Report duplicates."""
+    """Return the names in files, prefixed with the path of nested documents; None if there are none. Report duplicates."""
     named: Named = {}
     for instance, definition in tree.assemblies:
         for one in definition.names:
@@ -51,7 +51,7 @@ def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings:
 
 
 def _own(tree: Tree, path: str, one: NameInFiles, occurrences: Sequence[Occurrence]) -> str | None:
-    """Return the path of an element in the document of an instance; for a nested assembly that of its base."""
+    """Return the path of an element in the document of an instance. For a nested assembly, return the path of its base."""
     if one.kind != "components":
         return path
     place = tree.component(tree.top, Reference(path=tuple(path.split("/")), mount=None, origin=one.origin))
@@ -59,7 +59,7 @@ def _own(tree: Tree, path: str, one: NameInFiles, occurrences: Sequence[Occurren
 
 
 def _check(things: Iterable[tuple[str, Origin]], given: Mapping[str, tuple[str, Origin]], findings: LinkReport) -> None:
-    """Report elements of one kind that would have the same name in files."""
+    """Report elements of the same kind with the same name in files."""
     owners: dict[str, tuple[str, Origin]] = {}
     for path, origin in things:
         name, where = given.get(path, (path, origin))

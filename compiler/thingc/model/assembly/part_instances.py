@@ -51,7 +51,7 @@ _FAILED: Mapping[FailureKind, tuple[Code, str, str]] = {
     "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and commit the file that it writes"),
     "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and commit the file that it writes"),
 }
-"""By kind of failure: the code, the phrase that follows the part, and the help."""
+"""Diagnostic code, phrase after the part's name, and help, keyed by the kind of failure."""
 _INSTEAD: Mapping[ImpureInputs, str] = {
     ImpureInputs.ENVIRONMENT: "pass it as a parameter, or in a file that the part reads with `asset(...)`",
     ImpureInputs.CLOCK: "pass it as a parameter",
@@ -60,14 +60,14 @@ _INSTEAD: Mapping[ImpureInputs, str] = {
     ImpureInputs.NETWORK: "download it to a file beforehand, and read that with `asset(...)`",
     ImpureInputs.LEFT: "wait for processes that the part starts: use `subprocess.run(...)`, or a pool in a `with` block",
 }
-"""By impure input of a part: what to use instead."""
+"""Replacements for impure inputs of parts."""
 _SHOWN_PLACES = 8
 
 
 class PartInstances:
-    """Part instances by component, cached: a component of a definition that is used twice is computed once.
+    """Cached part instances, keyed by component. If a definition is used twice, its components are computed once.
 
-    `unknown` is set if the properties of a part are not exactly known (see `PartRecord.exact`); the caller has reported it.
+    `unknown` is set if the properties of a part are not known exactly (see `PartRecord.exact`). The caller reports this.
     """
 
     def __init__(self, records: Mapping[str, PartRecord | PartFailure], meshes: Meshes, findings: LinkReport, memo: Memo) -> None:
@@ -90,7 +90,7 @@ class PartInstances:
         return self._known[key]
 
     def _remembered(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
-        """Return the cached instance, or compute it; it is cached only if it has no diagnostics, including suppressed ones."""
+        """Return the cached instance, or compute it. An instance with diagnostics, including suppressed ones, is not cached."""
         record = self._records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
         material = scope.materials.get(record.material) if isinstance(record, PartRecord) and record.material else None
         files = mesh_files_of(component.definition)
@@ -105,7 +105,7 @@ class PartInstances:
         return instance
 
     def report_materials(self) -> None:
-        """Report each default material that a document lacks once: at its first component, with the others as notes."""
+        """Report each default material that is missing in a document: at the first component that needs it, with notes for the others."""
         for (_, name, needed), users in self._unknown.items():
             component, record, scope, path, origin = users[0]
             hint = did_you_mean(name, scope.materials, what="materials")
@@ -127,7 +127,7 @@ class PartInstances:
             )
 
     def report_failures(self) -> None:
-        """Report each definition that could not be modelled once: at its first component, with the others as notes."""
+        """Report each definition that could not be modelled: at its first component, with notes for the others."""
         for text, users in self._failures.items():
             failure = self._records[text]
             component, path, origin = users[0]
@@ -189,7 +189,7 @@ class PartInstances:
         )
 
     def _warn(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
-        """Report the warnings of a part, each once: at its first component that does not suppress them."""
+        """Report each warning of a part once, at the first component that does not suppress it."""
         of = f"`{component.label}`"
         findings, place = self._findings, written_at(of, record.code)
         for warning in record.warnings:
@@ -218,7 +218,7 @@ class PartInstances:
                 self._warned.add(key)
 
     def _warn_mirrored(self, component: Component, record: PartRecord, material: Material | None, path: str, origin: Origin) -> None:
-        """Warn, once per part, of a mirror image that equals the part itself, or of a mirrored part that is bought."""
+        """Warn once per part if its mirror image equals the part, or if the mirrored part is bought."""
         plain = component.definition.plain if isinstance(component.definition, PartDefinition) else None
         if plain is None or not record.exact:
             return
@@ -304,7 +304,7 @@ class PartInstances:
     def _doubt(
         self, component: Component, record: PartRecord, material: Material | None, weighed: MassResult, path: str, origin: Origin,
     ) -> None:
-        """Warn of an implausible density, or mass for this volume, where it is written."""
+        """Warn of an implausible density, or of an implausible mass for this volume, at its location in the document."""
         stated, warn = component.overrides.mass, self._findings.warn
         if record.volume <= 0.0 or stated is not None and stated.stand_in:
             return
@@ -326,7 +326,7 @@ class PartInstances:
                 )
 
     def _doubt_thing(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
-        """Warn of an implausible density or mass that the Thing states, at its first component."""
+        """Warn of an implausible density or mass of a Thing, at its first component."""
         key = (record.text, Code.DENSITY.code)
         method, unit, doubt = "mass", "kg", None
         if record.mass is not None:
@@ -340,7 +340,7 @@ class PartInstances:
             self._warned.add(key)
 
     def _high_layers(self, component: Component, material: Material | None, process: Process, path: str, origin: Origin) -> None:
-        """Report layers that are higher than lines are wide: once per material if it specifies them, else per component."""
+        """Report a layer height above the line width: once per material that specifies it, otherwise once per component."""
         of_material = material is not None and material.process is not None and layers_too_high(material.process)
         self._findings.error(
             Code.HIGH_LAYERS, f"`layer` is {1e3 * (process.layer or 0.0):g} mm, and `line_width` only "
@@ -364,7 +364,7 @@ class PartInstances:
         )
 
     def _incomplete(self, component: Component, material: Material | None, missing: tuple[str, ...], path: str, origin: Origin) -> None:
-        """Report keys that the estimate requires: once per material if it lacks them, else per component."""
+        """Report keys that are missing for the estimate: once per material without them, otherwise once per component."""
         of_material = material.process if material is not None and unsaid_keys(material.process) else None
         keys = unsaid_keys(of_material) or missing
         listed = " and ".join(filter(None, (", ".join(f"`{key}`" for key in keys[:-1]), f"`{keys[-1]}`")))
@@ -383,9 +383,9 @@ class PartInstances:
         )
 
     def _physical(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> bool:
-        """Return whether the inertia that the Thing states is physical (reported if not).
+        """Return whether the inertia specified by the Thing is physical. Report an unphysical one.
 
-        One that the document states is checked with its link (`check_stated`); a computed one is exact.
+        An inertia from the document is checked later (`check_stated`). A computed inertia is always physical.
         """
         if component.overrides.inertia is not None:
             return True
@@ -401,7 +401,7 @@ class PartInstances:
         return True
 
     def _mounts(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> dict[str, MountFrame]:
-        """Return the mounts: `origin`, those of the part, then those that the document adds."""
+        """Return `origin`, then the mounts of the part, then the mounts added by the document."""
         mounts = {"origin": MountFrame(pose=NO_POSE)}
         if record is not None:
             mirror = Mirror(component.mounts_mirrored) if component.mounts_mirrored is not None else None
@@ -426,7 +426,7 @@ def doubted(help: str | None) -> str:
 
 
 def _bom(component: Component, record: PartRecord | None) -> BomEntry:
-    """Return the BOM entry: values of the document take precedence over those of the Thing."""
+    """Return the BOM entry. Values in the document take precedence over values of the Thing."""
     if record is None:
         return component.bom
     names = set(BomEntry.__struct_fields__)
@@ -436,19 +436,19 @@ def _bom(component: Component, record: PartRecord | None) -> BomEntry:
 
 
 def _density(record: PartRecord | None, material: Material | None) -> Density | None:
-    """Return the density of the Thing, else that of its material."""
+    """Return the density of the Thing, or of its material if the Thing has none."""
     if record is not None and record.density is not None:
         return Density(value=float(record.density.value), estimated=record.density.source == "estimated")
     return Density(value=material.density) if material is not None and material.density is not None else None
 
 
 def _line(warning: PartWarning) -> str:
-    """Return the line of the part file that a warning refers to (`file:line`), or an empty string."""
+    """Return the location (`file:line`) of a warning in a part file, or an empty string."""
     return "" if warning.file is None else f"{warning.file}:{warning.line}"
 
 
 def _places(warnings: Sequence[PartWarning]) -> list[Note]:
-    """Return notes at the lines of part files that warnings refer to."""
+    """Return notes with the locations of warnings in part files."""
     places = [line_of(warning.file, warning.line or 1) for warning in warnings if warning.file is not None]
     more = [Note(message=f"and {counted(len(places) - _SHOWN_PLACES, 'more line')}")] if len(places) > _SHOWN_PLACES else []
     return [*(Note(message="in the part file, here", span=place) for place in places[:_SHOWN_PLACES]), *more]

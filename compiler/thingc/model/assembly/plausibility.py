@@ -1,6 +1,6 @@
 """Warnings about suspicious values: each names the value and its likely cause.
 
-They depend on numbers alone, so that `check` reports them; `build` checks the geometry.
+They need only numbers, so `check` can report them. Checks of the geometry are part of `build`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ CLOSE = 1e-6
 
 
 def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
-    """Warn of each mirrored part that is turned by 90 or 180 deg against its counterpart on the opposite mount."""
+    """Warn of each mirrored part that is turned by 90 or 180 deg relative to its counterpart on the opposite mount."""
     groups: dict[object, list[Mate]] = {}
     for mate in assembly.mates:
         definition = assembly.occurrences[mate.child].definition
@@ -61,7 +61,8 @@ def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
 def _turn_between(assembly: Assembly, one: Mate, other: Mate) -> int:
     """Return the turn [deg] about the mount's z axis that makes two children at q = 0 mirror images of each other.
 
-    0 if there is none, if they already are, or if their mounts are not opposite each other at a plane of the parent's frame.
+    Return 0 if there is no such turn, or if they are mirror images already. Return 0 also if the mounts are not mirror images of each
+    other.
     """
     axes = [axis for mate in (one, other) if (axis := assembly.occurrences[mate.child].definition.mirror) is not None]
     if len(axes) != 1 or dist(one.X_PJ.translation, other.X_PJ.translation) < CLOSE:
@@ -80,25 +81,25 @@ def _turn_between(assembly: Assembly, one: Mate, other: Mate) -> int:
 
 
 TURNS = 2.0
-"""Limits of a hinge beyond this number of turns are suspicious; joints without limits are `continuous`."""
+"""Hinge limits beyond this number of turns are suspicious. Joints without limits are `continuous`."""
 FAR = 10.0
-"""Suspicious offsets or travels, relative to the diagonal of the largest part; of roots, relative to the robot's reach."""
+"""Suspicious offsets and travels relative to the diagonal of the largest part, and of roots relative to the robot's reach."""
 FEATHER, ELEPHANT = 1e-3, 1e4
 """Range of plausible masses of robots [kg]."""
 DRAG = 0.5
-"""Suspicious dry friction of a joint, relative to the effort of its drive; gears have about a tenth."""
+"""Suspicious dry friction of a joint relative to the effort of its drive. Typical gears are at about 0.1."""
 SLOW = 0.05
 """Suspicious speed of a damped joint, relative to the no-load speed of its drive."""
 SPREAD, COMPACT = 3.0, 200.0
-"""Range of plausible radii of gyration: at most this many times the diagonal of the part, and at least this fraction of it."""
+"""Plausible radii of gyration: at most `SPREAD` times the diagonal of the part, and at least the diagonal divided by `COMPACT`."""
 BURDEN = 10.0
-"""Suspicious mass of a component without a shape, relative to the rest of the robot."""
+"""Suspicious mass of a component without a shape, relative to the mass of the rest of the robot."""
 
 _PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
 
 
 def check_plausible(tree: Tree, assembly: Assembly, findings: LinkReport) -> None:
-    """Check a whole assembly whose documents have no errors."""
+    """Check an assembly. Its documents must have no errors."""
     if findings.earlier:
         return
     occurrences, mates, links, modes = assembly.occurrences, assembly.mates, assembly.links, assembly.modes
@@ -132,7 +133,7 @@ def check_plausible(tree: Tree, assembly: Assembly, findings: LinkReport) -> Non
 
 
 def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> bool:
-    """Warn of parts of an implausible size, each at its first component; return whether there are any."""
+    """Warn of each part with an implausible size, at its first component. Return whether there are any."""
     warned: set[str] = set()
     for one in occurrences:
         if one.box is None or one.record is not None and not one.record.exact or one.definition.text in warned:
@@ -152,7 +153,7 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> boo
 
 
 def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Warn of stated centres and inertias that do not fit the shape of the part. Computed ones always fit."""
+    """Warn of specified centres of mass and inertias that do not match the shape of the part. Computed values always match."""
     said: set[Origin] = set()
     for one in occurrences:
         doubt = _stated_doubt(one)
@@ -168,7 +169,7 @@ def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> No
 
 
 def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None:
-    """Return the stated value that does not fit the shape (None: the Thing states it), the message and the help; None if all fit."""
+    """Return the mismatched value (None if the Thing specifies it), the message and the help. Return None if all values match."""
     mass = one.properties.mass
     if one.box is None or one.record is not None and not one.record.exact or mass <= 0.0:
         return None
@@ -187,7 +188,7 @@ def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None
 
 
 def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Warn of implausible densities of materials that no part uses for its mass; the others are checked with the parts."""
+    """Warn of implausible densities of materials that no part uses for its mass. Other materials are checked with the parts."""
     weighing = {
         one.material.density_origin for one in occurrences
         if one.material is not None and one.overrides.mass is None
@@ -206,7 +207,7 @@ def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: Li
 
 
 def _check_mass(top: Instance, mass: float, findings: LinkReport) -> None:
-    """Warn of an implausible mass of the whole robot; a robot without mass is not checked here."""
+    """Warn of an implausible total mass. A robot without mass is not checked here."""
     definition = top.assembly
     if definition is None or mass <= 0.0 or FEATHER <= mass <= ELEPHANT:
         return
@@ -220,7 +221,7 @@ def _check_mass(top: Instance, mass: float, findings: LinkReport) -> None:
 
 
 def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> None:
-    """Warn of hinge limits beyond several turns, else of limits with different units (rad and deg)."""
+    """Warn of hinge limits beyond several turns. Otherwise, warn of limits that mix rad and deg."""
     twist = joint.twist
     if twist is None or not twist.turns:
         return
@@ -250,20 +251,20 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
 
 
 def _written_value(joint: Joint, key: str) -> tuple[str, str, str]:
-    """Return a limit as written, its number and its unit (both empty if it is not a plain quantity)."""
+    """Return a limit as written, with its number and unit. Both are empty if the limit is not a plain quantity."""
     text = joint.written.get(f"limit.{key}", "").strip()
     plain = _PLAIN.fullmatch(text)
     return (text, plain[1], plain[2]) if plain is not None else (text, "", "")
 
 
 def _origin_of(joint: Joint, key: str, here: Origin) -> Origin:
-    """Return where a value of the joint is written, with the enclosing documents."""
+    """Return the origin of a value of the joint, with the enclosing documents."""
     span = joint.spans.get(key)
     return (span, *here[1:]) if span is not None else here
 
 
 def _elsewhere(joint: Joint, key: str) -> tuple[Note, ...]:
-    """Return the note that shows the joint if its value is written on another line (possibly in the defaults)."""
+    """Return a note with the location of the joint. Empty if its value is on the same line."""
     span = joint.spans.get(key)
     return noted(f"joint `{joint.name}` is here", joint.origin) if span is not None and span.line != joint.origin[0].line else ()
 
@@ -300,10 +301,10 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
 def _check_actuators(
     tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], shown: Collection[int], findings: LinkReport,
 ) -> None:
-    """Warn of parts with an actuator that drives no joint.
+    """Warn of parts with an unused actuator.
 
-    Skipped are parts in `shown`, whose mounts the top document exports (a parent assembly may be driven by them), and parts on a joint
-    with an inline drive.
+    Parts in `shown` are skipped. Their mounts are exported by the top document, so a parent assembly may use the actuator. Parts on a joint
+    with an inline drive are skipped as well.
     """
     driving: set[int] = set()
     inline: set[str] = set()
@@ -338,7 +339,7 @@ def _check_actuators(
 
 
 def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> None:
-    """Warn of exported mounts that have the name of another mount of the same component, unless that mount is used by a mate."""
+    """Warn of exported mounts with the name of another mount of the same component, unless a mate uses that mount."""
     used = {(end, mount) for mate in mates for end, mount in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount))}
     for instance, definition in tree.assemblies:
         for name, reference in definition.mounts.items():
@@ -361,7 +362,7 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> No
 
 
 class _Offset(FrozenStruct):
-    """A suspicious offset: a phrase that a length [m] follows, the path of its owner, its origin, and what to check."""
+    """A suspicious offset: the phrase before its length, the length [m], the path of its owner, its origin, and a hint on what to check."""
 
     words: str
     length: float
@@ -385,7 +386,7 @@ def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: LinkR
 
 
 def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
-    """Yield the offsets and joint travels of a document; `bound` [m] is the smallest suspicious length."""
+    """Yield the suspicious offsets and joint travels of a document. `bound` [m] is the smallest suspicious length."""
     for component in definition.components:
         name, placement = component.name, component.placement
         if isinstance(placement, At):
@@ -399,7 +400,7 @@ def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
 
 
 def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
-    """Yield the offset of a joint at q = 0 and its travel; for a screw whose lead exceeds `bound` [m], the lead instead of the travel."""
+    """Yield the offset at q = 0 and the travel of a joint. For a screw, yield the lead instead of the travel if it exceeds `bound` [m]."""
     per_unit, turns = (hypot(*joint.twist.linear), joint.twist.turns) if joint.twist is not None else (0.0, False)
     moved = maximum(abs(joint.gap), abs(joint.offset) * per_unit)
     yield _Offset(words=f"joint `{joint.name}` is moved by", length=moved, path=joint.name, origin=joint.origin)
@@ -420,7 +421,7 @@ def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
 
 
 def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport) -> None:
-    """Warn of roots far from the world origin, relative to `reach` [m]: the sum over links of the diagonal of their largest part."""
+    """Warn of roots far from the world origin, relative to `reach` [m], the sum of the diagonals of the largest part of each link."""
     for mode in modes:
         offset = _length(mode.at)
         if offset > FAR * reach:
@@ -432,7 +433,7 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport
 
 
 def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link], findings: LinkReport) -> None:
-    """Warn of suspicious masses without a shape: too heavy relative to the rest of the robot, or too far from the parts of their link.
+    """Warn of masses without a shape that are too heavy (relative to the rest of the robot) or too far from the parts of their link.
 
     Positions are not checked if an offset has already been reported.
     """
@@ -457,7 +458,7 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
 
 
 def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector, Vector], Pose]], findings: LinkReport) -> None:
-    """Warn of a mass without a shape whose position `at` in its link is far from the boxes of the link's parts."""
+    """Warn of a mass without a shape if its position `at` is far from the boxes of the other parts of its link."""
     corners = [corner for box, pose in boxes for corner in pose.around(box)]
     sides = [(minimum(side), maximum(side)) for side in zip(*corners, strict=True)]
     away = hypot(*(maximum(low - x, x - high, 0.0) for x, (low, high) in zip(at, sides, strict=True)))

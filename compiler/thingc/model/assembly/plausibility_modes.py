@@ -15,13 +15,13 @@ from thingc.model.resolve.types import AssemblyDefinition, Mode
 WEAK, STRONG = 0.1, 1000.0
 """Range of plausible forces of a magnet, relative to the weight of the robot."""
 LONG_STEP = 10e-3
-"""[s] Smallest suspicious time step; contacts of MuJoCo need about a fifth of it."""
+"""[s] Smallest suspicious time step. Contacts in MuJoCo need about a fifth of it."""
 GRAVITY = 9.81
 """[m/s^2] Used for weights, independent of the gravity of a mode."""
 
 
 def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: LinkReport) -> None:
-    """Warn of settings in `simulation` of nested documents that neither the top document nor a mode of it states."""
+    """Warn of settings in `simulation` of nested documents that are specified neither by the top document nor by its modes."""
     stated = {*top.simulation, *(key for mode in top.modes for key in mode.simulation)}
     nested = {definition.document: (definition, instance) for instance, definition in tree.assemblies if instance is not tree.top}
     for definition, instance in nested.values():
@@ -39,7 +39,7 @@ def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: LinkR
 def check_modes(
     top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], mass: float, findings: LinkReport,
 ) -> None:
-    """Check the modes of the `top` document, whose robot has a `mass` [kg]; `magnets` are those of all modes."""
+    """Check the modes of the `top` document. `mass` [kg] is the mass of the robot, and `magnets` are the magnets of all modes."""
     _check_steps(top, findings)
     _check_gravity(top.modes, findings)
     _check_magnets(top, modes, mass, findings)
@@ -49,7 +49,7 @@ def check_modes(
 
 
 def _check_steps(top: AssemblyDefinition, findings: LinkReport) -> None:
-    """Warn of time steps that are too long for contacts, where they are written."""
+    """Warn of time steps that are too long for contacts, at their location in the document."""
     owners: list[tuple[AssemblyDefinition | Mode, str]] = [(top, "simulation"), *((mode, mode.name) for mode in top.modes)]
     for owner, path in owners:
         step = owner.simulation.get("timestep")
@@ -61,7 +61,7 @@ def _check_steps(top: AssemblyDefinition, findings: LinkReport) -> None:
 
 
 def _check_gravity(modes: Sequence[Mode], findings: LinkReport) -> None:
-    """Warn of numeric gravity that points straight up: probably the sign is missing; for a ceiling there is a keyword."""
+    """Warn of numeric gravity that points straight up. Probably the sign is missing, because there is a keyword for ceilings."""
     for mode in modes:
         x, y, z = mode.gravity
         if mode.gravity_origin and x == y == 0.0 < z:
@@ -93,7 +93,7 @@ def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: f
 
 
 def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], findings: LinkReport) -> None:
-    """Warn of modes that are held at a magnet that is off, while another magnet is on that nothing holds."""
+    """Warn of modes that are held at an inactive magnet, if another magnet is active without being held."""
     places = {magnet.path: (magnet.occurrence, magnet.mount) for magnet in magnets}
     written = {mode.name: {reference.text: reference.origin for reference, _ in mode.adhesion} for mode in top.modes}
     for mode in modes:
@@ -111,7 +111,7 @@ def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: C
 
 
 def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
-    """Warn of modes that are equal to an earlier one and would produce the same model."""
+    """Warn of duplicate modes, which would produce the same model."""
     met: dict[object, LinkedMode] = {}
     for mode in modes:
         first = met.setdefault(_content(mode), mode)

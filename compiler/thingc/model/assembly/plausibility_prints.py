@@ -17,16 +17,16 @@ from thingc.model.resolve.types import Process
 WIDTHS, HEIGHTS = (0.05e-3, 3e-3), (0.01e-3, 1.5e-3)
 """Ranges of line widths and layer heights [m] that printers support."""
 USUAL_WIDTHS, USUAL_HEIGHTS = (0.2e-3, 1.2e-3), (0.05e-3, 0.6e-3)
-"""Usual line widths and layer heights [m], to guess what was meant by a wrong unit."""
+"""Usual line widths and layer heights [m], to suggest a fix for a wrong unit."""
 SKINS, USUAL_SKINS = (0.05e-3, 30e-3), (1e-3, 10e-3)
-"""For processes without lines, where `line_width` is the wall thickness [m]: the supported and the usual range."""
+"""Supported and usual ranges of the wall thickness [m], specified as `line_width` in processes without lines."""
 WALLS, LIDS = 50, 100
-"""Largest plausible numbers of walls, and of layers on top or below; more make a solid part."""
+"""Largest plausible number of walls, and of top or bottom layers. With more, a part is solid."""
 LEAST_SHARE = 0.01
-"""Smallest plausible infill or overlap; less suggests a wrong unit (`0.15 %`)."""
+"""Smallest plausible infill or overlap. A smaller value suggests a wrong unit (`0.15 %`)."""
 
 _SLIPS = (1e-1, 1e-2, 1e-3, 1e1, 1e2, 1e3)
-"""Factors of common unit errors: for values that are too large, then for those that are too small; smallest errors first."""
+"""Factors of common unit errors, for values that are too large and for values that are too small. The smallest errors come first."""
 
 
 class _Doubt(FrozenStruct):

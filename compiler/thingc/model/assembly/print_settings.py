@@ -1,4 +1,4 @@
-"""Print settings of parts that affect their mass, as requested from the geometry service."""
+"""Print settings that affect the mass of parts, for requests to the geometry service."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from thingc.model.resolve.types import AssemblyDefinition, Component, Material, 
 
 
 def material_of(component: Component, record: PartRecord | None, scope: AssemblyDefinition) -> Material | None:
-    """Return the material of a component: that of the document, else the Thing's default if `scope` contains it."""
+    """Return the material of a component: from the document, otherwise the Thing's default if it is in `scope`."""
     if component.material is not None or record is None or record.material is None:
         return component.material
     return scope.materials.get(record.material)
 
 
 def process_of(component: Component, material: Material | None) -> Process | None:
-    """Return the process of a component; its keys take precedence over those of its material."""
+    """Return the process of a component. Its keys take precedence over the keys of its material."""
     return merged(component.overrides.process, material.process if material is not None else None)
 
 
 def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> dict[str, set[Slicing]]:
-    """Return the slicings of the parts of a model, by text of their definition. A part that is printed in two ways has two."""
+    """Return the slicings of the parts of a model, keyed by the text of their definition. A part may be printed in several ways."""
     slicings: dict[str, set[Slicing]] = {}
     for definition, component, scope in _parts(model):
         record = records.get(definition.text)
@@ -38,7 +38,7 @@ def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | Pa
 
 
 def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema | PartFailure]) -> dict[str, set[LikelySlicing]]:
-    """Predict `slicings_of` before parts are modelled, as far as classes state their material."""
+    """Predict `slicings_of` before parts are modelled, for parts with a material specified by their class."""
     likely: dict[str, set[LikelySlicing]] = {}
     for definition, component, scope in _parts(model):
         schema, material, up = schemas.get(definition.reference), component.material, component.overrides.up
@@ -51,7 +51,7 @@ def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema 
 
 
 def _parts(model: AssemblyDefinition) -> Iterator[tuple[PartDefinition, Component, AssemblyDefinition]]:
-    """Yield every component that is a part, once per assembly that contains it."""
+    """Yield the parts of each assembly, once per assembly."""
     for scope in assemblies_of(model):
         for component in scope.components:
             if isinstance(component.definition, PartDefinition):

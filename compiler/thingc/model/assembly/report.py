@@ -1,4 +1,4 @@
-"""Diagnostics of linking: without duplicates, and with a record of what was left out."""
+"""Diagnostics of linking, without duplicates. Also records whether elements were left out."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _Key = tuple[Code, str, Span | None]
 class LinkReport:
     """A `Report` for `link`.
 
-    A definition that is used several times has the same fault in each place: only the first is reported, with its chain of documents.
-    `failed`: linking found an error. `incomplete`: something was left out because of an error (here or in an earlier pass). `earlier`: an
-    earlier pass found an error.
+    If a definition is used several times, its errors are reported once, at the first use, with the chain of documents.
+    `failed` is set if linking found an error, and `earlier` if an earlier pass found one. `incomplete` is set if an element was left out
+    because of an error in this or an earlier pass.
     """
 
     def __init__(self, report: Report) -> None:
@@ -29,7 +29,7 @@ class LinkReport:
         self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: str | None = None, notes: Iterable[Note] = (),
         detail: str | None = None,
     ) -> None:
-        """Report an error at `origin`, unless the same one was reported there."""
+        """Report an error at `origin`, unless it is a duplicate."""
         self.failed = True
         key = _key(code, message, origin)
         if self._may_say(key):
@@ -39,7 +39,7 @@ class LinkReport:
     def warn(
         self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: str | None = None, notes: Iterable[Note] = (),
     ) -> bool:
-        """Report a warning at `origin`, unless the same one was reported there. Return False if it is suppressed there."""
+        """Report a warning at `origin`, unless it is a duplicate. Return False if it is suppressed there."""
         key = _key(code, message, origin)
         if key in self._said:
             self.report.allows(code, origin)  # marks the `allow` at this place as used
@@ -55,7 +55,7 @@ class LinkReport:
         return any(known is code for known, _, _ in self._said)
 
     def leave_out(self) -> None:
-        """Note that something could not be linked because of an error that has been reported."""
+        """Record that an element could not be linked because of an error that has been reported."""
         self.incomplete = True
 
     def _may_say(self, key: _Key) -> bool:
@@ -72,5 +72,5 @@ def _key(code: Code, message: str, origin: Origin) -> _Key:
 
 
 def written_at(what: str, code: tuple[str, int] | None) -> tuple[Note, ...]:
-    """Return the note "`arm:Pen` is written here"; empty if the place is unknown (parts from files, built-ins)."""
+    """Return the note "`arm:Pen` is written here". Empty if the location is unknown (parts from files, built-ins)."""
     return (Note(message=f"{what} is defined here", span=line_of(*code)),) if code is not None else ()

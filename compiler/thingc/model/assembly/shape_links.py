@@ -1,4 +1,4 @@
-"""The geometry of links with listed shapes: their mass, and the mesh files to read."""
+"""The geometry of links with listed shapes, their mass, and their mesh files."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _box(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
 
 
 def _drawn(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
-    """Yield the surfaces of a shape: a primitive, or the pieces of a mesh file, each in its colour."""
+    """Yield the surfaces of a shape with their colours. They are a primitive or the pieces of a mesh file."""
     own, solid = shape.material or material, shape.solid
     otherwise = own.color if own is not None else None
     if not isinstance(solid, MeshFile):
@@ -84,7 +84,7 @@ def _whole(shape: LinkShape, file: MeshFile, record: MeshRecord, material: Mater
 
 
 def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | None:
-    """Return the box around boxes; None if there are none."""
+    """Return the bounding box of boxes; None if there are none."""
     corners = [corner for box in boxes for corner in box]
     if not corners:
         return None
@@ -95,24 +95,24 @@ def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | N
 class MissingDensity(Exception):
     """The mass of a link cannot be computed from its shapes.
 
-    The message follows the link's name; it is empty if a mesh file was not read.
+    The message continues a sentence that starts with the link's name. It is empty if a mesh file was not read.
     """
 
 
 def solid_shapes(definition: LinkDefinition) -> Sequence[LinkShape]:
-    """Return the shapes that determine the mass of a link: those that touch, else those that are drawn."""
+    """Return the shapes for the mass of a link: its collision shapes, or its display shapes if there are none."""
     return [one for one in definition.shapes if one.touches] or [one for one in definition.shapes if one.drawn]
 
 
 def weigh_shapes(definition: LinkDefinition, material: Material | None, meshes: Meshes, overrides: Overrides) -> MassResult:
-    """Return the mass of a link: as stated in the document, else from its shapes. Raises `MissingDensity`."""
+    """Return the mass properties of a link, from the document or from its shapes. Raises `MissingDensity`."""
     if overrides.mass is None:
         return weigh_link(weight_of(definition, material, meshes), overrides)
     return weigh_link(NOTHING if is_fully_stated(overrides) else matter_of(definition, meshes), overrides)
 
 
 def _matter(shape: LinkShape, meshes: Meshes) -> MassProperties:
-    """Return the properties of a shape at density 1, in the link's frame. Raises `MissingDensity`."""
+    """Return the mass properties of a shape at density 1, in the link's frame. Raises `MissingDensity`."""
     if not isinstance(shape.solid, MeshFile):
         return shape.solid.matter
     record = meshes.get(shape.solid)
@@ -124,12 +124,12 @@ def _matter(shape: LinkShape, meshes: Meshes) -> MassProperties:
 
 
 def matter_of(definition: LinkDefinition, meshes: Meshes) -> MassProperties:
-    """Return the properties of a link at density 1: volume [m^3] as the mass, centre [m] and inertia [m^5]. Raises `MissingDensity`."""
+    """Return the mass properties of a link at density 1: volume [m^3], centre [m] and inertia [m^5]. Raises `MissingDensity`."""
     return total(_matter(shape, meshes) for shape in solid_shapes(definition))
 
 
 def weight_of(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> MassProperties:
-    """Return the properties of a link with the densities of its materials: mass [kg], inertia [kg m^2]; zero if no shape has a density.
+    """Return the mass [kg], centre [m] and inertia [kg m^2] of a link from the densities of its materials; zero without densities.
 
     Raises `MissingDensity`, also if only some shapes have a density.
     """
@@ -142,9 +142,9 @@ def weight_of(definition: LinkDefinition, material: Material | None, meshes: Mes
 
 
 def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, tuple[Origin, bool]]:
-    """Return every mesh file with the place where it is listed first, and whether it must be read.
+    """Return every mesh file with its first location, and whether it must be read.
 
-    It must be read if it is to be `drawn`, if the mass of a link depends on it, or if a mode is `on_floor`.
+    It must be read if it will be `drawn`, if the mass of a link depends on it, or if a mode is `on_floor`.
     """
     every = drawn or any(mode.on_floor for mode in model.modes)
     files: dict[MeshFile, tuple[Origin, bool]] = {}

@@ -1,6 +1,6 @@
 """The path of a tendon through mounts, around spheres and cylinders, and over pulleys: its length, and its straight segments.
 
-Between two mounts it is straight, or the shortest path around the shape between them, on the side of its `side` mount. Lengths are
+Between two mounts, the tendon is straight or follows the shortest path around a shape, on the side of its `side` mount. Lengths are
 divided by the divisor of the preceding pulley. This is MuJoCo's `spatial` tendon (Computation, "Tendon"; `mju_wrap` of its engine),
 computed in the frame of the given poses.
 """
@@ -21,7 +21,7 @@ TINY = 1e-15
 
 
 class TendonSpan(OneLineRepr, FrozenStruct):
-    """A straight segment between points of the parts of two mounts; its contribution is divided by `divisor`."""
+    """A straight segment between points on the parts of two mounts. Its contribution is divided by `divisor`."""
 
     ends: tuple[LinkedMount, LinkedMount]
     points: tuple[Vector, Vector]
@@ -34,14 +34,14 @@ class TendonSpan(OneLineRepr, FrozenStruct):
 
 
 class TendonCourse(OneLineRepr, FrozenStruct):
-    """The length of a tendon [m], and its straight segments, which pull on the parts at their ends."""
+    """The length of a tendon [m] and its straight segments, which pull on the parts at their ends."""
 
     length: float
     spans: tuple[TendonSpan, ...]
 
 
 def course(steps: Sequence[TendonStep], at: Mapping[str, Pose]) -> TendonCourse:
-    """Compute the course of a tendon; `at` contains the poses of its mounts by path, in one frame."""
+    """Compute the course of a tendon. `at` maps the paths of its mounts to their poses in a common frame."""
     spans: list[TendonSpan] = []
     length, divisor = 0.0, 1.0
     last: LinkedMount | None = None
@@ -110,12 +110,12 @@ def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector
 
 
 def _circle(p: Point, q: Point, side: Point | None, radius: float) -> tuple[float, Point, Point] | None:
-    """Return the length of the arc of a circle about the origin on which a string from p to q lies, and its ends.
+    """Return the length and the ends of the arc where a string from p to q touches a circle about the origin.
 
-    None if it does not touch.
+    Return None if the string does not touch the circle.
 
-    With `side`, a point on the circle, the arc passes on this side; otherwise it is the shorter one, and only if the line intersects the
-    circle.
+    With `side`, a point on the circle, the arc is on this side. Without it, the string touches only if the line from p to q intersects the
+    circle, and the arc is the shorter one.
     """
     pp, qq, square = p[0] ** 2 + p[1] ** 2, q[0] ** 2 + q[1] ** 2, radius**2
     if pp < square or qq < square:

@@ -17,7 +17,7 @@ from thingc.model.resolve.types import PathStep
 
 
 def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tuple[LinkedTendon, ...]:
-    """Return the tendons of all documents with their paths; invalid ones are reported and left out."""
+    """Return the tendons of all documents with their paths. Report and omit invalid tendons."""
     tendons: list[LinkedTendon] = []
     for instance, definition in tree.assemblies:
         for one in definition.tendons:
@@ -49,7 +49,7 @@ def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
 
 
 def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> bool:
-    """Return whether the `side` of a shape, if any, is on the link of the shape; otherwise report it."""
+    """Return whether the `side` of a shape, if any, is on the same link as the shape. Report it if not."""
     if step.mount is None or step.side is None or link_of[step.mount.occurrence] == link_of[step.side.occurrence]:
         return True
     findings.error(
@@ -60,9 +60,9 @@ def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> b
 
 
 def rested(tendon: LinkedTendon, occurrences: Sequence[Occurrence], rest: Mapping[int, Pose], findings: LinkReport) -> LinkedTendon:
-    """Return the tendon with the rest length of its spring, by default its length at q = 0, where `rest` are the poses of occurrences.
+    """Return the tendon with the rest length of its spring, by default its length at q = 0. `rest` are the poses of occurrences.
 
-    A path whose mount is inside the shape that it wraps is reported.
+    Report a path with a mount inside a shape that it wraps.
     """
     if not tendon.steps:
         return tendon

@@ -62,8 +62,8 @@ class Surface(OneLineRepr, FrozenStruct):
 class Listed(OneLineRepr, FrozenStruct):
     """The geometry of a link that lists its shapes, in the link's frame.
 
-    It has the shapes for display, for collision, and for the mass (`solids`), and the bounding `box` (two corners [m]; None if there are no
-    shapes, or a mesh file has not been read).
+    It contains the shapes for display, for collision, and for the mass (`solids`). `box` is the bounding box (two corners [m]). It is None
+    without shapes, or if a mesh file has not been read.
     """
 
     drawn: tuple[Surface, ...]
@@ -73,7 +73,7 @@ class Listed(OneLineRepr, FrozenStruct):
 
 
 class PartInstance(OneLineRepr, FrozenStruct):
-    """A component that is a part, a link or a frame. `record` is that of a part, `listed` that of a link; a frame has neither.
+    """A component that is a part, a link or a frame. `record` is set for a part, and `listed` for a link.
 
     `properties` and `mounts` (with `origin`) are in its own frame; `mass_source` is `measured | vendor | stated | derived | estimated`,
     `estimate` is the method for an infill (`layers | skin`), else None. `sound` is False if its mass is invalid (reported).
@@ -95,7 +95,7 @@ class PartInstance(OneLineRepr, FrozenStruct):
 
 
 class Occurrence(PartInstance):
-    """A part, a link or a frame at a path of the unrolled HAG (`hand/cap`). `index` is its position in document order."""
+    """A part, link or frame at a path of the unrolled HAG (`hand/cap`). `index` is its position in document order."""
 
     path: str
     index: int
@@ -116,7 +116,7 @@ class Occurrence(PartInstance):
 
     @property
     def touching(self) -> tuple[Surface, ...]:
-        """The collision shapes, in its own frame; for a part as its `collision` selects, for a mesh its convex hull.
+        """The collision shapes, in its own frame. For a part, `collision` selects them. For a mesh, it is the convex hull.
 
         Empty for `none`, without geometry, and if the part has no such shape.
         """
@@ -134,14 +134,14 @@ class Occurrence(PartInstance):
 
     @property
     def collides(self) -> bool:
-        """Whether it may collide, as far as known without its meshes."""
+        """Whether it may collide, as far as this is known without meshes."""
         return bool(self.listed.touching) if self.listed is not None else self.overrides.collision != "none"
 
     @property
     def solids(self) -> tuple[Surface, ...]:
         """The shapes that determine its volume, in its own frame.
 
-        They are the mesh of a part, and the collision shapes of a link, or else its shapes for display.
+        For a part, it is the mesh. For a link, these are the collision shapes, or the display shapes if there are none.
         """
         if self.listed is not None:
             return self.listed.solids
@@ -154,15 +154,15 @@ class Occurrence(PartInstance):
 
     @property
     def box(self) -> tuple[Vector, Vector] | None:
-        """Bounding box in its own frame: two corners [m]; None without geometry, or if it is not known exactly."""
+        """Bounding box in its own frame (two corners [m]). None without geometry, or if it is not known exactly."""
         return self.listed.box if self.listed is not None else self.record.box if self.record is not None else None
 
 
 class ActuatorModel(OneLineRepr, FrozenStruct):
-    """A drive, with defaults of the Thing's actuator filled in; SI. `effort` is the force limit.
+    """A drive in SI units, including defaults from the Thing's actuator. `effort` is the force limit.
 
-    `axis` is that of a drive of a ball: a unit vector fixed in the child, in the parent mount's axes at q = 0. `name` is the name in files,
-    if it differs from that of the joint.
+    For a drive of a ball joint, `axis` is a unit vector fixed in the child, in the parent mount's axes at q = 0. `name` is the name in
+    files if it differs from the joint's name.
     """
 
     kind: DriveType
@@ -176,7 +176,7 @@ class ActuatorModel(OneLineRepr, FrozenStruct):
 
 
 class JointEdge(Coordinate):
-    """A coordinate of a mate, by its `name` in the top document (`hand.wrist[0]`), with all defaults filled in.
+    """A coordinate of a mate, including all defaults. `name` is its name in the top document (`hand.wrist[0]`).
 
     `twist` is its motion, in the frame that the preceding coordinates of the mate have moved. `mimic.joint` is also a name in
     the top document. `limit.effort`, `limit.velocity` and `dynamics.armature` include the drive's defaults.
@@ -231,13 +231,13 @@ class MountAt(OneLineRepr, FrozenStruct):
 
 
 class LinkedMount(MountAt):
-    """A mount in a document, with the path of its site: `hand/tip`, or `hand/origin` for a component."""
+    """A mount in a document with the path of its site, such as `hand/tip` (for a component, `hand/origin`)."""
 
     path: SitePath
 
     @property
     def of_component(self) -> bool:
-        """Whether the reference is a component, whose origin is placed at a pose, and not a mount, which is mated to it.
+        """Whether the reference is a component, not a mount. A component's origin is placed at a pose; a mount is mated to it.
 
         `mount` does not show this, because a mount of an assembly may be the origin of one of its components.
         """
@@ -257,9 +257,9 @@ class Adhesion(LinkedMount):
 
 
 class LinkedHold(OneLineRepr, FrozenStruct):
-    """A hold of a mode: `mount` is mated to the world frame moved to `pose` (None: at its place in the mode's own pose).
+    """A hold of a mode. `mount` is mated to the frame `pose` in the world (None: where it is in the mode's own pose).
 
-    If it `turns`, only its origin is placed there.
+    If it `turns`, only its origin is fixed.
     """
 
     mount: LinkedMount
@@ -269,7 +269,7 @@ class LinkedHold(OneLineRepr, FrozenStruct):
 
 
 class Foot(OneLineRepr, FrozenStruct):
-    """A mount on which a mode with a free base stands, with the sliding friction between it and the floor."""
+    """A contact mount of a mode with a free base, with the sliding friction between mount and floor."""
 
     mount: LinkedMount
     friction: float
@@ -279,7 +279,7 @@ class Foot(OneLineRepr, FrozenStruct):
 class LinkedSensor(Measurement):
     """A sensor with its path (`leg/imu`) and resolved references: `joint` and `tendon` are paths, `touching` the indices of links.
 
-    `parts` are the readings that have their own names in files.
+    `parts` are the readings with their own names in files.
     """
 
     path: SensorPath
@@ -297,7 +297,7 @@ class LinkedSensor(Measurement):
 
     @property
     def site(self) -> str | None:
-        """Path of the mount that it is attached to."""
+        """Path of the sensor's mount."""
         return None if self.at is None else self.at.path
 
     def part(self, reading: str) -> str:
@@ -315,9 +315,9 @@ class TendonStep(Wrap):
 class LinkedTendon(OneLineRepr, FrozenStruct):
     """A tendon with its path (`hand/grip`).
 
-    `moves` is the change of its length per unit of q, by joint path; `turns`: the length is an angle [rad], otherwise it is in [m].
+    `moves` maps joint paths to the change of its length per unit of q. The length is in [rad] if it `turns`, otherwise in [m].
 
-    A spatial tendon has `steps`, and a `width` [m] if specified. The rest length of its spring is that specified, or its length at q = 0.
+    A spatial tendon has `steps`, and a `width` [m] if specified. The default rest length of its spring is its length at q = 0.
     """
 
     path: TendonPath
@@ -380,10 +380,10 @@ class LinkedTest(OneLineRepr, FrozenStruct):
 
 
 class Connected(OneLineRepr, FrozenStruct):
-    """The connected robot, before poses are computed.
+    """The linked robot, before poses are computed.
 
-    `link_of[i]` is the link of occurrence i. `between` are massless intermediate links (by index): they join exactly two joints, and have
-    neither mass nor shapes.
+    `link_of[i]` is the link of occurrence i. `between` contains the indices of massless intermediate links. They are between exactly two
+    joints, and have neither mass nor shapes.
     """
 
     occurrences: tuple[Occurrence, ...]
@@ -401,9 +401,9 @@ class Connected(OneLineRepr, FrozenStruct):
 class Assembly(Connected):
     """The output of `link`: all properties of the robot that do not depend on a root.
 
-    `base` is the occurrence whose frame is the assembly's; `rest[i]` is the pose of occurrence i in it at q = 0.
-    Without those that close loops, there is one mate fewer than there are occurrences.
-    `names` is None if all names in files are paths. In `raw`, names of joints and bodies of nested documents are prefixed with their path.
+    `base` is the occurrence that defines the assembly's frame. `rest[i]` is the pose of occurrence i in this frame at q = 0. Not counting
+    mates that close loops, there is one mate fewer than there are occurrences. `names` is None if all names in files are paths. In `raw`,
+    names of joints and bodies of nested documents are prefixed with their path.
     """
 
     name: str
