@@ -88,7 +88,7 @@ def test_values_of_sdf_are_elements(tmp_path: Path) -> None:
      "TC701: there are no raw attributes of `robot` in `urdf`", "known kinds of elements: `joint`, `link`"),
     ("urdf: {link: {base: 1}}", "TC701: `raw.urdf.link.base` must be the path of a value", "write `link: {NAME: {KEY: VALUE}}`"),
     ("sdf: {joint: {wrist_0: {axis: {dynamics: {damping: 1}}}}}", "TC701: `sdf` has no joint `wrist_0`", "did you mean `wrist`?"),
-    ("sdf: {joint: {left.knuckle: {axis: 1}}}", "TC701: `axis` contains other elements, not a value", "name one of `xyz`, `limit`"),
+    ("sdf: {joint: {left.knuckle: {axis: 1}}}", "TC701: `axis` contains other elements, not a value", "use one of `xyz`, `limit`"),
     ("sdf: {joint: {left.knuckle: {axis: {limit: {lower: {x: 1}}}}}}", "TC701: `lower` contains a value and has no `x`", "write its value"),
     ("urdf: {joint: {left.knuckle: {limit: 3}}}",
      "TC701: `limit` is an element, not an attribute", "use one of its attributes: `lower`, `upper`, `effort`, `velocity`"),

@@ -216,7 +216,7 @@ class TestStrangers:
     def test_the_build_of_another_document(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         folder = build(tmp_path, with_manifest({"bom.csv": b"one"}, "other.yaml"), store, "other.yaml")
-        words = "^`arm` contains the build of another document (`other.yaml`, not `arm.yaml`) and is unchanged$"
+        words = r"^`arm` contains the build of another document \(`other.yaml`, not `arm.yaml`\) and is unchanged$"
         with pytest.raises(UnexpectedFilesError, match=words):
             build(tmp_path, FIRST, store)
         assert (folder / "bom.csv").read_bytes() == b"one"
