@@ -33,12 +33,12 @@ from thingc.tools.importing.xml_source import read_xml
 
 EXACT = 1e-9
 TOLERANCES = {"contacts": 1e-6, "contacts by iteration": 1e-4, "shapes": 1e-6}
-TOUCHING = ("contacts of", "a contact pair", "that `", "mesh `")
+TOUCHING = ("contacts of", "a contact pair", "the excluded contact of", "mesh `")
 ROOTS = 5
-MOVES = ("contacts of", "a contact pair", "how soft", "actuator", "tendon", "equality", "that `", "drag of")
+MOVES = ("contacts of", "a contact pair", "the softness of", "actuator", "tendon", "equality", "the excluded contact of", "drag of")
 EXPLAINS = {
-    "contacts": TOUCHING, "contacts by iteration": TOUCHING, "shapes": ("mesh `",), "limits": ("slide",),
-    "actuators": ("actuator", "tendon"), "passive": ("tendon", "what of joint", "drag of"), "gains": ("the gain of",),
+    "contacts": TOUCHING, "contacts by iteration": TOUCHING, "shapes": ("mesh `",), "limits": ("unlimited slide",),
+    "actuators": ("actuator", "tendon"), "passive": ("tendon", "nonlinear damping or stiffness", "drag of"), "gains": ("the gain of",),
     "trajectory": MOVES,
 }
 

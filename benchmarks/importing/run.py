@@ -96,7 +96,8 @@ def one(file: Path, python: str, count: int) -> tuple[list[str], bool]:
     worst = compared(imported, models, json.loads(asked.stdout), states, known, joints, roots)
     fine = all(value <= (POSE if "poses" in key else RELATIVE) for key, value in worst.items())
     lost = [loss for loss in imported.losses if "inertia" in loss.what]
-    ends = [loss for loss in imported.losses if worst["limits"] > RELATIVE and loss.what.startswith(("slide", "`lower` and `upper`"))]
+    limits = ("unlimited slide", "`lower` and `upper`")
+    ends = [loss for loss in imported.losses if worst["limits"] > RELATIVE and loss.what.startswith(limits)]
     said = [f"{len(imported.repaired)} repaired"] * bool(imported.repaired) + [f"{len(lost)} inertias without a mass lost"] * bool(lost)
     said += [f"{len(ends)} joints said to have other ends"] * bool(ends)
     why = "as it was" if fine else ", ".join(said) or "DIFFERS"
