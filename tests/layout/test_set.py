@@ -284,7 +284,7 @@ def test_a_variant_is_adopted(here: Path, capsys: pytest.CaptureFixture[str]) ->
     now = json.loads(capsys.readouterr().out)["first"]
     assert (now[2]["parameters"], now[2]["choices"]) == ({}, {})
     assert main(["batch", "sweep.yaml", "--adopt", now[2]["id"]]) == 0
-    assert capsys.readouterr().out == f"{now[2]['id']} is what arm.yaml says\n"
+    assert capsys.readouterr().out == f"arm.yaml already has the settings of {now[2]['id']}\n"
     assert main(["batch", "sweep.yaml", "--adopt", "nothing"]) == 2
     assert "has no variant `nothing`" in capsys.readouterr().err
     assert main(["batch", "sweep.yaml", "--adopt", now[1]["id"], "--resume"]) == 2
@@ -307,7 +307,8 @@ def test_an_id_of_a_batch_is_the_variant_of_its_table(here: Path, capsys: pytest
         assert "load: 2 kg" in text and "upper: 90 deg" in text
     out, err = capsys.readouterr()
     assert (out, err) == (
-        f"parameters.load: 4 kg -> 2 kg\njoints.lift.limit.upper: 45 deg -> 90 deg\n{_now(capsys, 1)} is what arm.yaml says\n", ""
+        "parameters.load: 4 kg -> 2 kg\njoints.lift.limit.upper: 45 deg -> 90 deg\n"
+        f"arm.yaml already has the settings of {_now(capsys, 1)}\n", ""
     )
     assert main(["batch", "sweep.yaml", "--adopt", "sweep_3"]) == 0
     assert capsys.readouterr().err == "sweep_3 violates the rule `mass < 3.5 kg`\n"

@@ -141,7 +141,7 @@ def test_a_worker_that_dies_during_the_check_is_left_out(tmp_path: Path, shared_
         engine.check({str(two.file): hashlib.sha256(two.file.read_bytes()).hexdigest()})
         assert time.monotonic() - started > 0.9, "it was alive when the check began"
         killing.join()
-        with pytest.raises(BatchFault, match="has another content of"):
+        with pytest.raises(BatchFault, match="has different content for"):
             engine.check({str(two.file): "0" * 64})
         engine.shutdown()
 
@@ -190,9 +190,9 @@ def test_workers_that_see_other_files_are_named(tmp_path: Path, three: Dask) -> 
     document.write_text("one")
     with dask_executor.DaskCluster(three.address) as found:
         found.check({str(document): hashlib.sha256(b"one").hexdigest()})
-        with pytest.raises(BatchFault, match="has another content of .*robot.yaml"):
+        with pytest.raises(BatchFault, match="has different content for .*robot.yaml"):
             found.check({str(document): hashlib.sha256(b"two").hexdigest()})
-        with pytest.raises(BatchFault, match="does not see .*nothing.yaml"):
+        with pytest.raises(BatchFault, match="cannot find .*nothing.yaml"):
             found.check({str(tmp_path / "nothing.yaml"): "0" * 64})
 
 
@@ -258,7 +258,7 @@ def test_settings_of_slurm() -> None:
         cpus=8, minutes=2, more=(("mem_gb", "16"), ("slurm_partition", "cpu")),
     )
     for wrong, words in (
-        ("partitoin=cpu", "known NAME"), ("cpus=some", "whole number"), ("time=2", "time"), ("time=2 kg", "time"),
+        ("partitoin=cpu", "valid NAME"), ("cpus=some", "whole number"), ("time=2", "time"), ("time=2 kg", "time"),
         ("cluster=big", "cluster=local"), ("cpus", "NAME=VALUE"),
     ):
         with pytest.raises(BatchFault, match=words):
@@ -268,7 +268,7 @@ def test_settings_of_slurm() -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="sbatch of SLURM is a program of Linux")
 def test_slurm_where_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(BatchFault, match="no command `sbatch`"):
+    with pytest.raises(BatchFault, match="the command `sbatch` is missing"):
         cluster.connect("slurm:partition=cpu", folder=str(tmp_path / "jobs"))
     assert not (tmp_path / "jobs").exists()
 

@@ -249,8 +249,8 @@ def test_fields_of_another_batch_are_refused_and_nothing_is_changed(sliders: Bat
     model, own = fields(sliders)
     _, other = fields(some, "flying")
     before = arrays(model)
-    for wrong, words in ((lambda: apply(model, own, 8), "fields for 8 variants, and none for place 8"),
-                         (lambda: apply(model, own, -1), "none for place -1"),
+    for wrong, words in ((lambda: apply(model, own, 8), "fields for 8 variants, but none for index 8"),
+                         (lambda: apply(model, own, -1), "but none for index -1"),
                          (lambda: apply(model, {**own, **other}, 1), "is not that of this model"),
                          (lambda: apply(model, {**own, "body_colour": own["body_mass"]}, 1), "`body_colour` is not that of this model")):
         with pytest.raises(FamilyError, match=words):

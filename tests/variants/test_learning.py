@@ -175,7 +175,7 @@ def test_an_episode_ends_where_the_caller_or_mujoco_says(some: Path, tmp_path: P
 
 def test_what_cannot_be_is_said_in_words(some: Path) -> None:
     for given, words in (
-        ({}, "has 2 modes, `hanging`, `flying`: say which"),
+        ({}, "has 2 modes, `hanging`, `flying`: select one with `mode="),
         ({"mode": "hangin"}, "did you mean `hanging`"),
         ({"mode": "hanging", "reward": "fast"}, "there is no task `fast`: known tasks: `forward`, `hold`"),
         ({"mode": "hanging", "descriptor": ("weight",)}, "has no column `weight`"),

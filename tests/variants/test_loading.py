@@ -169,7 +169,7 @@ def test_what_is_not_there_is_said_in_words(some: Path, tmp_path: Path, shared_s
     for wrong, words in (
         (lambda: family["some_99"], "has no variant `some_99`: did you mean"),
         (lambda: family[out["name"]], r"is not available: it is `kept_out` by the rule `"),
-        (lambda: family[0].model(), "has 2 modes, `hanging`, `flying`: say which"),
+        (lambda: family[0].model(), "has 2 modes, `hanging`, `flying`: select one with `mode="),
         (lambda: family[0].model("hangin"), "has no mode `hangin`: did you mean `hanging`"),
         (lambda: load(some, mode="sitting"), "has no mode `sitting`: known modes: `flying`, `hanging`"),
         (lambda: load(some, mode=5), "has no mode `5`"),

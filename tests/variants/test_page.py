@@ -138,7 +138,7 @@ def test_a_process_that_draws_and_is_killed_is_told(stands: Path, tmp_path: Path
     warning = draw(str(folder), "default", None, most=6, on_picture=kill)
     assert warning is not None and warning.code is Code.NO_GRAPHICS
     assert warning.message == (
-        "pictures are missing on the page of the batch: the rendering process failed: it was ended by SIGKILL"
+        "pictures are missing on the page of the batch: the rendering process failed: it was terminated by SIGKILL"
     )
     assert [path for path in (folder / "pictures").iterdir() if path.suffix != ".png"] == []
 

@@ -102,7 +102,7 @@ def test_links_out_of_the_workspace_are_refused(tmp_path: Path, target: str) -> 
     (tmp_path / "outside.txt").write_text("x")
     (tmp_path / "hop").symlink_to("robots/mast.yaml")  # leaves and comes back: there is no such hop elsewhere
     (here / "parts" / "link").symlink_to(target if os.path.isabs(target) else f"../{target}")
-    with pytest.raises(BatchFault, match="`parts/link` is a link out of the workspace") as caught:
+    with pytest.raises(BatchFault, match="`parts/link` links to `.*`, outside the workspace, and cannot be shipped") as caught:
         packed(here)
     assert caught.value.diagnostic.code is Code.OUTSIDE_WORKSPACE and caught.value.diagnostic.help is not None
 
@@ -114,7 +114,7 @@ def test_a_workspace_that_is_too_large(tmp_path: Path, monkeypatch: pytest.Monke
     (here / "videos" / "walk.mp4").write_bytes(bytes(1_990_000))
     (here / "videos" / "run.mp4").write_bytes(bytes(20_000))
     monkeypatch.setattr(workspace_archive, bound, value)
-    with pytest.raises(BatchFault, match=f"has more than {words}, which is the bound for --ship.*`videos`") as caught:
+    with pytest.raises(BatchFault, match=f"has more than {words}, the limit of --ship.*`videos`") as caught:
         packed(here)
     assert caught.value.diagnostic.code is Code.TOO_LARGE and "thingc.toml" in str(caught.value.diagnostic.help)
 
@@ -123,7 +123,7 @@ def test_a_document_that_changes_meanwhile(tmp_path: Path) -> None:
     here = workspace(tmp_path)
     planned = plan(str(here / "sweep.yaml"))
     (here / "pendulum.yaml").write_text((here / "pendulum.yaml").read_text() + "# new\n")
-    with pytest.raises(BatchFault, match="`pendulum.yaml` has changed just now") as caught:
+    with pytest.raises(BatchFault, match="`pendulum.yaml` changed while the batch was planned") as caught:
         pack(planned, str(here / "build" / "sweep"))
     assert caught.value.diagnostic.code is Code.BATCH_CHANGED
 
@@ -158,7 +158,7 @@ def test_a_workspace_without_a_file_of_its_own_stays_the_same_elsewhere(tmp_path
 @pytest.mark.parametrize("data", [b"", b"no archive", None])
 def test_a_damaged_parcel_is_not_unpacked(tmp_path: Path, data: bytes | None) -> None:
     whole = packed(workspace(tmp_path))
-    with pytest.raises(ValueError, match="damaged on the way"):
+    with pytest.raises(ValueError, match="damaged during the transfer"):
         replace(whole, data=whole.data[:-20] if data is None else data).unpack(str(tmp_path / "place"))
     assert not (tmp_path / "place").exists()
 

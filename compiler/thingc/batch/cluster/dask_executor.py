@@ -98,7 +98,7 @@ class DaskCluster(FileTransferExecutor):
                 )
             for path, sha256 in files.items():
                 if hashes[path] != sha256:
-                    what = "cannot find" if hashes[path] is None else "has another content of"
+                    what = "cannot find" if hashes[path] is None else "has different content for"
                     raise BatchFault(
                         Code.CLUSTER, f"the worker {worker} {what} `{path}`",
                         "the documents and the folder of the batch (-o) must be on a file system that all machines share, under the same "

@@ -195,7 +195,7 @@ def _link(archive: tarfile.TarFile, workspace: Workspace, name: str, target: str
     first = os.path.join(os.path.realpath(os.path.dirname(path)), os.path.basename(path))  # the first step of a chain of links
     if not workspace.contains(path) or not os.path.join(first, "").startswith(os.path.join(os.path.realpath(workspace.root), "")):
         raise BatchFault(
-            Code.OUTSIDE_WORKSPACE, f"`{name}` is a link to a file outside the workspace, `{target}`, and cannot be shipped",
+            Code.OUTSIDE_WORKSPACE, f"`{name}` links to `{target}`, outside the workspace, and cannot be shipped",
             "copy the target into the workspace, or remove the link",
         )
     header = _header(name, tarfile.SYMTYPE, 0o777)

@@ -224,7 +224,7 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     earlier = f" ({summary.before} of them before)" if summary.before else ""
     modelled = f"{counted(summary.modelled, 'part')} modelled"
     lines = [f"{shown_path(summary.folder)}: {counted(summary.count, 'variant')}{earlier}: {counts}; {modelled}"]
-    lines += [f"{summary.duplicates} duplicates omitted"] if summary.duplicates else []
+    lines += [f"{counted(summary.duplicates, 'duplicate')} omitted"] if summary.duplicates else []
     if summary.lossy:
         number = counted(sum(summary.losses.values()), "thing")
         how = ", ".join(f"{count} {how}" for how, count in summary.losses.items())
@@ -296,7 +296,7 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
         console.say(f"{variant.name} violates the rule `{rule}`", stream=sys.stderr)
     settings = {**variant.parameters, **variant.choices}
     if not settings:
-        console.say(f"{variant.id} is already the setting of {planned.assembly_relative}")
+        console.say(f"{planned.assembly_relative} already has the settings of {variant.id}")
         return 0
     return write(shown_path(planned.assembly), settings, options, arguments)
 
@@ -315,8 +315,8 @@ def _told(planned: Plan, forecast: DryRun) -> list[str]:
             lines.append(f"  {axis.key}: {shown}{f' and {len(axis.values) - 6} more' if len(axis.values) > 6 else ''}")
     duplicates = planned.written - planned.count
     if duplicates:
-        lines.append(f"{duplicates} duplicates omitted")
-    lines.extend(f"{count} fail the rule `{rule}`" for rule, count in forecast.failing.items())
+        lines.append(f"{counted(duplicates, 'duplicate')} omitted")
+    lines.extend(f"{count} kept out by the rule `{rule}`" for rule, count in forecast.failing.items())
     if forecast.looked_at < forecast.left:
         lines.append(f"in a sample of {forecast.looked_at} of the remaining {forecast.left}:")
     for code, count in sorted(forecast.unsound.items()):
