@@ -1,4 +1,4 @@
-"""Targets: a module or folder for each output format. This package exports the names that emitters of other packages need."""
+"""Targets: a module or folder for each output format. This package exports the API for emitters in other packages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The result of an emitter: files by relative path, and losses, which are what the target cannot express."""
+"""The result of an emitter: files keyed by relative path, and losses (what the target cannot express)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MANIFEST = "manifest.json"
 
 
 class StoredArtifact(FrozenStruct):
-    """A file in the content-addressed store. It is copied into the build, not read."""
+    """A file in the content-addressed store. It is copied into the build without being read."""
 
     sha256: str
     size: int
@@ -36,8 +36,8 @@ HOW: tuple[How, ...] = get_args(How)
 class Loss(FrozenStruct):
     """Something that a target cannot express.
 
-    `mode` is None if it does not belong to a mode. `path` is that of the occurrence, joint or mount, `what` a description, `origin` its
-    places in the documents.
+    `mode` is None if the loss does not belong to a single mode. `path` is the path of the occurrence, joint or mount. `what` describes the
+    loss, and `origin` lists its places in the documents.
     """
 
     target: str
@@ -54,12 +54,12 @@ class Loss(FrozenStruct):
 
     @staticmethod
     def of(origin: Origin, target: str, mode: str | None, path: str, what: str, how: How) -> Loss:
-        """Return a loss. `origin` comes first, unlike in the fields."""
+        """Return a loss, with `origin` as the first argument."""
         return Loss(target=target, mode=mode, path=path, what=what, how=how, origin=origin)
 
 
 def counts_of(losses: Iterable[Loss]) -> dict[str, int]:
-    """Return the number of losses by `how`."""
+    """Return the number of losses for each value of `how`."""
     counts = Counter(loss.how for loss in losses)
     return {how: counts[how] for how in HOW if counts[how]}
 

@@ -23,7 +23,7 @@ _ORDER = {"print": 0, "machine": 1, "buy": 2}
 
 
 class BomRow(FrozenStruct):
-    """A row: `quantity` equal pieces of `mass` [kg] each; `cost` as written in the document."""
+    """A row of the bill of materials: `quantity` equal pieces, each of `mass` [kg]. `cost` is text from the document."""
 
     number: str
     name: str
@@ -42,10 +42,10 @@ COLUMNS = BomRow.__struct_fields__
 
 
 def make_of(occurrence: Occurrence) -> str:
-    """Return `buy | print | machine`: the value in the document, else that of the Thing, else by the process.
+    """Return `buy | print | machine` from the document, else from the Thing, else derived from the process.
 
-    If neither has a value, an occurrence without geometry (a frame with a mass, such as a circuit board) is bought, because these files are
-    not enough to make it. One with geometry follows its process: bought, machined if the process is subtractive, else printed.
+    Without a value, an occurrence without geometry (a frame with a mass, such as a circuit board) is bought, because there is nothing to
+    make it from. An occurrence with geometry is bought, machined (for subtractive processes) or printed, depending on its process.
     """
     record = occurrence.record
     stated = occurrence.bom.make or (record.bom.get("make") if record is not None else None)
@@ -63,9 +63,9 @@ def make_of(occurrence: Occurrence) -> str:
 
 
 def listed(occurrence: Occurrence) -> bool:
-    """Whether an occurrence is an item: it has geometry, or mass, or its own entry for the bill of materials.
+    """Whether an occurrence is listed: it has geometry, mass, or its own entry in the bill of materials.
 
-    A frame that only marks a place is not one.
+    A frame that only marks a place is not listed.
     """
     own = occurrence.bom
     return (
@@ -81,10 +81,10 @@ def items(assembly: Assembly) -> tuple[BomRow, ...]:
 
 
 def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...]], ...]:
-    """Return the rows, each with its occurrences: printed, machined, then bought items, each in document order.
+    """Return each row with its occurrences: first printed, then machined, then bought items, each in document order.
 
-    Occurrences with equal values are one row. The number comes from the document, else from the Thing. Rows without a number are numbered
-    1, 2, 3 in order, skipping numbers that are used.
+    Occurrences with equal values share a row. The part number comes from the document, else from the Thing. Rows without a number are
+    numbered 1, 2, 3 in order, skipping numbers already in use.
     """
     rows: dict[tuple[object, ...], list[list[Occurrence]]] = {}
     for occurrence in assembly.occurrences:
@@ -117,9 +117,10 @@ def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...
 
 
 def csv_text(rows: tuple[BomRow, ...]) -> str:
-    """Return RFC 4180 text with a header and `\\n` line ends. The mass is that of one piece [kg]; unknown values are empty.
+    """Return RFC 4180 text with a header and `\\n` line ends. The mass is per piece [kg]; unknown values are empty.
 
-    Text that a spreadsheet would evaluate begins with `'` (see `format_cell`). There is no line of totals, so that a column can be summed.
+    Text that a spreadsheet would evaluate begins with `'` (see `format_cell`). There is no row of totals, so that a spreadsheet can sum a
+    column.
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -143,7 +144,7 @@ def emit(request: EmitRequest) -> Artifacts:
 def _key(occurrence: Occurrence) -> tuple[object, ...]:
     """Return the values that distinguish rows, except mass, quantity and assigned number.
 
-    A frame or link with a number is identified by it, regardless of the component's name.
+    A frame or link with a part number is identified by that number, regardless of the component's name.
     """
     number = _said(occurrence, "number")
     return (
@@ -158,13 +159,13 @@ def _key(occurrence: Occurrence) -> tuple[object, ...]:
 
 
 def _definition(occurrence: Occurrence) -> Definition:
-    """Return the definition that is made or bought. For a mirror image that is bought, it is the original part."""
+    """Return the definition that is made or bought. For a bought mirror image, this is the original part."""
     own = occurrence.definition
     return own.plain if own.plain is not None and make_of(occurrence) == "buy" else own
 
 
 def _said(occurrence: Occurrence, key: str) -> str | None:
-    """Return an entry of the document, else of the Thing, else None."""
+    """Return the value of `key` from the document, else from the Thing, else None."""
     own: str | None = getattr(occurrence.bom, key)
     if own is None and occurrence.record is not None:
         return occurrence.record.bom.get(key)
@@ -178,9 +179,9 @@ def _material(occurrence: Occurrence) -> str | None:
 
 
 def _name(occurrence: Occurrence) -> str:
-    """Return the name for people, with its mirror axis, if any.
+    """Return the display name, with the mirror axis, if any.
 
-    It is that of the Thing, else the class, the file without suffix, or the component.
+    The name is that of the Thing, else of the class, of the file without suffix, or of the component.
     """
     mirror = _definition(occurrence).mirror
     return _plain_name(occurrence) + (f" (mirror={mirror})" if mirror is not None else "")

@@ -1,10 +1,10 @@
 """Capabilities of formats: one table for each target.
 
-The table decides what the emitter writes, the losses, and the target's column in `docs/formats.md`.
+The table determines what the emitter writes, which losses it reports, and the target's column in `docs/formats.md`.
 
-Tables are complete by their type: a missing feature is an error of mypy. If something can be written in several ways, the cell names one of
-the target's own words (`by`), and the emitter matches on that (`written`), never on the kind itself: an unknown word, or one without a
-case, is an error of mypy, too. Losses depend on the robot: `losses` checks what it uses, in the same way for all targets.
+Types ensure that tables are complete: mypy reports a missing feature. If a feature can be written in several ways, the cell has one of the
+target's own keywords (`by`). The emitter matches on this keyword (`written`), and mypy reports an unknown keyword or a missing case. Losses
+depend on the robot: `losses` checks which features it uses, in the same way for all targets.
 """
 
 from __future__ import annotations
@@ -36,9 +36,10 @@ Sensor = TypeVar("Sensor")
 
 
 class Supported(FrozenStruct, Generic[By], kw_only=False):
-    """The format supports it.
+    """The format supports the feature.
 
-    `how` describes it if its name differs; `by` is the emitter's word for the way of writing it, None if there is only one.
+    `how` describes the feature if the format uses a different name. `by` is the emitter's keyword for how it is written, or None if there
+    is only one way.
     """
 
     by: By
@@ -46,7 +47,7 @@ class Supported(FrozenStruct, Generic[By], kw_only=False):
 
 
 class Lossy(FrozenStruct, Generic[By], kw_only=False):
-    """The format supports it in part: it is written `by` a certain way, with a `Loss` of kind `how`.
+    """The format supports part of the feature: it is written as `by` specifies, with a `Loss` whose `how` is given.
 
     `words` are added to the description of the loss, including the comma or colon before.
     """
@@ -57,7 +58,7 @@ class Lossy(FrozenStruct, Generic[By], kw_only=False):
 
 
 class Omitted(FrozenStruct, kw_only=False):
-    """The format does not support it; nothing is written. `words` are added to the description of the `Loss`."""
+    """The format does not support the feature; nothing is written. `words` are added to the description of the `Loss`."""
 
     words: str = ""
 
@@ -68,7 +69,7 @@ class Omitted(FrozenStruct, kw_only=False):
 
 
 class Companion(FrozenStruct, kw_only=False):
-    """Users do not expect it in files of this format: it is neither written nor a loss."""
+    """Users do not expect the feature in files of this format: it is not written and is not a loss."""
 
 
 Written = Supported[By] | Lossy[By]
@@ -81,14 +82,14 @@ BESIDE = Companion()
 
 
 def written(cell: Cell[By]) -> By | None:
-    """Return the emitter's word for the way of writing something, or None if there is only one way or it is not written."""
+    """Return the emitter's keyword for how a feature is written, or None if there is only one way or it is not written."""
     return cell.by if isinstance(cell, (Supported, Lossy)) else None
 
 
 class Joints(TypedDict, Generic[By]):
-    """Joints by the form of the motion (`joint_cell`).
+    """Cells for joints, by type of motion (see `joint_cell`).
 
-    A base that moves in part, and a joint at which a loop is cut, are written as such joints.
+    A planar or ball base and a joint that cuts a loop use the same cells.
     """
 
     single: Written[By]
@@ -113,7 +114,7 @@ class OfJoints(TypedDict):
 
 
 class Drives(TypedDict, Generic[By]):
-    """Drives by their kind; those of a `ball` have their own axes, and a `universal` has two."""
+    """Cells for drives, by kind. The drives of a `ball` have their own axes, and a `universal` has two drives."""
 
     position: Cell[By]
     velocity: Cell[By]
@@ -123,7 +124,7 @@ class Drives(TypedDict, Generic[By]):
 
 
 class LoopKinds(TypedDict, Generic[By]):
-    """Loops by the free motion at the cut; a `hold` keeps a mount in place."""
+    """Cells for loops, by the free motion at the cut. A `hold` keeps a mount in place."""
 
     hold: Cell[By]
     weld: Cell[By]
@@ -136,7 +137,7 @@ class LoopKinds(TypedDict, Generic[By]):
 
 
 class Bases(TypedDict):
-    """The motion of the root in a mode, unless it is fixed. `start` is the initial pose of a free base."""
+    """Cells for bases that can move. `start` is the initial pose of a free base."""
 
     held: Plain
     free: Plain
@@ -146,7 +147,7 @@ class Bases(TypedDict):
 
 
 class Modes(TypedDict):
-    """Properties of modes; `simulation` are its settings except `timestep`."""
+    """Properties of modes. `simulation` covers all simulation settings except `timestep`."""
 
     gravity: Plain
     poses: Plain
@@ -158,8 +159,8 @@ class Modes(TypedDict):
 class Links(TypedDict):
     """Properties of links.
 
-    `rolling` is a kind of friction. `weightless` links are moved by a joint, a `weightless_base` is not. A `point` mass, or masses in a
-    `line`, have an inertia that is not that of a solid.
+    `rolling` is rolling friction. `weightless` is a massless link moved by a joint, and `weightless_base` is a massless base. `point` and
+    `line` are masses at a point or on a line, whose inertia no solid can have.
     """
 
     frames: Plain
@@ -174,7 +175,7 @@ class Links(TypedDict):
 
 
 class ContactShapes(TypedDict, Generic[By]):
-    """Collision shapes. `mesh` is one that is not convex and is not replaced by its hull. Primitives that are drawn use the same cells."""
+    """Collision shapes. `mesh` is a non-convex mesh that is not replaced by its convex hull. Visual primitives use the same cells."""
 
     box: Cell[By]
     cylinder: Cell[By]
@@ -222,10 +223,10 @@ class OfSensors(TypedDict):
 
 
 class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
-    """Everything that a format may or may not support.
+    """All features that a format may or may not support.
 
-    The type parameters are the emitter's words for its ways of writing joints, drives, loops, shapes and sensors; `Never` if it never
-    writes them.
+    The type parameters are the emitter's keywords for writing joints, drives, loops, shapes and sensors, or `Never` if it does not write
+    them.
     """
 
     joints: Joints[Joint]
@@ -247,7 +248,7 @@ AnyCapabilities = Capabilities[Any, Any, Any, Any, Any]
 def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
     """Return the losses of a target for a robot in these modes, without duplicates.
 
-    With `cut`, joints at which loops are cut are written as joints in its files, too.
+    `cut` means that the target also writes the joints that cut loops as joints.
     """
     lost = _Lost(target, says, cut)
     everything: list[Iterator[Loss]] = [lost.of_assembly(assembly)]
@@ -257,7 +258,7 @@ def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Seque
 
 
 class _Lost:
-    """Finds what a robot uses, and yields a loss if its cell says so. Losses common to all modes have no mode."""
+    """Find the features that a robot uses, and yield a loss for each one without full support. Losses common to all modes have no mode."""
 
     def __init__(self, target: str, says: AnyCapabilities, cut: bool) -> None:
         self.target = target
@@ -269,7 +270,7 @@ class _Lost:
             yield Loss.of(origin, self.target, mode, path, what + cell.words, cell.how)
 
     def of_joints(self, robot: Robot) -> Iterator[Loss]:
-        """Yield the losses of the joints of a mode that are written as joints."""
+        """Yield the losses for a mode's joints that are written as joints."""
         mates = robot.assembly.mates
         groups: list[tuple[str, Sequence[TreeJoint | JointEdge]]] = [
             (mates[body.joints[0].mate].name or body.joints[0].path, body.joints) for body in robot.bodies if body.joints
@@ -294,7 +295,7 @@ class _Lost:
                         yield from self(self.says["of_joints"]["polynomial"], None, joint.path, what, joint.mimic.origin)
 
     def of_drive(self, joint: TreeJoint | JointEdge) -> Iterator[Loss]:
-        """Yield the loss of the drive of a coordinate, or of a ball about its own axis."""
+        """Yield the loss for the drive of a coordinate, or for a ball's drive about its own axis."""
         drive = joint.actuator
         if drive is not None:
             gains = [f", {name} {value:.6g}" for name, value in (("kp", drive.kp), ("kv", drive.kv)) if value is not None]
@@ -303,7 +304,7 @@ class _Lost:
             yield from self(self.says["drives"][drive_cell(joint, drive)], None, joint.path, what, drive.origin)
 
     def of_coordinate(self, joint: TreeJoint | JointEdge, path: str) -> Iterator[Loss]:
-        """Yield the losses of a coordinate that moves, or of a whole ball."""
+        """Yield the losses for a moving coordinate, or for a whole ball."""
         of, dynamics = self.says["of_joints"], joint.dynamics
         q, push, inertia = ("rad", "N m", "kg m^2") if joint.twist.turns else ("m", "N", "kg")
         for cell, value, what, unit in (
@@ -346,7 +347,7 @@ class _Lost:
                 yield from self(cell, mode.name, mode.name, what, mode.origin)
 
     def of_base(self, robot: Robot) -> tuple[tuple[Plain, str, bool], ...]:
-        """Return the cells for the base of a mode: the cell, a description, and whether it is used."""
+        """Return the capability, a description, and whether it is used, for each property of a mode's base."""
         base, bases = robot.base, self.says["bases"]
         match base:
             case "fixed":
@@ -362,7 +363,7 @@ class _Lost:
                 assert_never(base)
 
     def stepping(self, simulation: Mapping[str, object]) -> tuple[tuple[Plain, str, bool], ...]:
-        """Return the cells for the `simulation` of a document or a mode: the cell, a description, and whether it is used."""
+        """Return the capability, a description, and whether it is used, for each setting in `simulation` of a document or mode."""
         modes = self.says["modes"]
         return (
             (modes["timestep"], "its time step", "timestep" in simulation),
@@ -370,9 +371,9 @@ class _Lost:
         )
 
     def of_sensor(self, sensor: LinkedSensor) -> Iterator[Loss]:
-        """Yield the loss of a sensor, or of its properties that are not written.
+        """Yield the loss for a sensor, or the losses for those of its properties that are not written.
 
-        The range of a rangefinder is not a cutoff of its values.
+        For a rangefinder, `cutoff` is the range and does not clip the values.
         """
         cell, of = self.says["sensors"][sensor.kind], self.says["of_sensors"]
         yield from self(cell, None, sensor.path, "this sensor", sensor.origin)
@@ -427,7 +428,7 @@ def drive_cell(joint: TreeJoint | JointEdge, drive: ActuatorModel) -> Literal["p
 
 
 def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "screw", "ball"]:
-    """Return the cell for a kind of joint that moves, by its coordinates and its motion. Raises `ValueError` for a fixed joint."""
+    """Return the name of the cell for a moving joint, which depends on its coordinates and motion. Raises `ValueError` for a fixed joint."""
     if not kind.moves:
         raise ValueError("a fixed joint does not move")
     if kind.at_once:

@@ -1,9 +1,10 @@
 """Apply the custom names of `names:` in the documents to the robot.
 
-Emitters of targets whose files are read by name (`Target.by_name`) get this robot, and see no other names. A `/` in a custom name is
-written as in a path.
+Emitters of targets with `Target.by_name` get the renamed robot and do not see the original names. A `/` in a custom name is written in the
+same way as in a path.
 
-Fields with paths are found by their types (`base/export_names.py`). Records that contain paths in other ways have rules (`_Caller.rules`).
+Fields that contain paths are identified by their types (see `base/export_names.py`). Other records with paths have rules (see
+`_Caller.rules`).
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ AS_WRITTEN = frozenset({AssemblyDefinition, Component, Definition, FileNames, Li
 
 
 def called(request: EmitRequest) -> EmitRequest:
-    """Return the request with custom names, or the same request if there are none."""
+    """Return the request with custom names, or the unchanged request if there are none."""
     names = request.assembly.names
     if names is None:
         return request
@@ -88,7 +89,7 @@ class _Caller:
         self._made: dict[int, tuple[Any, Any]] = {}
 
     def record(self, old: Any) -> Any:
-        """Return a record with custom names. Records that were shared are shared again."""
+        """Return a record with custom names. Shared records stay shared."""
         if id(old) not in self._made:
             fields = {name: self.value(hint, getattr(old, name)) for name, hint in fields_of(old.__class__).items()}
             rule = self.rules.get(old.__class__)

@@ -1,9 +1,9 @@
-"""The visual and collision shapes of each occurrence, for any target: meshes by purpose, shared by definition, and primitives.
+"""The visual and collision shapes of each occurrence, for any target: primitives, and meshes shared per definition.
 
-Also the size of a robot.
+This module also computes the size of a robot.
 
-They are the same in every mode, so they are computed once. Meshes are copied from the store by their hash, unread. A target reports what it
-does not accept itself (`Takes`).
+Shapes are the same in every mode, so they are computed once. Meshes are copied from the store by hash without being read. Each target
+reports the shapes that it does not accept (see `Takes`).
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ Takes = Callable[[Occurrence, Mesh | Primitive], bool]
 class MeshAsset(FrozenStruct):
     """A mesh with its own file.
 
-    `mesh` is the mesh in the store (OBJ) [m], `volume` [m^3] that of its part, and `origin` that of the first occurrence with it. `own` are
-    the bytes of the mesh file that it was read from, for MuJoCo; `scale` are their factors to metres.
+    `mesh` is the mesh in the store (OBJ) [m], `volume` is the volume of its part [m^3], and `origin` is the origin of its first occurrence.
+    `own` is the content of the original mesh file, which MuJoCo reads, and `scale` are its scale factors to metres.
     """
 
     name: str
@@ -62,7 +62,7 @@ class MeshAsset(FrozenStruct):
 class Shape(FrozenStruct):
     """A shape in its occurrence's frame: a mesh (named by `mesh`) or a primitive of `size`, as in `Primitive` [m].
 
-    It has a material and a colour. `name` is its custom name, after the path of its document.
+    `name` is the custom name, prefixed with the path of its document.
     """
 
     kind: Literal["mesh"] | PrimitiveShape
@@ -84,7 +84,7 @@ class Shapes(FrozenStruct):
 
 
 class Geometry(FrozenStruct):
-    """The geometry of an assembly: `shapes[i]` are those of occurrence i; mesh assets are in order of first use."""
+    """The geometry of an assembly. `shapes[i]` are the shapes of occurrence i. Mesh assets are in order of first use."""
 
     shapes: tuple[Shapes, ...]
     meshes: tuple[MeshAsset, ...]
@@ -103,7 +103,7 @@ def material_name(material: Material | None, color: str | None) -> str | None:
 
 
 def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
-    """Return the colour and origin of each visual material, by its name, in order of first use."""
+    """Return a mapping of visual material names to colour and origin, in order of first use."""
     named: dict[str, tuple[str, Origin]] = {}
     for one in shapes:
         for shape in one.visual:
@@ -114,12 +114,12 @@ def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
 
 
 def numbered(name: str, index: int) -> str:
-    """Return the name of one of several: `hand/cap`, `hand/cap_1`."""
+    """Return the name of the item at `index`: `hand/cap`, then `hand/cap_1`."""
     return f"{name}_{index}" if index else name
 
 
 def shape_names(shapes: Iterable[Shape], usual: str) -> Iterator[str]:
-    """Yield the name of each shape: its custom name if it is the first with this name, else the usual one with its number."""
+    """Yield the name of each shape: its custom name if that is still free, else the usual name with a number."""
     used: set[str | None] = {None}
     for index, shape in enumerate(shapes):
         yield numbered(usual, index) if shape.name in used else shape.name or ""
@@ -143,7 +143,7 @@ def channels(color: str) -> tuple[float, float, float, float]:
 
 
 def has_inside(piece: Mesh | Primitive) -> bool:
-    """Whether a shape can collide: it has a volume, or is a plane, which has two sides."""
+    """Whether a shape can collide: it has a volume or is a plane."""
     return not piece.flat if isinstance(piece, Mesh) else piece.shape == "plane" or numeric.minimum(piece.size) > 0.0
 
 
@@ -153,7 +153,7 @@ def linear(channel: float) -> float:
 
 
 def inputs_of(assembly: Assembly) -> tuple[object, ...]:
-    """Return everything in an assembly that its geometry depends on, as a key for a `Memo`."""
+    """Return a `Memo` key of everything in an assembly that affects its geometry."""
     return tuple(
         (
             one.path, one.definition, one.record, one.listed, one.component.definition, one.overrides.collision, one.overrides.visual,
@@ -164,16 +164,16 @@ def inputs_of(assembly: Assembly) -> tuple[object, ...]:
 
 
 def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report, *, own: bool = False) -> Geometry:
-    """Return the geometry of every occurrence, with the collision shapes that a target `takes`.
+    """Return the geometry of every occurrence. `takes` tells whether the target accepts a collision shape.
 
-    With `own`, meshes use the bytes of their mesh files if known. Two definitions whose meshes would have the same file name in `folder`
-    are reported as an error.
+    With `own`, meshes are written with the content of their original mesh files if known. It is an error if meshes of two definitions have
+    the same file name in `folder`.
     """
     return _Collector(folder, takes, report, own).collect(assembly)
 
 
 def solid_geometry(assembly: Assembly, target: str, folder: str, report: Report) -> tuple[Geometry, list[Loss]]:
-    """Return the geometry for a target that accepts only collision shapes with a volume (or planes), and the resulting losses."""
+    """Return the geometry for a target that only accepts collision shapes with a volume (or planes), and its losses."""
     flat: list[Loss] = []
 
     def takes(occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
@@ -215,7 +215,7 @@ class _Collector:
         return Shapes(path=occurrence.path, origin=occurrence.origin, visual=visual, collision=touching)
 
     def collision(self, occurrence: Occurrence, stem: str) -> tuple[Shape, ...]:
-        """Return the collision shapes of an occurrence as chosen by `collision:`, one for each piece that can collide."""
+        """Return the collision shapes that `collision:` selects for an occurrence, one for each piece that can collide."""
         choice = occurrence.overrides.collision
         if choice == "none":
             return ()
@@ -232,7 +232,7 @@ class _Collector:
     def shape(self, occurrence: Occurrence, surface: Surface, stem: str, suffix: str = "") -> Shape | None:
         """Return a shape in the frame of its occurrence, and store the asset of a mesh.
 
-        The name of the mesh begins with `stem`. Return None, after reporting it, if another definition uses its file name.
+        The name of the mesh begins with `stem`. If another definition uses the same file name, report it and return None.
         """
         mesh, title = surface.solid, occurrence.name_in_files(surface)
         if isinstance(mesh, Primitive):
@@ -257,7 +257,7 @@ Box = tuple[Vector, Vector]
 
 
 def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple[tuple[tuple[Pose, Box | None], ...], ...]]:
-    """Return the parent and the pose of every body, and the poses and boxes of the parts of every body."""
+    """Return the parent and pose of every body, and the pose and bounding box of each of its parts."""
     links, occurrences = robot.assembly.links, robot.assembly.occurrences
     boxes = tuple(one.box for one in occurrences)
     return tuple((body.parent, body.X_PL) for body in robot.bodies), tuple(
@@ -267,7 +267,7 @@ def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple
 
 
 def bounds(bodies: Sequence[tuple[int | None, Pose]], parts: Sequence[Sequence[tuple[Pose, Box | None]]]) -> Box | None:
-    """Return the box [m] around the robot in the world at q = 0, from its parts' boxes (see `placements`); None without geometry.
+    """Return the bounding box [m] of the robot in the world at q = 0 from the boxes of its parts, or None without geometry.
 
     The minimum of a coordinate of a rotated box is the sum of the minima of its three terms (Arvo, "Transforming axis-aligned bounding
     boxes", Graphics Gems, 1990).

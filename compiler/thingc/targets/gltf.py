@@ -1,10 +1,11 @@
-"""`glb/<name>_<mode>.glb`: a mode in its start pose, for glTF 2.0 viewers, as a tree of links with movable joints.
+"""`glb/<name>_<mode>.glb`: a mode in its start pose for glTF 2.0 viewers, as a tree of links with movable joints.
 
     arm_bench:world  ->  base_link  ->  plate:visual (a mesh)
                                     ->  yaw:joint  ->  bracket  ->  ...
 
-A link's node has the frame of the link in MJCF and `modes.json`. A coordinate's node is on its axis, with z along it: to change q, rotate
-or move the node along its z. Lengths are in metres; glTF has y up, and linear colours (glTF 2.0, sections 3.4 and 3.9.2).
+A link's node has the frame of the link in MJCF and `modes.json`. The node of a coordinate has its z axis along the axis of motion: to
+change q, rotate or move the node about or along z. Lengths are in metres; glTF has y up, and linear colours (glTF 2.0, sections 3.4 and
+3.9.2).
 """
 
 from __future__ import annotations
@@ -79,9 +80,9 @@ ROUGHNESS = 0.6
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return a file for each chosen mode; none, which is a loss, if nothing in the robot is drawn.
+    """Return a file for each chosen mode. If the robot has no visual shapes, return no file and a loss.
 
-    A file contains each mesh once for each colour, and its coordinates once.
+    A file contains each mesh once per colour; the colours share the vertex coordinates.
     """
     if not any(occurrence.drawn for occurrence in request.assembly.occurrences):
         assembly = request.assembly
@@ -93,7 +94,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 class _Node(FrozenStruct):
-    """A node below `parent` with its pose there. `shown` is its surface, `called` the name of the mesh, `extras` custom data."""
+    """A node with its pose relative to `parent`. `shown` is its surface, `called` the name of the mesh, and `extras` custom data."""
 
     name: str
     parent: str
@@ -131,7 +132,7 @@ def _nodes(robot: Robot) -> Iterator[_Node]:
 
 
 def _called(surface: Surface) -> str:
-    """Return the name of a listed shape's mesh, by its content."""
+    """Return a name for the mesh of a listed shape, derived from its content."""
     solid = surface.solid
     if isinstance(solid, Primitive):
         return f"{solid.shape} {' '.join(f'{number:.9g}' for number in solid.size)}"
@@ -139,7 +140,7 @@ def _called(surface: Surface) -> str:
 
 
 def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, float]) -> Iterator[_Node]:
-    """Yield the nodes of a body's coordinates, each the parent of the next; a ball has one. `pose` is the body's when they are 0."""
+    """Yield the nodes of a body's coordinates, each the parent of the next (a ball has one node). `pose` is the body's pose at 0."""
     if body.parent is None or not body.joints:
         return
     first = body.joints[0]
@@ -162,19 +163,19 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
 
 
 def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
-    """Return the frame on a twist's axis with z along it; for a ball, the axes are unchanged and the origin is its centre."""
+    """Return a frame on the axis of a twist, with z along it. For a ball, the origin is its centre and the axes are unchanged."""
     return shifted(*twist.anchor) if at_once else along(twist.axis, twist.anchor)
 
 
 class _Drawn:
-    """The meshes to draw, read when they are first needed."""
+    """The meshes to draw, loaded on first use."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._known: dict[str, Any] = {}
 
     def __call__(self, mesh: Mesh | Primitive) -> Any:
-        """Return a mesh of the store (OBJ, metres) as a trimesh object, unchanged; for a primitive an approximation."""
+        """Return a mesh of the store (OBJ, metres) unchanged as a trimesh object. A primitive is approximated by a mesh."""
         if isinstance(mesh, Primitive):
             return _tessellated(mesh)
         if mesh.sha256 not in self._known:
@@ -224,7 +225,7 @@ def _glb_bytes(robot: Robot, drawn: _Drawn) -> bytes:
         scene.graph.update(**place, geometry=key)
 
     def finish(tree: dict[str, Any]) -> None:
-        """Set what trimesh does not write: the generator, exact colours, and names of meshes."""
+        """Set what trimesh does not write: the generator, exact colours and mesh names."""
         tree["asset"]["generator"] = "thingc"
         tree["materials"] = list(materials.values())
         numbers = {name: number for number, name in enumerate(materials)}

@@ -1,4 +1,4 @@
-"""JSON as written to build outputs: indented by two spaces, `repr` floats, and a row of numbers on one line."""
+"""The JSON format of build outputs: an indent of two spaces, floats as `repr`, and each row of numbers on one line."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ def encode(value: object) -> bytes:
 
 
 class JsonFragment(str):
-    """A value that is already JSON text, indented for its depth (see `fragment`)."""
+    """A value that is already encoded as JSON text, indented for its depth (see `fragment`)."""
 
     __slots__ = ()
 
 
 def fragment(value: object, depth: int) -> JsonFragment:
-    """Return the text of a value that will be nested `depth` levels deep in another one. Raises as `encode` does."""
+    """Encode a value that will be nested `depth` levels deep in another one. Raises the same errors as `encode`."""
     return JsonFragment(_format_json(value, "\n" + "  " * depth))
 
 

@@ -26,8 +26,8 @@ DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "t
 class BuildChoice(FrozenStruct):
     """The options of a build.
 
-    `modes`, `emit` (targets) and `compat` (readers of MuJoCo models) are names in document or table order; parameters and choices are
-    texts.
+    `modes`, `emit` (targets) and `compat` (readers of MuJoCo models) are names in document or table order. Values of parameters and choices
+    are text.
     """
 
     modes: tuple[str, ...]
@@ -50,7 +50,7 @@ def manifest(
     """Return the bytes of `manifest.json`.
 
     `document` and the keys of `documents` (path to SHA-256) are paths in the workspace; `files` are all other files of the folder. The
-    order of the mappings does not affect the result. Raises `ValueError` if `files` contains a manifest.
+    result does not depend on the order of the mappings. Raises `ValueError` if `files` contains a manifest.
     """
     if MANIFEST in files:
         raise ValueError(f"{MANIFEST} cannot list itself")
@@ -85,7 +85,7 @@ def manifest(
 
 
 def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
-    """Return a loss as in the manifest and in `--format json`: `file` is relative to the workspace, null with `line` if unknown."""
+    """Return a loss as in the manifest and in `--format json`. `file` is relative to the workspace; `file` and `line` are null if unknown."""
     return {
         "target": loss.target,
         "mode": loss.mode,
@@ -98,7 +98,7 @@ def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
 
 
 def sha256_of(content: Content) -> str:
-    """Return the SHA-256 of a file's bytes in hexadecimal; that of a stored one is known."""
+    """Return the hexadecimal SHA-256 of a file's content. For a stored file it is already known."""
     return content.sha256 if isinstance(content, StoredArtifact) else hashlib.sha256(content).hexdigest()
 
 

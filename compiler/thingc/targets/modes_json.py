@@ -7,7 +7,7 @@ child, J the parent mount's frame and the joint's coordinates in order,
 
 where a twist (`angular`, `linear`) rotates about `angular` and moves along `linear`, through the origin of J, per unit of q. Those of a
 `ball` act at once, `exp(twist_0 q_0 + twist_1 q_1 + twist_2 q_2)`: its q is a rotation vector. If C is the parent in the mode's tree
-(`reversed`), it is the inverse. None of it depends on the root.
+(`reversed`), use the inverse of the pose. None of these values depends on the root.
 """
 
 from __future__ import annotations
@@ -43,21 +43,21 @@ FREE = (7, 6)
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return `modes.json` of the chosen modes, in document order. It refers to addresses in the MJCF models."""
+    """Return `modes.json` with the chosen modes in document order. It contains addresses in the MJCF models."""
     between = separator(request.compat)
     described = {robot.mode.name: describe(robot, request.memo, between) for robot in request.robots}
     return Artifacts(files={"modes.json": json_writer.encode(described)})
 
 
 def alone(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
-    """Return `modes.json` of a build without its models, as an artifact of the first target."""
+    """Return `modes.json` as an artifact of the first target, for a build without MJCF models."""
     return {targets[0]: emit(called(request))}
 
 
 def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> dict[str, object]:
     """Return one mode as plain data for JSON, with lengths in metres and angles in radians.
 
-    Names of links, and of MuJoCo's joints, have `separator` in their paths, as in the model.
+    Names of links and of MuJoCo joints have the path separator `separator`, as in the model.
 
     - `root` is the path of the site on which the mode stands, `base` is `fixed | held | free | planar | ball`, `gravity` [m/s^2] is in the
       world, `X_world_root` is the pose of the root link in this mode (4 x 4, by rows). `X_world_at` exists only for a `planar` or `ball`
@@ -111,7 +111,7 @@ def _hold(closure: Closure, names: Sequence[str], separator: str) -> dict[str, o
 
 
 def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[JsonFragment]:
-    """Return the bodies, with these `names`, in order."""
+    """Return the entries of the bodies in order. `names` are their names."""
     links: list[JsonFragment] = []
     at_zero: list[Pose] = []
     for name, body in zip(names, robot.bodies, strict=True):
@@ -122,7 +122,7 @@ def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[JsonFragment]
 
 
 def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> list[JsonFragment]:
-    """Return the joints of the bodies with these `names`, in the order of the model."""
+    """Return the entries of the joints in the order of the model. `names` are the names of the bodies."""
     joints: list[JsonFragment] = []
     placed = in_link(robot.assembly)
     qpos, dof = FREE if robot.base == "free" else sizes(robot.moves)
@@ -149,8 +149,8 @@ def _joint_json(
 ) -> JsonFragment:
     """Return a joint of the tree.
 
-    `parts` are the poses of the document's parent and child in their links, `links` this mode's parent and child, `addresses` its first
-    addresses in `qpos` and `qvel`.
+    `parts` are the poses of the document's parent and child in their links. `links` are the parent and child in this mode. `addresses` are
+    the joint's first addresses in `qpos` and `qvel`.
     """
     (parent_part, child_part), (parent, child), (qpos, dof) = parts, links, addresses
     in_model: dict[str, tuple[dict[str, float], list[int], list[int]]] = {}

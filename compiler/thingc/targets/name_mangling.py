@@ -1,4 +1,4 @@
-"""Names in formats other than MJCF: paths with `_` for `/` and for `::`, which Gazebo uses as separator. Each name must be unique."""
+"""Names in formats other than MJCF: paths with `_` instead of `/` and `::` (Gazebo's separator). Each name must be unique."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def package_name(robot: str) -> str:
 
 
 def frames(robot: Robot) -> dict[int, list[Site]]:
-    """Return the additional frames on each body, by its index.
+    """Return a mapping of body indices to their additional frames.
 
-    If several paths give the same name and frame, only the first is included.
+    If several paths have the same name and frame, only the first one is included.
     """
     links = robot.assembly.links
     known = {(safe(links[body.link].name), index, NO_POSE) for index, body in enumerate(robot.bodies)}
@@ -37,9 +37,9 @@ def frames(robot: Robot) -> dict[int, list[Site]]:
 
 
 class MangledNames:
-    """The names of one kind of thing in a file of the format `target` (`URDF`). A duplicate name is reported at its second use.
+    """The names in one namespace of a file of the format `target` (such as `URDF`). Duplicates are reported at the second use.
 
-    `both` describes the conflict in the message: `be the link`, `have the name`.
+    `both` is the verb for the conflict in the message: `be the link` or `have the name`.
     """
 
     def __init__(self, both: str, target: str, report: Report) -> None:
@@ -51,13 +51,13 @@ class MangledNames:
     def take(self, path: str, origin: Origin, made: str | None = None) -> str:
         """Return the name for a path, and report a duplicate.
 
-        `made` describes the thing if it has no path in the document. Names that every file contains have an empty origin.
+        `made` describes an item without a path in the document. Names that every file contains have an empty origin.
         """
         self.free(path, origin, made)
         return safe(path)
 
     def free(self, path: str, origin: Origin, made: str | None = None) -> bool:
-        """Reserve the name for a path. Return False, after reporting it, if another thing has the name."""
+        """Reserve the name for a path. If the name is already in use, report it and return False."""
         name, this = safe(path), (made or f"`{path}`", origin)
         owner, before = self._owners.setdefault(name, this)
         if (owner, before) != this:

@@ -1,6 +1,6 @@
-"""The graphs of a robot as networkx graphs, for export; the compiler itself does not use them.
+"""The graphs of a robot as networkx graphs, for export only: the compiler does not use them.
 
-Attributes without a value are left out, because GraphML has no null.
+Attributes without a value are omitted, because GraphML has no null.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def _said(**attributes: Any) -> dict[str, Any]:
 
 
 def graphml(graph: Graph) -> str:
-    """Return GraphML of a graph without lists. Ids of edges are numbers, because they must be unique in a file; `name` is the key."""
+    """Return a graph without lists as GraphML. Edge ids are numbers, because they must be unique in a file; `name` is the key."""
     spoken = networkx.MultiDiGraph(**_displayable(graph.graph))
     for node, attributes in graph.nodes(data=True):
         spoken.add_node(escape_control(node), **_displayable(attributes))
@@ -104,8 +104,8 @@ def plain(graph: Graph) -> dict[str, Any]:
 class Loop(FrozenStruct):
     """A loop that is cut at joint `cut`.
 
-    `through` are its other joints, from the cut joint's parent to its child, each with the reason why it was not cut instead (empty if the
-    loop is closed rigidly).
+    `through` are the other joints of the loop, from the parent of the cut joint to its child, each with the reason why it was not cut
+    (empty if the loop is closed rigidly).
     """
 
     cut: str

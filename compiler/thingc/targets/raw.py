@@ -3,7 +3,7 @@
     urdf: {joint: {crane.swing: {limit: {effort: 20}}}}            a kind of element, its name, elements in it, an attribute
     sdf: {joint: {crane.swing: {axis: {limit: {effort: 20}}}}}     the same, but the last key is an element, which contains the value
 
-Names are checked here, and that the file is valid XML; other contents are not checked. Missing elements on the path are added.
+Checks only the names and that the result is valid XML. Missing elements on the path are added.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PREFIXES = {"urdf": ("drake",), "sdf": ("drake", "gz")}
 
 
 def lay(assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sdf"], files: Sequence[Element], report: Report) -> None:
-    """Apply the raw attributes of a target to its files, one for each chosen mode. Report one that has no place in any of them.
+    """Apply a target's raw attributes to its files, one for each chosen mode. Report attributes that match none of them.
 
     An element that only some modes have gets its attributes in these modes.
     """
@@ -68,7 +68,7 @@ def _laid(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
 
 
 def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Element]) -> Fault | None:
-    """Return the fault of a path, or None."""
+    """Return why a path is invalid, or None."""
     path, target = attribute.path, attribute.target
     if path[0] not in KINDS:
         message = f"there are no raw attributes of `{path[0]}` in `{target}`"
@@ -109,5 +109,5 @@ def _matching_elements(file: Element, attribute: RawAttribute) -> list[Element]:
 
 
 def in_files(name: str) -> str:
-    """Return a name in a document, `hand.cap` or `hand/cap`, as in files."""
+    """Convert a name from the document's form, `hand.cap` or `hand/cap`, to the form in files."""
     return safe(name.replace(".", "/"))

@@ -1,6 +1,6 @@
-"""The table of targets, whose modules are imported when they are needed.
+"""The table of targets. Their modules are imported on demand.
 
-Other packages add targets through the entry-point group `thingc.emitters`, with the same kind of function.
+Other packages can add targets through the entry-point group `thingc.emitters`, with the same function signature.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ GROUP = "thingc.emitters"
 class Target(FrozenStruct):
     """A target of thingc.
 
-    `says` is a short description; `emitters` are `module:function`; `writes` are patterns of its files. `unasked`: it is written by a build
-    without `--emit`. `capabilities` is the module with the `CAPABILITIES` of a format for whole robots. `by_name`: readers use names, so
-    custom names for files are applied.
+    `says` is a short description, `emitters` are references of the form `module:function`, and `writes` are patterns for its files. With
+    `unasked`, the target is written by builds without `--emit`. `capabilities` is the module with the `CAPABILITIES` of a format for whole
+    robots. With `by_name`, custom names are applied, because readers of the files use names.
     """
 
     says: str
@@ -96,7 +96,7 @@ ALL = "all"
 
 
 def written() -> re.Pattern[str]:
-    """Return a pattern that matches every path in a build folder that a target, also of an installed package, may write."""
+    """Return a pattern for all paths in a build folder that targets, including those of installed packages, may write."""
     patterns = [pattern for target in TARGETS.values() for pattern in target.writes]
     for name in targets():
         if name not in TARGETS:
@@ -106,7 +106,7 @@ def written() -> re.Pattern[str]:
 
 
 def _unstated(target: str, paths: Iterable[str]) -> list[str]:
-    """Return the paths that the `WRITES` of an installed target does not match, so that the next build would not recognise them."""
+    """Return the paths not matched by the `WRITES` of an installed target, which the next build would not recognise."""
     if target in TARGETS:
         return []
     own = _fitting(_stated(target))
@@ -114,7 +114,7 @@ def _unstated(target: str, paths: Iterable[str]) -> list[str]:
 
 
 def module_of(target: str) -> str:
-    """Return the module of a target of an installed package."""
+    """Return the module of a target from an installed package."""
     return _installed()[target].partition(":")[0]
 
 
@@ -131,7 +131,7 @@ def _fitting(patterns: Iterable[str]) -> re.Pattern[str]:
 
 
 def targets() -> tuple[str, ...]:
-    """Return all targets: those of thingc, then those of installed packages by name."""
+    """Return all targets: thingc's own, then those of installed packages sorted by name."""
     return (*TARGETS, *sorted(name for name in _installed() if name not in TARGETS))
 
 
@@ -143,7 +143,7 @@ def unknown(words: Sequence[str]) -> tuple[tuple[int, str, str], ...]:
 
 
 def chosen(words: Sequence[str]) -> tuple[str, ...]:
-    """Return the targets that arguments name (`mjcf`, `mjcf,urdf`, `all`), in the order in which a build writes them.
+    """Return the targets named by arguments (`mjcf`, `mjcf,urdf`, `all`), in the order in which a build writes them.
 
     Without arguments these are the default targets.
     """
@@ -152,13 +152,13 @@ def chosen(words: Sequence[str]) -> tuple[str, ...]:
 
 
 def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
-    """Return the modules of these targets of thingc, and MuJoCo if needed, because their import takes long."""
+    """Return the modules of thingc's own targets, and MuJoCo if needed, so that they can be imported early."""
     ours = {function.partition(":")[0]: None for target in wanted if target in TARGETS for function in TARGETS[target].emitters}
     return (*ours, *(["mujoco"] if {"mjcf", "ros"} & {*wanted} else []))
 
 
 def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
-    """Return the artifacts of each target, in the order given. Each loss is only with the first target that has it."""
+    """Return the artifacts of each target in the given order. A loss is only included with the first target that has it."""
     from thingc.targets.custom_names import called
 
     artifacts: dict[str, Artifacts] = {}
@@ -183,7 +183,7 @@ def emitter(target: str) -> Emitter:
 
 
 def _joined(emitters: list[Emitter], request: EmitRequest) -> Artifacts:
-    """Return the artifacts of all emitters together."""
+    """Return the combined artifacts of all emitters."""
     from thingc.targets.artifact import Artifacts
 
     artifacts = [emit(request) for emit in emitters]
@@ -202,14 +202,14 @@ def _function(name: str) -> Emitter:
 def _installed() -> Mapping[str, str]:
     """Return the entry points of the group, read from the packages' metadata files.
 
-    `importlib.metadata` gives the same, but takes 40 ms, a third of a build without changes. If two packages use the same name, the first
-    on the path is used, as there. Installing a package changes its folder.
+    `importlib.metadata` gives the same result but takes 40 ms, a third of a build without changes. As there, the first package on the path
+    has precedence if two packages use the same name. The cache is valid until a folder on the path changes.
     """
     return _entry_points(tuple((folder, _changed(folder)) for folder in sys.path))
 
 
 def _changed(folder: str) -> int:
-    """Return when a folder of the path was changed [ns]; 0 if it does not exist."""
+    """Return the modification time of a folder on the path [ns], or 0 if it does not exist."""
     try:
         return os.stat(folder or ".").st_mtime_ns
     except OSError:
@@ -218,7 +218,7 @@ def _changed(folder: str) -> int:
 
 @lru_cache(maxsize=1)
 def _entry_points(path: tuple[tuple[str, int], ...]) -> Mapping[str, str]:
-    """Return the entry points of the packages in the folders of a path."""
+    """Return the entry points of the packages in the folders of an import path."""
     entry_points: dict[str, str] = {}
     for folder, _ in path:
         for name in listing(folder or "."):

@@ -21,11 +21,10 @@ if TYPE_CHECKING:
 class EmitRequest(FrozenStruct, eq=False):
     """The input of an emitter.
 
-    It has the robot, without a root (`assembly`) and once per chosen mode (`robots`, in document order), and the services that an emitter
-    may need: `store` has the meshes, `geometry` makes STEP files, `report` receives diagnostics. `verify`: MuJoCo compiles every
-    `verify`-th of the models that only differ in numbers (1: all, 0: none). `compat`: names of other programs that will read MuJoCo models.
-    `folder`: the absolute path of the build folder (None: unknown). `repeated`: this is one of many requests of a session, so results for
-    its models alone are not worth caching.
+    `assembly` is the robot without a root, and `robots` has it once per chosen mode, in document order. `store` has the meshes, `geometry`
+    makes STEP files, and `report` receives diagnostics. `verify` is the interval at which MuJoCo compiles models that differ only in
+    numbers (1: all, 0: none). `compat` names other programs that will read the MuJoCo models. `folder` is the absolute path of the build
+    folder (None if unknown). `repeated` marks one of many requests in a process, whose results are not worth caching individually.
     """
 
     assembly: Assembly

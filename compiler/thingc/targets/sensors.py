@@ -1,4 +1,4 @@
-"""Places of sensors in a robot, and what simulators measure there, for any target."""
+"""Where sensors are in a robot, and what simulators measure there, for any target."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from thingc.model.robot.types import Robot
 
 
 def body_of(robot: Robot, sensor: LinkedSensor) -> int:
-    """Return the index of the body with the mount of a sensor."""
+    """Return the index of the body that has a sensor's mount."""
     return next(site.body for site in robot.sites if site.path == sensor.site)
 
 
 def on_free_root(robot: Robot, sensor: LinkedSensor) -> bool:
-    """Whether a sensor is on the root of a floating base, which nothing supports."""
+    """Whether a sensor is on the root of a floating base, to which no joint is connected from outside."""
     return robot.base == "free" and body_of(robot, sensor) == 0
 
 
 def elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
     """Return where a force is measured instead of at the mount, as text; None if it is measured at the mount.
 
-    Simulators measure the force between a body and its parent in the tree. This is the force through the mount if the mount is the root's,
-    or one of the two of the joint to the parent, or if the body has no other joints, so that only external forces act on it.
+    Simulators measure the force between a body and its parent in the tree. This is equal to the force through the mount if the mount
+    belongs to the root or to the joint to the parent, or if the body has no other joints, so that only external forces act on it.
     """
     index = body_of(robot, sensor)
     body = robot.bodies[index]

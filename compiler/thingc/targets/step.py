@@ -18,7 +18,7 @@ Value = TypeVar("Value")
 
 
 def in_background(work: Callable[[], Value]) -> Future[Value]:
-    """Call `work()` in a daemon thread and return its future, for callers that wait for another process meanwhile.
+    """Call `work()` in a daemon thread and return its future, so that the caller can do other work while a process runs.
 
     The result may be ignored.
     """
@@ -35,22 +35,22 @@ def in_background(work: Callable[[], Value]) -> Future[Value]:
 
 
 class _Begun(FrozenStruct):
-    """A file that the kernel is writing: `file` is its future (None: no file), `losses` are what it cannot contain."""
+    """A file that the CAD kernel is writing. `file` is its future (None if there is no file), and `losses` are its losses."""
 
     file: Future[StoredFile] | None
     losses: tuple[Loss, ...]
 
 
 def begin(request: EmitRequest) -> None:
-    """Start writing the file in a separate process of the kernel while other targets are made; `emit` waits for it."""
+    """Start writing the file in the CAD kernel's process while other targets are written. `emit` waits for it."""
     request.made["step"] = _begun(request)
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return one STEP file: instances named by occurrence path, coloured, with one shape per definition.
+    """Return one STEP file with one shape per definition and coloured instances, whose names are the paths of the occurrences.
 
-    The geometry service writes it with the CAD kernel. A part without B-rep (a mesh) and a link with listed shapes are losses; a robot
-    without any geometry has no file, which is a loss too. A failure of the kernel is reported as an error of the document.
+    The geometry service writes it with the CAD kernel. A part without B-rep (a mesh) or a link with listed shapes is a loss. A robot
+    without geometry has no file, which is also a loss. If the kernel fails, an error is reported for the document.
     """
     assembly = request.assembly
     begun = request.made.get("step")

@@ -1,4 +1,4 @@
-"""`stl/<definition>.stl`: files for slicers, in millimetres, z away from the bed, one per definition that is not bought."""
+"""`stl/<definition>.stl`: a file for slicers for each definition that is not bought, in millimetres, with z away from the bed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from thingc.targets.request import EmitRequest
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return the print mesh of every definition with geometry, unless all its occurrences are bought, in its orientation on the printer.
+    """Return the print mesh of each definition with geometry, in print orientation, unless all its occurrences are bought.
 
     A mesh that is not closed is written with a loss: a slicer may repair it or refuse it. Two definitions with the same file name
     (`a/b.step` and `a.b.step`) are reported at the second.
@@ -48,13 +48,13 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _up(occurrence: Occurrence) -> Vector:
-    """Return the direction away from the bed, in the part's frame: that of the document, else of the Thing, else the default."""
+    """Return the direction away from the bed in the part's frame, from the document, else from the Thing, else the default."""
     record = occurrence.record
     return occurrence.overrides.up or (record.up if record is not None else None) or UPRIGHT
 
 
 def _turned(stl: bytes, up: Vector) -> bytes:
-    """Rotate a binary STL file about the origin of the part by the smallest angle that takes `up` to z."""
+    """Rotate a binary STL file about the part's origin by the smallest angle that aligns `up` with z."""
     import numpy as np
 
     x, y, z = up

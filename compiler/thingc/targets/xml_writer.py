@@ -1,4 +1,4 @@
-"""XML elements with their origin in the documents, written at full precision with an indent of two spaces.
+"""XML elements with their origin in the documents. They are written at full precision with an indent of two spaces.
 
 Simulators' own writers use fewer digits (MuJoCo's `to_xml`: six), and do not know the documents.
 """
@@ -20,7 +20,7 @@ XmlValue = str | float | tuple[float, ...]
 
 
 class RawValue(FrozenStruct):
-    """A raw attribute on an element, and the value that it replaces (None: none)."""
+    """A raw attribute on an element, and the value that it replaces (None if there was none)."""
 
     attribute: RawAttribute
     before: XmlValue | None
@@ -30,11 +30,11 @@ class RawValue(FrozenStruct):
 class Element:
     """An XML element.
 
-    `text` is its content in place of children (empty: none); `origin` is the place in the documents that it comes from (empty: none); `raw`
-    are its raw attributes; `opening` is cached.
+    `text` is its content instead of children, `origin` its place in the documents, and `raw` its raw attributes. Each is empty if there is
+    none.
 
-    Not frozen, because a tree is built from the top, and raw attributes are applied when every name is known. An element that is shared by
-    several trees is never changed: a tree that needs another one makes a `copy`.
+    The class is not frozen, because trees are built from the top and raw attributes are applied later. An element shared by several trees
+    is never changed: a tree that needs a different element makes a `copy`.
     """
 
     tag: str
@@ -89,7 +89,7 @@ class Element:
         return next((child for child in self.children if child.tag == tag), None)
 
     def walk(self) -> Iterator[Element]:
-        """Yield this element and all below it, in the order written. Not recursive, because a chain of links may be long."""
+        """Yield this element and its descendants in the order written. This is not recursive, because a chain of links may be long."""
         waiting = [self]
         while waiting:
             element = waiting.pop()
@@ -98,7 +98,7 @@ class Element:
 
     @property
     def label(self) -> str:
-        """The name for people: joint `yaw`, or its tag if it has no name."""
+        """The display name, such as joint `yaw`, or the tag of an element without a name."""
         return f"{self.tag} `{self.get('name')}`" if "name" in self.attributes else f"`{self.tag}`"
 
     def lay(self, name: str, attribute: RawAttribute) -> None:
@@ -120,13 +120,13 @@ class Element:
 
 
 class XmlText(FrozenStruct):
-    """A document as text. `lines[k]` is the element that opens on line `k + 1` (None: a closing tag or a blank line)."""
+    """A document as text. `lines[k]` is the element that opens on line `k + 1` (None for a closing tag or a blank line)."""
 
     text: str
     lines: tuple[Element | None, ...]
 
     def element_at(self, line: int) -> Element | None:
-        """Return the element whose tag is on a line, counted from 1; for a line without one the nearest above."""
+        """Return the element that opens on a line (counted from 1) or, if none does, on the nearest line above."""
         for index in range(min(line, len(self.lines)) - 1, -1, -1):
             if self.lines[index] is not None:
                 return self.lines[index]
@@ -141,7 +141,7 @@ def number(value: float) -> str:
 
 
 def format_value(value: XmlValue) -> str:
-    """Return a value as text, with a space between several numbers."""
+    """Return a value as text. Several numbers are separated by spaces."""
     if isinstance(value, str):
         return value
     return " ".join(map(number, value)) if isinstance(value, tuple) else number(value)
@@ -152,7 +152,7 @@ def _escaped(value: XmlValue) -> str:
 
 
 def write(root: Element, heading: str, *, sections: bool = True) -> XmlText:
-    """Return the document: one element per line, two spaces per level, blank lines between `sections`; `heading` is a comment."""
+    """Return the document: one element per line, two spaces per level, blank lines around `sections`, and `heading` as a comment."""
     text: list[str] = [f"<!-- {_DASHES.sub('-', heading)} -->"]
     lines: list[Element | None] = [None]
     under_way: list[tuple[Iterator[Element], str, str]] = [(iter((root,)), "", "")]  # a stack, because a chain of links may be long
@@ -188,7 +188,7 @@ NO_CHARACTER = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def unwritable(name: str, value: str) -> str | None:
-    """Return why XML cannot contain an element or attribute with this name and value; None if it can."""
+    """Return why an element or attribute with this name and value is not allowed in XML, or None if it is."""
     if NAME.fullmatch(name) is None:
         return f"`{name}` is not a valid name in XML"
     strange = NO_CHARACTER.search(value)

@@ -1,1 +1,1 @@
-"""Numeric layout of graph drawings: the places of boxes, labels and lines."""
+"""Layout of graph drawings: the positions of boxes, labels and lines."""

@@ -38,9 +38,9 @@ def json(hag: Hag) -> str:
 
 
 def text(hag: Hag) -> str:
-    """Return an indented tree for the terminal: component, definition and placement, then how often each definition is used.
+    """Return an indented tree for the terminal (component, definition and placement), then the quantity of each definition.
 
-    A nested assembly that is used again is not expanded again. The components of a `repeat` are one line.
+    A nested assembly is expanded only once. The components of a `repeat` share one line.
     """
     below = children(hag)
     labels = {definition.text: escape_control(definition.label) for definition in hag.definitions}
@@ -71,7 +71,7 @@ def text(hag: Hag) -> str:
     return "\n".join(lines) + "\n"
 
 def _remark(definition: Definition) -> str:
-    """Return the kind of a definition, unless it is a part, and what it mirrors."""
+    """Return the kind of a definition (empty for a part), and the original of a mirror image."""
     kind = f" ({definition.kind})" if definition.kind != "part" else ""
     return kind if definition.plain is None else f"{kind} mirrors {escape_control(definition.plain.label)}"
 

@@ -30,7 +30,7 @@ def bundles(hag: Hag) -> tuple[EdgeBundle, ...]:
     return tuple(EdgeBundle(parent=parent, child=child, edges=tuple(edges)) for (parent, child), edges in grouped.items())
 
 def quantities(hag: Hag) -> dict[str, int]:
-    """Return the number of each definition in the whole robot, by text: the number of paths from the root to it."""
+    """Return a mapping of definition text to its quantity in the robot, which is the number of paths from the root to it."""
     waiting = {definition.text: 0 for definition in hag.definitions}
     for edge in hag.edges:
         waiting[edge.child] += 1
@@ -47,19 +47,19 @@ def quantities(hag: Hag) -> dict[str, int]:
     return counted
 
 def how(edge: DefinitionEdge) -> str:
-    """Return the placement of a component on one line: `joint yaw: yaw_seat -> yaw_servo.rotor`; empty for a base."""
+    """Return the placement of a component as one line, `joint yaw: yaw_seat -> yaw_servo.rotor`. Empty for a base."""
     parts = [f"joint {edge.joint}"] if edge.joint is not None else []
     if edge.mounts:
         parts.append(edge.mounts)
     return escape_control(": ".join(parts))
 
 def mirrors(hag: Hag) -> list[tuple[Definition, str]]:
-    """Return every mirror image whose original is also in the graph, with the text of the original."""
+    """Return each mirror image with the text of its original, if the original is also in the graph."""
     texts = {definition.text for definition in hag.definitions}
     return [(one, one.plain.text) for one in hag.definitions if one.plain is not None and one.plain.text in texts]
 
 def total(hag: Hag) -> str:
-    """Return `12 definitions, 18 components`: the size of the graph, and of the expanded tree (without its root)."""
+    """Return the sizes of the graph and of the expanded tree (without its root) as text: `12 definitions, 18 components`."""
     components = sum(quantities(hag).values()) - 1
     return f"{counted(len(hag.definitions), 'definition')}, {counted(components, 'component')}"
 
@@ -110,7 +110,7 @@ def _run(edges: Sequence[DefinitionEdge], start: int) -> int:
     return length
 
 def children(hag: Hag) -> dict[str, list[DefinitionEdge]]:
-    """Return the edges below each definition, by its text."""
+    """Return a mapping of definition text to the edges to its components."""
     below: dict[str, list[DefinitionEdge]] = {}
     for edge in hag.edges:
         below.setdefault(edge.parent, []).append(edge)

@@ -1,10 +1,10 @@
-"""A layered layout of an acyclic graph: the places of boxes, labels and lines. Numbers only.
+"""A layered layout of an acyclic graph: the positions of boxes, labels and lines.
 
-After Sugiyama, Tagawa and Toda, "Methods for visual understanding of hierarchical system structures", 1981: layers by longest path, dummy
-items where a line crosses a layer, crossings reduced by barycentres. Labels are items of their own layers between those of the boxes, so
-that nothing overlaps. The heights in a layer are a least-squares fit to those of the neighbours under the order and the separations (pool
-adjacent violators: Barlow et al., "Statistical Inference under Order Restrictions", 1972). Layers are columns, from left to right: graphs
-of assemblies are wide and shallow, and a list of components is read downwards.
+The method follows Sugiyama, Tagawa and Toda, "Methods for visual understanding of hierarchical system structures", 1981: layers by longest
+path, dummy items where a line crosses a layer, and fewer crossings by barycentres. Labels have their own layers between the layers of
+boxes, so that nothing overlaps. The heights in a layer are a least-squares fit to the heights of the neighbours that respects order and
+separation (pool adjacent violators: Barlow et al., "Statistical Inference under Order Restrictions", 1972). Layers are columns from left to
+right, because graphs of assemblies are wide and shallow and a list of components is read downwards.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Rectangle(FrozenStruct):
 
 
 class Route(FrozenStruct):
-    """The course of a line.
+    """The path of a line.
 
     `stretches` are horizontal pieces `(x0, x1, y)` from left to right, joined by curves; `label` is on one of them.
     """
@@ -65,7 +65,7 @@ class Route(FrozenStruct):
 
 
 class Drawing(FrozenStruct):
-    """Boxes in the order given, routes in the order of the lines, and the size of the drawing, from (0, 0)."""
+    """The boxes in the given order, the routes in the order of the lines, and the size of the drawing, which starts at (0, 0)."""
 
     width: float
     height: float
@@ -75,7 +75,7 @@ class Drawing(FrozenStruct):
 
 @dataclass(slots=True)
 class _Item:
-    """An item in a column: a box, a label, or (neither) a line passing through."""
+    """An item in a column: a box, a label, or a line passing through (neither field set)."""
 
     column: int
     size: Size
@@ -116,7 +116,7 @@ def _ranks(count: int, lines: Sequence[Line]) -> list[int]:
 
 
 def _chain(items: list[_Item], line: Line, ranks: Sequence[int]) -> list[int]:
-    """Return the items along a line: its source, its label, dummy items in the columns that it crosses, its target."""
+    """Return the items along a line: source, label, dummy items in the crossed columns, and target."""
     chain = [line.source]
     for column in range(2 * ranks[line.source] + 1, 2 * ranks[line.target]):
         size = line.label if len(chain) == 1 else Size(width=0.0, height=0.0)
@@ -130,7 +130,7 @@ def _chain(items: list[_Item], line: Line, ranks: Sequence[int]) -> list[int]:
 
 
 def _first_order(items: Sequence[_Item], lines: Sequence[Line], chains: Sequence[Sequence[int]]) -> list[list[int]]:
-    """Return the columns in the order in which the documents list things: depth first, lines in the order given."""
+    """Return the columns in document order: depth first, with lines in the given order."""
     columns: list[list[int]] = [[] for _ in range(1 + max((item.column for item in items), default=-1))]
     leaving: dict[int, list[int]] = {}
     entered = {line.target for line in lines}
@@ -164,7 +164,7 @@ def _crossings(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> int:
 
 
 def _reduce_crossings(items: Sequence[_Item], columns: list[list[int]]) -> None:
-    """Sweep to and fro, sorting each column by the mean place of its neighbours in the previous one, and use the best order found."""
+    """Sweep back and forth, sort each column by the mean position of its neighbours in the previous one, and keep the best order."""
     best, fewest = [list(column) for column in columns], _crossings(items, columns)
     for sweep in range(SWEEPS):
         if fewest == 0:
@@ -184,13 +184,13 @@ def _reduce_crossings(items: Sequence[_Item], columns: list[list[int]]) -> None:
 
 
 def _separation(a: _Item, b: _Item) -> float:
-    """Return the smallest distance between the middles of two items, one above the other."""
+    """Return the minimum distance between the centres of two items, one above the other."""
     gap = ROW if a.box is not None and b.box is not None else LINE_ROW
     return (a.size.height + b.size.height) / 2.0 + gap
 
 
 def _set_heights(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> None:
-    """Set the middles of all items: each column in turn as near to its neighbours as the order and the separations allow."""
+    """Set the centres of all items: place each column in turn as near to its neighbours as order and separation allow."""
     for column in columns:
         for above, k in zip(column, column[1:]):
             items[k].y = items[above].y + _separation(items[above], items[k])
@@ -213,7 +213,7 @@ def _set_heights(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> No
 
 
 def _nearest(wanted: Sequence[float], weights: Sequence[float], separations: Sequence[float]) -> list[float]:
-    """Return the places nearest to `wanted` (weighted least squares) with `place[k + 1] >= place[k] + separations[k]`."""
+    """Return the positions nearest to `wanted` (weighted least squares) with `place[k + 1] >= place[k] + separations[k]`."""
     offsets = [0.0]
     for separation in separations:
         offsets.append(offsets[-1] + separation)

@@ -33,8 +33,8 @@ EDGE: Mapping[DefinitionKind, str] = {"assembly": "#3d6fae", "part": "#a89c7c", 
 def picture(hag: Hag) -> str:
     """Return the SVG text.
 
-    Boxes are definitions, with their number in the robot. Lines are components with their placement; those of joints are coloured. Tooltips
-    show all details.
+    Boxes are definitions with their quantity. Lines are components with their placement; lines of joints are coloured. Tooltips show all
+    details.
     """
     numbers = {definition.text: index for index, definition in enumerate(hag.definitions)}
     counted = quantities(hag)
@@ -105,7 +105,7 @@ def _box_texts(definition: Definition) -> list[str]:
 
 
 def _broken(words: Sequence[str]) -> list[str]:
-    """Join words with commas to lines of at most `LONGEST` characters."""
+    """Join words with commas into lines of at most `LONGEST` characters."""
     lines: list[str] = []
     for position, word in enumerate(words):
         piece = word + ("," if position < len(words) - 1 else "")

@@ -1,5 +1,5 @@
 """`html/<name>.html`: the robot in a browser, in one file that loads nothing else.
 
-`viewer_data.py` collects the data for the page, `mesh_packing.py` packs the meshes, `emit.py` puts both into the page. The program, style
-and frame are in `page/`: `viewer.js` is bundled from `viewer/` at the top of the repository (`make viewer`).
+`viewer_data.py` collects the data for the page, `mesh_packing.py` packs the meshes, `emit.py` puts both into the page. The script, style
+sheet and HTML frame are in `page/`: `viewer.js` is bundled from `viewer/` at the top of the repository (`make viewer`).
 """

@@ -1,4 +1,4 @@
-"""`html/<name>.html`: frame, style, program, data and meshes of the viewer in one page."""
+"""`html/<name>.html`: the viewer with its style sheet, script, data and meshes in one page."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ class Page(FrozenStruct):
     def html(self, *, live: str | None = None, editor: str | None = None, against: Page | None = None) -> bytes:
         """Return the page.
 
-        A `live` page asks its server for changes since the version that `live` identifies. `editor` is a URL that opens a place in an
-        editor, with `{file}` (the path in the workspace) and `{line}`. The robot of `against` is shown for comparison.
+        `live` identifies a version: the page asks its server for changes since that version. `editor` is a URL template for opening a file
+        in an editor, with `{file}` (the path in the workspace) and `{line}`. `against` is the page of a robot to compare with.
         """
         return _framed(self.name, self.data, self.glb, live=live, editor=editor, against=against)
 
     def news(self) -> bytes:
-        """Return an update for a live page as JSON: `robot` and `geometry`, of the same build."""
+        """Return an update for a live page as JSON, with `robot` and `geometry` from the same build."""
         return f'{{"robot": {self.data}, "geometry": "{base64.b64encode(self.glb).decode()}"}}'.encode()
 
 
 def waiting(name: str, editor: str | None = None) -> bytes:
-    """Return a live page without a robot, which shows the first one that is available. `name` is its title until then."""
+    """Return a live page that shows the first robot that becomes available. `name` is its title until then."""
     return _framed(name, "null", b"", live="", editor=editor, against=None)
 
 
@@ -67,5 +67,5 @@ def page_of(request: EmitRequest) -> Page:
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return the page. There are no losses: it shows everything in the assembly."""
+    """Return the page. There are no losses, because the page shows everything in the assembly."""
     return Artifacts(files={f"html/{request.assembly.name}.html": page_of(request).html()})

@@ -1,7 +1,7 @@
 """Pack meshes for a page: one glTF 2.0 binary file, with positions as 16-bit numbers in the box around each mesh (KHR_mesh_quantization).
 
-The error for a part of 200 mm is at most 3 um. Each mesh is in the file once, as a node that undoes the packing; the page gets the places
-of meshes separately. Written in plain Python, because importing numpy would take longer.
+The error for a part of 200 mm is at most 3 um. Each mesh is in the file once, in a node whose transform undoes the packing. The poses of
+the meshes are in the data of the page. The module does not use numpy, because importing it takes longer than packing.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MOST = 32767
 
 
 class PackedMeshes:
-    """Meshes of a store, numbered in the order in which they are first requested."""
+    """Meshes of a store, numbered in the order of their first request."""
 
     def __init__(self, store: Store) -> None:
         self._store = store

@@ -1,4 +1,4 @@
-"""The data for the page of a robot: plain values for JSON, in SI units, from which the page computes all poses.
+"""The data for the page of a robot: JSON values in SI units, from which the page computes all poses.
 
 In a mode's `bodies` (parents before children), the pose of a link, for q of the coordinates that move it, is
 
@@ -40,7 +40,7 @@ Data = dict[str, object]
 
 
 def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, packed: PackedMeshes) -> Data:
-    """Return all data for the page. Meshes are requested from `packed`, and referred to by their numbers there."""
+    """Return all data for the page. It refers to meshes by their numbers in `packed`."""
     within = in_link(assembly)
     places = _Places(workspace)
     definitions = {one.definition.text: one for one in assembly.occurrences}
@@ -72,23 +72,23 @@ def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, 
 
 
 class _Places:
-    """Returns the places of things in files of the workspace. Absolute paths are not written, because they differ between machines."""
+    """Look up source locations in files of the workspace. Absolute paths are not written, because they differ between machines."""
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace
         self._texts: dict[str, str] = {}
 
     def of(self, origin: Origin) -> Data:
-        """Return `file` and `line` of the first place of an origin, null if there is none."""
+        """Return `file` and `line` of the first place in an origin, or null if there is none."""
         span = next(iter(origin), None)
         if span is None or span.option is not None:
             return {"file": None, "line": None}
         return {"file": self._workspace.relative(span.file), "line": span.line}
 
     def code(self, path: str, reference: str) -> Data:
-        """Return the same for a part's class or function; null for a file outside the workspace.
+        """Return `file` and `line` of a part's class or function, or null for a file outside the workspace.
 
-        The line is looked up, because edits that only move lines do not rebuild the record.
+        The line is looked up in the file, because the record is not rebuilt when an edit only moves lines.
         """
         if not self._workspace.contains(path):
             return {"file": None, "line": None}
@@ -106,7 +106,7 @@ class _Places:
 
 
 def _definition(occurrence: Occurrence, places: _Places) -> Data:
-    """Return the definition of an occurrence, and of all others with the same one."""
+    """Return the data of a definition, which all its occurrences share."""
     definition, made, record = occurrence.definition, occurrence.component.definition, occurrence.record
     where: Data = {"file": None, "line": None}
     if record is not None and record.code is not None and os.path.isabs(record.code[0]):
@@ -145,13 +145,13 @@ def _shape(surface: Surface, packed: PackedMeshes) -> Data:
 
 
 def _mass(own: MassProperties) -> Data:
-    """Return mass [kg], centre [m], principal moments [kg m^2] about it, and `axes`, whose columns are the principal axes (by rows)."""
+    """Return mass [kg], centre of mass [m], principal moments [kg m^2] about it, and `axes` (by rows) with the principal axes as columns."""
     moments, axes = principal_axes(own.inertia)
     return {"mass": own.mass, "centre": own.centre, "moments": moments, "axes": [x for row in axes for x in row]}
 
 
 def _joint_data(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) -> Data:
-    """Return a coordinate, which is the same in all modes; `parent` and `child` are those of the document, as numbers of links."""
+    """Return a coordinate, which is the same in all modes. `parent` and `child` are the document's links, as numbers."""
     drive = joint.actuator
     return {
         "path": joint.path, "joint": mate.name, "kind": joint.kind.name, "turns": joint.twist.turns,
@@ -211,8 +211,9 @@ def _loop(closure: Closure) -> Data:
 def _pose(robot: Robot, frame: Keyframe) -> Data:
     """Return a pose of a mode.
 
-    It has q by path, the pose of the base if it differs, by what factor the drives can hold the pose (`margins`), whether the robot `falls`
-    whatever the drives do, and the joint that they leave `unheld` (empty for the base, null if none).
+    It has q keyed by path, the pose of the base if it differs, and the factor by which the drives can hold the pose (`margins`). `falls`
+    tells whether the robot falls whatever the drives do, and `unheld` is the joint that the drives do not hold (empty for the base, null if
+    none).
     """
     q = coordinates(joints_of(robot.assembly), frame.q)
     base = frame.base or robot.bodies[0].X_PL

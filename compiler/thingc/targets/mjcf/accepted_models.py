@@ -1,7 +1,7 @@
-"""Geometry that MuJoCo does not support or treats differently, and a cache of what it has accepted, so that it is not checked again.
+"""Geometry that MuJoCo does not support or treats differently, and a cache of accepted geometry that need not be checked again.
 
 Reading meshes takes most of MuJoCo's time with a model (200 of 220 ms for twelve parts). Whether MuJoCo accepts a mesh depends only on its
-bytes and on whether it is read as a surface. So a model whose limits, masses or poses were edited is compiled with a tetrahedron in place
+bytes and on whether it is read as a surface. So after an edit of limits, masses or poses, the model is compiled with a tetrahedron in place
 of every known mesh.
 """
 
@@ -69,27 +69,27 @@ class AcceptedModels:
         return {file: key for file, key in keys.items() if self.store.get_json(MESH, key) is None}
 
     def model(self, texts: Sequence[str], *, started: bool) -> bool:
-        """Whether exactly these files were accepted together; with `started` only if their initial state was checked, too."""
+        """Whether exactly these files were accepted together. With `started`, their initial state must have been checked, too."""
         answers = (True,) if started else (True, False)
         return any(self.store.get_json(MODEL, self._key((*texts, str(one)))) is not None for one in answers)
 
     def accept(self, texts: Sequence[str], *, started: bool) -> None:
-        """Store that a model and its meshes were accepted; with `started` also that its initial state was checked."""
+        """Record that a model and its meshes were accepted. With `started`, also record that its initial state was checked."""
         self.store.note_json(MODEL, self._key((*texts, str(started))), True)
         self.accept_meshes()
 
     def accept_meshes(self) -> None:
-        """Store that the meshes of a model were accepted."""
+        """Record that the meshes of a model were accepted."""
         while self._new:
             self.store.note_json(MESH, self._new.popitem()[1], True)
 
     def accept_mesh(self, mesh: MeshAsset) -> None:
-        """Store that a mesh was accepted."""
+        """Record that a mesh was accepted."""
         if (key := self._new.pop(mesh.file, None)) is not None:
             self.store.note_json(MESH, key, True)
 
     def unread(self, true: Collection[str]) -> list[MeshAsset]:
-        """Return the meshes that MuJoCo has to read: unknown ones, and those in `true` (names of meshes)."""
+        """Return the meshes that MuJoCo must read: unknown meshes, and those named in `true`."""
         return [mesh for mesh in self._meshes if mesh.name in true or mesh.file in self._new]
 
     def start(self, key: str) -> bool:
@@ -97,7 +97,7 @@ class AcceptedModels:
         return self.store.get_json(START, self._key((key,))) is not None
 
     def accept_start(self, key: str) -> None:
-        """Store that an initial state was accepted."""
+        """Record that an initial state was accepted."""
         self.store.note_json(START, self._key((key,)), True)
 
     def data(
@@ -105,8 +105,8 @@ class AcceptedModels:
     ) -> dict[str, bytes]:
         """Return the bytes that MuJoCo reads as each file.
 
-        For a mesh that is unknown or in `true` (names of meshes), these are the bytes in `instead`, or its own; for others a tetrahedron.
-        If raw attributes may affect meshes, all meshes count as unknown.
+        For a mesh that is unknown or named in `true`, these are the bytes in `instead`, or else its own. For any other mesh, it is a
+        tetrahedron. If raw attributes may affect meshes, all meshes count as unknown.
         """
         whole = any(about_meshes(model) for model in models)
         files = {mesh.file for mesh in (self._meshes if whole else self.unread(true))}
@@ -135,7 +135,7 @@ def mujoco_version() -> str:
 
 
 def about_meshes(model: Element) -> bool:
-    """Whether raw attributes change meshes, or how they are read or used, or an added element pairs geoms for contacts."""
+    """Whether raw attributes affect meshes (or how they are read or used), or an added element pairs geoms for contacts."""
     sections: Mapping[str, Element] = {child.tag: child for child in model.children}
     if "contact" in sections and any(child.tag == "pair" for child in sections["contact"].children):
         return True
@@ -153,7 +153,7 @@ def tetrahedron(file: str) -> bytes:
 
 
 def box_bytes(file: str, points: Sequence[Sequence[float]]) -> bytes:
-    """Return the bytes of a file of this name with the box around points [n x 3]."""
+    """Return the bytes of a file of this name with the bounding box of points [n x 3]."""
     low, high = (tuple(map(side, zip(*points, strict=True))) for side in (min, max))
     return mesh_bytes(file, [*itertools.product(*zip(low, high, strict=True))], _BOX_SIDES)
 

@@ -2,7 +2,7 @@
 
 `solimp` and `solref` determine how far a contact yields and how fast it creeps under friction; `impratio` reduces the creep. The values
 were measured on MInchW at its wall and under its ceiling, and on feet of 0.1 to 0.5 kg that carry up to five times their weight, with
-magnets of 30 to 1000 N per kg: softer contacts let it creep, harder ones detach a foot that is tilted by less than it sinks in. Friction is
+magnets of 30 to 1000 N per kg: with softer contacts the robot creeps, and with harder contacts a slightly tilted foot detaches. Friction is
 unchanged: a robot without enough friction slides.
 """
 
@@ -28,13 +28,13 @@ OPTION = {"cone": "elliptic", "impratio": "100"}
 
 
 def contact(assembly: Assembly) -> dict[str, str]:
-    """Return the attributes of the class, without those that raw attributes set for all collision geoms or all geoms."""
+    """Return the attributes of the class, except those that raw attributes set for all collision geoms or all geoms."""
     stated = {path[3] for path in _raw(assembly) if len(path) == 4 and path[0] == "default" and path[1] != "visual" and path[2] == "geom"}
     return {name: value for name, value in CONTACT.items() if name not in stated}
 
 
 def option(robot: Robot, stated: Mapping[str, object]) -> dict[str, str]:
-    """Return the options of a mode with adhesion, without those that the document has `stated` or set by raw attributes."""
+    """Return the options of a mode with adhesion, except those that the document has `stated` or set by raw attributes."""
     if not adhering(robot):
         return {}
     options = {path[1] for path in _raw(robot.assembly) if len(path) == 2 and path[0] == "option"} | stated.keys()
@@ -42,9 +42,9 @@ def option(robot: Robot, stated: Mapping[str, object]) -> dict[str, str]:
 
 
 def adhering(robot: Robot) -> frozenset[int]:
-    """Return the links with an adhesion; empty in a mode that switches none on.
+    """Return the links with adhesion, or none in a mode without active adhesion.
 
-    Feet that only stand rest better on soft contacts.
+    Feet without adhesion rest better on soft contacts.
     """
     if not any(robot.adhesion.values()):
         return frozenset()

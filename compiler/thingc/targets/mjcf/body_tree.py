@@ -42,7 +42,7 @@ def model(robot: Robot, geometry: Geometry, memo: Memo | None = None) -> Element
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield what MJCF cannot express of this mode in particular: where a joint is cut or reversed, and where sensors are attached."""
+    """Yield the losses specific to this mode, for example from cut or reversed joints and from sensors."""
     for joint in _joints(robot):
         if joint.reversed and joint.kind.at_once and joint.dynamics.friction and joint.path.endswith("_0"):
             what = "its dry friction: MuJoCo limits torques about the axes of the child in the tree, which is the parent in the document"
@@ -55,13 +55,13 @@ def losses(robot: Robot) -> Iterator[Loss]:
 
 
 def class_name(robot: Robot) -> str:
-    """Return the robot's default class: its name, unless MuJoCo or thingc uses this name for a class."""
+    """Return the name of the robot's default class: the robot's name, unless MuJoCo or thingc uses it for another class."""
     name = robot.assembly.name
     return f"{name}_robot" if name in RESERVED_CLASSES else name
 
 
 def adhesion_name(robot: Robot, path: str) -> str:
-    """Return the actuator's name of a magnet: its mount's path, with a suffix if a joint has the same path."""
+    """Return the name of a magnet's actuator: the path of its mount, with a suffix if a joint has the same path."""
     taken = any(joint.path == path for mate in robot.assembly.mates for joint in mate.joints)
     return f"{path}:adhesion" if taken else path
 
@@ -86,7 +86,7 @@ class _Builder:
         self.root = Element(tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.mode.name}"}, origin=robot.mode.origin)
 
     def grow(self, parent: Element, place: tuple[str, ...], make: Callable[..., tuple[Element, ...]], *inputs: Any) -> None:
-        """Add the elements that `make(*inputs)` returns. They are shared with other models, and only copied if raw attributes name them."""
+        """Add the elements that `make(*inputs)` returns. Models share them: they are only copied if raw attributes name them."""
         grown, names = self.memo(place, elements.made, make, *inputs)
         if self.raw.isdisjoint(names):
             parent.children.extend(grown)
@@ -94,7 +94,7 @@ class _Builder:
             parent.children.extend(element.copy() for element in grown)
 
     def build(self) -> Element:
-        """Return the element with its sections in the order of the Menagerie."""
+        """Return the element, with the sections in the order of the Menagerie."""
         self.root.add("compiler", {"angle": "radian", "meshdir": "assets", "autolimits": "true"})
         self.option()
         self.default()
@@ -189,7 +189,7 @@ class _Builder:
             element.children.sort(key=lambda child: child.tag == "body")
 
     def contact(self) -> None:
-        """Add the pairs of links whose contacts are excluded."""
+        """Add the pairs of links between which contacts are excluded."""
         section = self.root.add("contact")
         for first, second in self.robot.excluded:
             crossed = self.robot.bodies[max(first, second)].joints
@@ -199,7 +199,7 @@ class _Builder:
             )
 
     def equality(self) -> None:
-        """Add mimic joints, whose q is a polynomial of q(other), both relative to their values at qpos0; then loops."""
+        """Add mimic joints, then loops. The q of a mimic joint is a polynomial of q(other), both relative to their values at qpos0."""
         section = self.root.add("equality")
         for joint in self.joints.values():
             for slide in lowered(joint)[1:]:
@@ -240,7 +240,7 @@ class _Builder:
             section.add("adhesion", {**names, "ctrlrange": bounds, "gain": "1"}, self.assembly.occurrences[magnet.occurrence].origin)
 
     def keyframe(self) -> None:
-        """Add the poses of the mode: q and controls. The base is where the mode places it, a free one where the holds require it."""
+        """Add the poses of the mode (q and controls). The mode determines the pose of the base; for a free base, the holds do."""
         section = self.root.add("keyframe")
         for frame in self.robot.keyframes:
             base = frame.base or self.robot.bodies[0].X_PL
@@ -262,7 +262,7 @@ class _Builder:
         return FREE_JOINT if joint.mate < 0 else self.assembly.mates[joint.mate].name or joint.path
 
     def position(self, path: str, q: Mapping[str, float]) -> float:
-        """Return the control [rad or m] with which a position drive stays at `q`; 0 for other drives.
+        """Return the control [rad or m] that keeps a position drive at `q`, or 0 for other drives.
 
         For the drive of a ball it is the component of the rotation vector along its axis.
         """
@@ -276,7 +276,7 @@ class _Builder:
 
 
 def _suffixes(words: tuple[str, ...]) -> Iterator[str]:
-    """Yield the names that a name in the path of a raw attribute may mean (see `raw.py`)."""
+    """Yield the possible meanings of a name in the path of a raw attribute (see `raw.py`)."""
     for word in words:
         parts = word.replace(".", "/").split("/")
         yield from ("/".join(parts[first:]) for first in range(len(parts)))

@@ -1,4 +1,4 @@
-"""What MJCF and MuJoCo can express of a robot."""
+"""Which features of a robot MJCF and MuJoCo can express."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
 """Loops in MJCF: a held mount is welded to an anchor, or connected at its point; a joint outside the tree becomes an equality.
 
-An anchor is a mocap body. Its pose is part of `MjData`, so that a switch of modes can move it without a change of the model, and
+An anchor is a mocap body. Its pose is part of `MjData`, so that switching modes can move it without changing the model, and
 `mj_resetDataKeyframe` resets it.
 
-MuJoCo has no hinge equality: two `connect` at a distance along the axis make one. Nor has it a universal: it is a `connect` where the axes
-meet, and a tendon from a point on one axis to a point on the other, whose constant length is that at right angles. Both ends of every
-equality are written explicitly; none depends on poses at qpos0.
+MuJoCo has no equality for a hinge, which is written as two `connect` at different points of its axis. Nor has it one for a universal, which
+is written as a `connect` at the intersection of the axes and a tendon of constant length between a point on each axis, which keeps the axes
+at right angles. Both ends of every equality are written explicitly, so that none depends on poses at qpos0.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
 
 
 def tendons(robot: Robot, section: Element) -> None:
-    """Add a tendon for each universal, between a point on either axis."""
+    """Add a tendon for each universal, between a point on one axis and a point on the other."""
     for closure in robot.closures:
         if equality(closure) == "connect and tendon":
             spatial = section.add("spatial", {"name": equality_name(closure), "group": "3"}, closure.origin)
@@ -79,7 +79,7 @@ def tendons(robot: Robot, section: Element) -> None:
 
 
 def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "connect and tendon"] | None:
-    """Return the equality that closes a loop or a hold; None if it stays open."""
+    """Return the type of equality that closes a loop or a hold, or None if it stays open."""
     form = written(CAPABILITIES["loops"]["hold" if closure.hold else closure.kind])
     if form == "weld or connect":
         return "connect" if closure.turns else "weld"
@@ -92,12 +92,12 @@ def equality_name(closure: Closure) -> str:
 
 
 def anchor_name(closure: Closure) -> str:
-    """Return the name of the body that holds a mount, and of its site if the mount can turn: `leg_2/sole:held`."""
+    """Return the name of the body that holds a mount (and of its site if the mount can rotate): `leg_2/sole:held`."""
     return f"{closure.path}:held"
 
 
 def anchors(robot: Robot) -> dict[str, Pose]:
-    """Return the pose of each anchor in the world, by name: the held link's, or the mount's origin if the mount can turn."""
+    """Return a mapping of anchor names to poses in the world: that of the held link, or of the mount's origin if it can rotate."""
     return {
         anchor_name(one): Pose(translation=one.X_PA.translation) if one.turns else one.X_PA @ one.X_CB.inverse()
         for one in robot.closures if one.hold
@@ -105,7 +105,7 @@ def anchors(robot: Robot) -> dict[str, Pose]:
 
 
 def _ends(closure: Closure) -> tuple[str, str]:
-    """Return the sites that a `connect` joins: those of a held mount, or of the two sides of a cut ball."""
+    """Return the two sites that a `connect` joins: of a held mount and its anchor, or of the two sides of a cut ball."""
     return (anchor_name(closure), closure.path) if closure.hold else (f"{closure.path}:parent", f"{closure.path}:child")
 
 
@@ -129,7 +129,7 @@ def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
 
 
 def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tuple[str, Pose]]]:
-    """Return two pairs of sites, each of the parent and the child.
+    """Return two pairs of sites, each with one on the parent and one on the child.
 
     The first pair is at the origin. The second is on the axis of a hinge; for a universal, one on the parent's axis and one on the child's.
     """
@@ -145,7 +145,7 @@ def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tupl
 
 
 def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tuple[str, Pose]]) -> float:
-    """Return the distance [m] of two points of the parent and the child at q = 0, relative to which MuJoCo measures lengths of tendons."""
+    """Return the distance [m] between a point of the parent and one of the child at q = 0, MuJoCo's reference for tendon lengths."""
     assert closure.parent is not None
     X_WL: list[Pose] = []
     for body in robot.bodies:
@@ -155,7 +155,7 @@ def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tup
 
 
 def _lever(robot: Robot, closure: Closure) -> float:
-    """Return the distance [m] of the two points: that of the child's centre of mass from the axis, to one digit, and at least 1e-3.
+    """Return the distance [m] between the two points: from the axis to the child's centre of mass, to one digit, at least 1e-3.
 
     With this distance, translation and rotation have similar weights in the constraint.
     """
@@ -165,7 +165,7 @@ def _lever(robot: Robot, closure: Closure) -> float:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield poses that do not close or were moved, and the properties of a cut joint that are lost where its loop is closed."""
+    """Yield losses for poses that do not close the loops or were moved, and for the properties of cut joints."""
     mode = robot.mode.name
     turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
     for frame in robot.keyframes:
@@ -196,7 +196,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
 
 
 def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:
-    """Return `` `knee` and 2 more moved, by 12 deg at most``: the joint that moved most (a radian counts as a metre)."""
+    """Return `` `knee` and 2 more moved, by 12 deg at most``: it names the joint that moved most (a radian counts as a metre)."""
     path = max(moved, key=lambda joint: abs(moved[joint]))
     others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""
     return f"`{path}`{others} changed by at most {_format_value(moved[path], turn=path in turns)}"

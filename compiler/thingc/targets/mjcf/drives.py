@@ -16,14 +16,14 @@ NOTHING = 1e-12
 
 
 def joint_range(limit: Limit) -> tuple[float, float] | None:
-    """Return both limits [rad or m], or None if there are none."""
+    """Return the lower and upper limit [rad or m], or None without limits."""
     if limit.lower is None and limit.upper is None:
         return None
     return (-UNBOUNDED if limit.lower is None else limit.lower, UNBOUNDED if limit.upper is None else limit.upper)
 
 
 def drive_attributes(joint: TreeJoint | LinkedTendon, drive: ActuatorModel) -> dict[str, XmlValue]:
-    """Return gains and ranges: a position drive has the joint's range, a velocity drive its velocity limit, a motor its effort.
+    """Return the gains and the range: the joint's range, velocity limit or effort for a position drive, velocity drive or motor.
 
     The joint's effort limit takes precedence over the drive's.
     """

@@ -1,4 +1,4 @@
-"""Elements of a model, each made only from the values that it depends on, so that unchanged ones can be reused."""
+"""Elements of a model. Each is made only from the values that it depends on, so that unchanged elements can be reused."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ GRID = 0.1
 
 
 def made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
-    """Return the elements, and their names as in raw attributes."""
+    """Return the elements with their names in raw attributes."""
     elements = make(*inputs)
     return elements, frozenset(element.get("name").replace(".", "/") for element in elements)
 
@@ -63,7 +63,7 @@ def site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
 
 
 def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
-    """Return a hinge or slide; for a screw both. The effort limit is on the joint only if it is not `driven`, else on its actuator."""
+    """Return a hinge, a slide, or both for a screw. The effort limit is on the actuator of a `driven` joint, else on the joint."""
     own, *others = (_axis(one, joint.twist) for one in lowered(joint))
     attributes = {**own}
     bounds = joint_range(joint.limit)
@@ -76,7 +76,7 @@ def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
 
 
 def ball(name: str, joint: TreeJoint) -> tuple[Element, ...]:
-    """Return a ball joint from any of its coordinates, which only differ in their axes."""
+    """Return a ball joint, given any of its coordinates, which differ only in their axes."""
     attributes: dict[str, XmlValue] = {"name": name, "type": "ball"}
     if any(joint.twist.anchor):
         attributes["pos"] = joint.twist.anchor
@@ -104,8 +104,8 @@ def _axis(one: MujocoJoint, twist: Twist) -> dict[str, XmlValue]:
 def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, taken: frozenset[str]) -> tuple[Element, ...]:
     """Return the visual geoms of a link, and the collision geoms of class `touching`.
 
-    `poses` are those of the occurrences in the link. `taken` are the custom names of shapes. If a visual and a collision shape have the
-    same name, the collision geom gets it.
+    `poses` are the poses of the occurrences in the link, and `taken` are the custom names of shapes. If a visual and a collision shape have
+    the same name, only the collision geom gets it.
     """
     elements: list[Element] = []
     for pose, one in zip(poses, shapes, strict=True):
@@ -134,7 +134,7 @@ def drive(joint: TreeJoint, drive: ActuatorModel) -> tuple[Element, ...]:
 
 
 def drive_of_ball(name: str, joint: TreeJoint, drive: ActuatorModel, axis: Vector) -> tuple[Element, ...]:
-    """Return an actuator of the ball `name` about `axis`, given in the axes of its body, as the gear of the torque.
+    """Return an actuator of the ball `name`. Its gear is `axis`, the axis of the torque in the frame of the body.
 
     If the joint is reversed, the axis is fixed to the parent in the tree.
     """
@@ -157,8 +157,8 @@ def _shape(shape: Shape, pose: Pose) -> dict[str, XmlValue]:
 def _friction(material: Material | None) -> dict[str, XmlValue]:
     """Return `friction` if the material specifies any, with MuJoCo's defaults for the rest.
 
-    MuJoCo uses the larger friction of two geoms, which would override the document's on any floor: a priority prevents this (between two
-    geoms of the robot the larger one is used again). Torsional and rolling friction require `condim` 4 and 6.
+    MuJoCo uses the larger friction of two geoms, so a floor could override the document's value. A priority prevents this (for two geoms of
+    the robot, MuJoCo still uses the larger value). Torsional and rolling friction require `condim` 4 and 6.
     """
     if material is None or (material.slide is None and material.torsion is None and material.roll is None):
         return {}
@@ -174,10 +174,10 @@ def _friction(material: Material | None) -> dict[str, XmlValue]:
 
 
 def inertial(properties: MassProperties) -> dict[str, XmlValue]:
-    """Return mass [kg], centre [m] and inertia [kg m^2] about the centre, in the link's frame, as attributes of `<inertial>`.
+    """Return the mass [kg], the centre of mass [m] and the inertia about it [kg m^2], in the link's frame, as `<inertial>` attributes.
 
-    A link that never moves may have an inertia that no solid has (a point mass), or one near 0. MuJoCo cannot compute its principal axes,
-    and it has no effect, so it is written as 0.
+    A link that never moves may have an inertia near 0, or one that no solid can have (a point mass). MuJoCo cannot compute the principal
+    axes of such an inertia. It has no effect and is written as 0.
     """
     inertia = properties.inertia
     attributes: dict[str, XmlValue] = {"pos": properties.centre, "mass": properties.mass}

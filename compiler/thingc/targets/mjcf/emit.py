@@ -23,7 +23,7 @@ from thingc.targets.xml_writer import Element, write
 
 
 class Models(FrozenStruct):
-    """The models of all modes before they are arranged in files. `assets` are the meshes, by their name in `assets/`."""
+    """The models of all modes before they are split into files. `assets` are the meshes, keyed by file name in `assets/`."""
 
     candidates: tuple[verify.Candidate, ...]
     assets: dict[str, StoredArtifact]
@@ -42,9 +42,9 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def models(request: EmitRequest) -> Models:
-    """Return the models of the chosen modes, made once for all targets of a request.
+    """Return the models of the chosen modes. They are computed once for all targets of a request.
 
-    With `verify`, MuJoCo compiles every model, or one of so many. Its messages are reported at their places in the documents.
+    With `verify`, MuJoCo compiles every model or a sample of them. Its messages are reported at their places in the documents.
     """
     known = request.made.get("mjcf")
     if isinstance(known, Models):
@@ -85,7 +85,7 @@ def models(request: EmitRequest) -> Models:
 
 
 def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str], dict[str, StoredArtifact]]:
-    """Return the model of each chosen mode as text, by mode, and the meshes that they use, by file. MuJoCo does not check them.
+    """Return a mapping of modes to model texts, and one of file names to their meshes. MuJoCo does not check them.
 
     With `floor`, a model contains the floor of its scene.
     """
@@ -99,7 +99,7 @@ def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str
 
 
 def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element], dict[Loss, None]]:
-    """Return the geometry, its losses, the tree of each mode with raw attributes and changes for consumers, and the losses from these."""
+    """Return the geometry, its losses, the final tree of each mode, and the losses from adapting the trees to consumers."""
     geometry, unsaid = taken(request.assembly, request.report, request.memo)
     roots = [tree.model(robot, geometry, request.memo) for robot in request.robots]
     left = raw_elements.add(request.assembly, request.robots, roots, request.report)
@@ -114,8 +114,8 @@ def _heading(robot: Robot) -> str:
 def emit_archives(request: EmitRequest) -> Artifacts:
     """Return `mjcf/<name>_<mode>.mjz` of each chosen mode: a model and its meshes in one zip file that MuJoCo opens. Reproducible.
 
-    `MjSpec.encode` writes the time, and only six digits. Python's `zipfile` would compress the meshes again for every mode and every edit;
-    here each is compressed once and cached in the store. The losses are those of the models.
+    This module writes the zip files itself. `MjSpec.encode` writes the time, and numbers with only six digits. Python's `zipfile` would
+    compress the meshes again for every mode and every edit. Here each mesh is compressed once and cached in the store.
     """
     made = models(request)
     if request.report.failed:

@@ -1,7 +1,7 @@
-"""Checks of the initial state of a mode by MuJoCo: links that overlap, and drives that oscillate.
+"""Check the initial state of a mode with MuJoCo: find overlapping links and oscillating drives.
 
-A simulation with either fails at once, although the model compiles. Both are checked when a model is compiled anyway, with its true meshes;
-a state without errors is cached by everything that it depends on (see `key`).
+A simulation with either fails at once, although the model compiles. Both are checked when a model is compiled anyway with its true meshes.
+A state without faults is cached with everything it depends on as the key (see `key`).
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ _INDIFFERENT = re.compile(r' (?:range|ctrlrange|rgba|gravity)="[^"]*"')
 def key(text: str, robot: Robot) -> str:
     """Return a digest of everything that the initial state of a robot depends on.
 
-    This is the keyframe in which it starts, and its model's `text` except names, colours, joint limits and gravity, so that a robot on a
-    wall has the same state as on the floor.
+    It covers the start keyframe and the model's `text`, except names, colours, joint limits and gravity. So a robot on a wall has the same
+    state as on the floor.
     """
     model = _INDIFFERENT.sub("", text.partition("<mujoco ")[2].partition(">")[2])
     return hashlib.sha256(f"{robot.mode.pose}\n{model}".encode()).hexdigest()
@@ -58,8 +58,8 @@ class Penetration(FrozenStruct):
 class Gains(FrozenStruct):
     """A drive in one step of a simulation.
 
-    `stiffness` (kp and a spring) [N m/rad or N/m]; `kv` and `damping` [N m s/rad or N s/m]; the `inertia` [kg m^2 or kg] that it moves if
-    everything can move; whether its force has a limit; the time step `dt` [s] and the integrator.
+    Units are [N m/rad or N/m] for `stiffness` (kp and a spring), [N m s/rad or N s/m] for `kv` and `damping`, and [s] for the time step
+    `dt`. `inertia` [kg m^2 or kg] is what the drive moves if all joints can move.
     """
 
     stiffness: float
@@ -72,7 +72,7 @@ class Gains(FrozenStruct):
 
     @property
     def stiffest(self) -> float:
-        """The stiffness k beyond which a step increases an error.
+        """The stiffness k above which a step increases the error.
 
         With the velocity after a step used for the position, v' = a v - b q and q' = q + dt v', a step has the determinant a and the trace
         1 + a - dt b; it is stable (Jury) while 2 + 2 a > dt b. An implicit integrator divides by I + dt d, d = kv + damping: a = I / (I +
@@ -113,9 +113,9 @@ class Gains(FrozenStruct):
 
     @property
     def calmest(self) -> float:
-        """The largest kv with which an explicit integrator is stable, other values unchanged (see `stiffest`, `too_quick`).
+        """The largest kv for which an explicit integrator is stable, with other values unchanged (see `stiffest`, `too_quick`).
 
-        It is not above 0 if there is none.
+        It is zero or negative if no kv is stable.
         """
         quick = self.inertia / self.dt
         if self.integrator == "RK4":
@@ -129,7 +129,7 @@ class Gains(FrozenStruct):
 
 
 class InitialState(FrozenStruct):
-    """The faults of one mode: overlapping parts, deepest first, and the gains of drives that oscillate, by joint."""
+    """The faults of one mode: overlapping parts, deepest first, and the gains of oscillating drives, keyed by joint."""
 
     robot: Robot
     inside: tuple[Penetration, ...]
@@ -144,7 +144,7 @@ class InitialState(FrozenStruct):
 def look(model: Any, robot: Robot) -> InitialState:
     """Check the initial state of a compiled scene (an `mujoco.MjModel`): contacts in the start pose, gains in all keyframes.
 
-    The check ends early if the model is too large for MuJoCo's memory for a step.
+    The check ends early if the model needs more memory for a step than MuJoCo has allocated.
     """
     import mujoco
 
@@ -179,7 +179,7 @@ def look(model: Any, robot: Robot) -> InitialState:
 
 
 def _pose(model: Any, data: Any, number: int | None) -> None:
-    """Set the keyframe of this number, or every joint to 0."""
+    """Set the keyframe with this number, or without one set every joint to 0."""
     import mujoco
 
     if number is None:
@@ -204,11 +204,11 @@ def _inside(model: Any, data: Any, robot: Robot) -> Iterator[Penetration]:
 
 
 def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
-    """Yield every drive of a joint, by name, at the positions of the last `mj_fwdPosition`, with dense equality constraints only.
+    """Yield each joint drive with its name at the positions of the last `mj_fwdPosition`. Requires dense equality constraints.
 
     A drive acts along g, its row of the transmission's Jacobian: the joint's own dof for a hinge, an axis in its three for a ball. The
     inertia is 1 / (g M^-1 g'), with coupled parts (loops, mimic joints) moving together: with the rows T of the equality constraints and W
-    = T M^-1, it is 1 / (g (M^-1 - W' (T W')^+ W) g'). Nothing is yielded if the square of the time step, which the rules need, is 0 or
+    = T M^-1, it is 1 / (g (M^-1 - W' (T W')^+ W) g'). The rules need the square of the time step: nothing is yielded if it is 0 or
     infinite.
     """
     import mujoco
@@ -255,7 +255,7 @@ def _path(name: str) -> str:
 
 
 def say(starts: Sequence[InitialState], report: Report) -> None:
-    """Report a warning for each mode with overlaps (equal ones share it), and for each drive that oscillates, where it is worst."""
+    """Warn about overlaps in each mode (equal ones share a warning), and about each oscillating drive in its worst mode."""
     alike: dict[tuple[tuple[str, str, float], ...], list[InitialState]] = {}
     for start in starts:
         if start.inside and not report.allows(Code.START_CONTACT, start.robot.mode.origin):
@@ -323,7 +323,7 @@ def _say_gains(gains: Gains, joint: TreeJoint, robot: Robot, others: Sequence[st
 
 
 def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
-    """Return the fault of a velocity gain that is too large by itself, its cure, and the armature [kg m^2 or kg] that would cure it."""
+    """Return the fault of a velocity gain that is too large, a remedy, and the armature [kg m^2 or kg] that would remedy it."""
     rate = "N*m*s/rad" if joint.twist.turns else "N*s/m"
     does = "makes it oscillate with growing amplitude" if gains.too_stiff else "reverses its velocity in one step"
     cure = f"use at most {_down(gains.calmest / 2.0)} {rate}"
@@ -334,7 +334,7 @@ def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
 
 
 def _of_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
-    """Return the same for a position gain, or for the joint's spring if there is none."""
+    """Return the fault, remedy and armature for a position gain, or for the joint's spring without a position gain."""
     turn, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
     kp = gains.stiffness - spring
     key, value, beside = ("kp", kp, spring) if kp > 0.0 else ("stiffness", spring, 0.0)

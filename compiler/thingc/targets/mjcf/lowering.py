@@ -1,4 +1,4 @@
-"""Joints as MuJoCo joints: a turn is a hinge, a slide a slide, a ball a ball. A screw, which MuJoCo lacks, is a coupled hinge and slide."""
+"""Convert joints to MuJoCo joints. Hinges, slides and balls exist in MuJoCo, and a screw becomes a coupled hinge and slide."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class MujocoJoint(FrozenStruct, kw_only=False):
 
 
 def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
-    """Return the joints of a coordinate; the first has its name and its values.
+    """Return the MuJoCo joints of a coordinate; the first one has its name and values.
 
-    None for the coordinates of a ball, which is a single joint.
+    The result is None for the coordinates of a ball, which is a single joint.
     """
     path, twist = joint.path, joint.twist
     form = CAPABILITIES["joints"][joint_cell(joint.kind)].by
@@ -48,23 +48,23 @@ def is_ball(joints: Sequence[TreeJoint]) -> bool:
 
 
 def positions(body: Body, q: Mapping[str, float]) -> tuple[float, ...]:
-    """Return the `qpos` of the joints of a body at `q` (every joint by path, rad or m)."""
+    """Return the `qpos` of the joints of a body at `q`, a mapping of joint paths to values [rad or m]."""
     if is_ball(body.joints):
         return quaternion_of(rotation_vector(body.twists, tuple(q[joint.path] for joint in body.joints)))
     return tuple(one.ratio * q[joint.path] for joint in body.joints for one in lowered(joint))
 
 
 def in_body(body: Body, axis: Vector) -> Vector:
-    """Return the axis of a drive of a ball (as in the document) in the axes of the body.
+    """Transform the axis of a ball's drive from the document's axes to the axes of the body.
 
-    If the joint is reversed in the tree, it is the opposite, because the drive moves the document's parent relative to its child.
+    The sign changes if the joint is reversed in the tree, because the drive then moves the document's parent relative to its child.
     """
     joints = body.joints[::-1] if body.joints[0].reversed else body.joints
     return rotation_vector(tuple(joint.twist for joint in joints), axis)
 
 
 def base_positions(robot: Robot) -> tuple[float, ...]:
-    """Return the `qpos` of a base that moves in part, in the pose of the mode."""
+    """Return the `qpos` of a planar or ball base in the pose of the mode."""
     return positions(replace(robot.bodies[0], joints=robot.moves), {joint.path: 0.0 for joint in robot.moves})
 
 

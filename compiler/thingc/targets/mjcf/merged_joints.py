@@ -1,7 +1,7 @@
 """Several joints on one body.
 
-MuJoCo does not accept a moving body without mass, but a body may have any number of joints: a link without mass that connects two joints is
-not written as a body, and its joint is added to the body behind it.
+MuJoCo does not accept a moving body without mass, but a body may have any number of joints: a massless link between two joints is not
+written as a body, and its joint is added to the next body.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from thingc.targets.artifact import Loss
 
 
 def model_bodies(robot: Robot) -> Mapping[int, Body]:
-    """Return the bodies of the model by their number in the robot; their parents are such bodies, too.
+    """Return a mapping of body indices in the robot to the bodies of the model. Their parents are also bodies of the model.
 
-    The joints before a link that is left out come first in the body behind it: they act first, and are expressed in its frame with its own
+    The joints before an omitted link come first in the next body: they act first, and are expressed in the frame of that body with its own
     joints at 0.
     """
     made: dict[int, Body] = {}
@@ -31,18 +31,18 @@ def model_bodies(robot: Robot) -> Mapping[int, Body]:
 
 
 def joins(robot: Robot, index: int) -> bool:
-    """Whether a body of the robot is left out, because it only connects two joints."""
+    """Whether a body of the robot is omitted because it only connects two joints."""
     body = robot.bodies[index]
     return body.parent is not None and body.link in robot.assembly.between
 
 
 def sites(robot: Robot) -> Mapping[str, Site]:
-    """Return the frames on bodies of the model, by path."""
+    """Return a mapping of paths to the frames on bodies of the model."""
     return {site.path: site for site in robot.sites if not joins(robot, site.body)}
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield the loss of frames between two joints of a body, except those of the links between them."""
+    """Yield the losses for frames between two joints of a body, except the frames of the omitted links."""
     paths = {one.path for one in robot.assembly.occurrences}
     for site in robot.sites:
         if joins(robot, site.body) and site.path not in paths:

@@ -1,10 +1,10 @@
-"""Raw attributes of `raw: {mjcf: ...}`, applied to the model one by one.
+"""Apply the raw attributes of `raw: {mjcf: ...}` to the model one by one.
 
     joint: {yaw: {solreflimit: 0.01 1}}                       a kind of element, its name, an attribute
     option: {iterations: 20, flag: {contact: disable}}        a section that exists once, and elements in it
     default: {collision: {geom: {solref: 0.01 1}}}            a class, a kind of element, an attribute
 
-Names are checked here, attributes and values only by MuJoCo.
+This module checks names. MuJoCo checks attributes and values.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ KINDS = (*NAMED, *SINGLE, "default")
 
 
 def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
-    """Apply the raw attributes to the model of each mode. A kind or name that no mode has is reported at its place.
+    """Apply the raw attributes to the model of each mode. Report kinds or names that no mode has.
 
     An element that only some modes have (the drive of a joint, a keyframe) gets its attributes in these modes. Elements listed in `order`
     come first in every mode, in that order.
@@ -73,7 +73,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 
 
 def _sort(model: Element, ranks: Mapping[int, int]) -> None:
-    """Sort the elements of a model by rank, those without rank last. The controls in keyframes are sorted like the actuators."""
+    """Sort the elements of a model by rank; elements without rank come last. Keyframe controls are in the order of the actuators."""
     for section in (section for kind in ORDERED if (section := model.find(kind)) is not None):
         children = section.children
         places = sorted(range(len(children)), key=lambda place: ranks.get(id(children[place]), len(ranks)))
@@ -87,7 +87,7 @@ def _sort(model: Element, ranks: Mapping[int, int]) -> None:
 
 
 def _shape_fault(attribute: RawAttribute) -> tuple[str, str] | None:
-    """Return what is wrong with the path itself, as a message and a hint, or None."""
+    """Return a message and a hint if the path itself is invalid, else None."""
     path = attribute.path
     kind = path[0] if path else ""
     if kind not in KINDS:
@@ -125,15 +125,15 @@ def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element |
 
 
 def _slashed(name: str) -> str:
-    """Return a name as in linked raw attributes: a document may write `hand.cap` for `hand/cap`."""
+    """Return a name with `/` as in linked raw attributes: a document may write `hand.cap` for `hand/cap`."""
     return name.replace(".", "/")
 
 
 def _names(attribute: RawAttribute) -> tuple[str, ...]:
-    """Return what an attribute's name may mean.
+    """Return the possible meanings of an attribute's name.
 
-    Names in a nested document have its path in front, but assets, classes and sections do not belong to an occurrence, so their names may
-    also be without it.
+    Names in a nested document are prefixed with its path. Assets, classes and sections do not belong to an occurrence, so their names may
+    also lack the prefix.
     """
     name = _slashed(attribute.path[1])
     if attribute.path[0] not in (*SINGLE, "default", "mesh", "material", "key"):
@@ -143,7 +143,7 @@ def _names(attribute: RawAttribute) -> tuple[str, ...]:
 
 
 def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
-    """Return the child with a tag. If there is none, add it, in front of children with the tag `before`."""
+    """Return the child with a tag. If there is none, add it before the children with the tag `before`."""
     child = owner.find(tag)
     if child is None:
         child = Element(tag=tag)
@@ -153,7 +153,7 @@ def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
 
 
 def _classes(robot: Robot, model: Element) -> dict[str, Element]:
-    """Return default classes by name. The document's own name means the robot's class."""
+    """Return a mapping of names to default classes. The document's own name maps to the robot's class."""
     section = model.find("default")
     elements = section.walk() if section is not None else iter(())
     classes = {element.get("class"): element for element in elements if "class" in element.attributes}
@@ -172,7 +172,7 @@ def _elements_of_kind(kind: str, model: Element) -> Iterable[Element]:
 
 
 def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
-    """Whether another mode may have an element that none of these models has."""
+    """Whether another mode may have an element that is missing in all these models."""
     kind, name = attribute.path[0], attribute.path[1]
     owner, _, mount = _slashed(name).rpartition("/")
     magnet = kind == "actuator" and any(one.path == owner and mount in one.mounts for one in assembly.occurrences)

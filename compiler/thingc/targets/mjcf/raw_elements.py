@@ -1,8 +1,8 @@
 """Elements that documents add to models by `raw: {mjcf: {add: ...}}`.
 
 They can refer to the document's joints and components by path, to its mounts (which then get sites), to elements of the model, and to
-elements that were added earlier. If an element refers to something that a mode does not have (a drive that is left out, a joint at which a
-loop is cut), it is left out of that mode.
+elements that were added earlier. If an element refers to something that is missing in a mode (an omitted drive, a joint that cuts a loop),
+it is omitted in that mode.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SECTIONS = ("contact", "custom", "tendon", "equality", "actuator", "sensor", "ke
 
 
 def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> list[Loss]:
-    """Add the documents' elements to the model of each mode, and return those that are left out. One that no mode can have is reported."""
+    """Add the documents' elements to the model of each mode, and return the omitted ones. Report elements that no mode can have."""
     lost: list[Loss] = []
     if assembly.added and models:
         targets = [_Target(robot, model) for robot, model in zip(robots, models, strict=True)]
@@ -55,7 +55,7 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 
 
 def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
-    """Yield what is not a valid element or attribute of MJCF, and must not be passed to MuJoCo, because it could change other elements."""
+    """Yield invalid elements and attributes, which must not be passed to MuJoCo, because they could change other elements."""
     for name, value in ((element.tag, ""), *element.attributes.items()):
         why = unwritable(name, value)
         if why is not None:
@@ -67,7 +67,7 @@ def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
 
 
 def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
-    """Whether a mode that is not built here may have it, or it is an added element that is reported itself."""
+    """Whether a mode that is not built may have a missing reference, or it is an added element that is already reported."""
     kind, name = missing
     if any((one.section, one.attributes.get("name", "").replace(".", "/")) == (kind, name.replace(".", "/")) for one in assembly.added):
         return True
@@ -76,7 +76,7 @@ def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
 
 
 class _Target:
-    """A model, and the names in it by kind."""
+    """A model and its names, grouped by kind."""
 
     def __init__(self, robot: Robot, model: Element) -> None:
         self.robot = robot
@@ -91,7 +91,7 @@ class _Target:
             self.names[kind] = {one.get("name") for one in section.children} if section is not None else set()
 
     def add(self, wanted: RawElement) -> tuple[str, str] | None:
-        """Add an element. If it refers to something that this model does not have, return the kind and name of that, else None."""
+        """Add an element. Return the kind and name of a reference that is missing in this model, else None."""
         made = self.made(wanted)
         if isinstance(made, tuple):
             return made
@@ -108,7 +108,7 @@ class _Target:
         return None
 
     def made(self, wanted: RawElement) -> Element | tuple[str, str]:
-        """Return the element of this model, or the kind and name of a reference that does not exist."""
+        """Return the element for this model, or the kind and name of a missing reference."""
         made = Element(tag=wanted.tag, attributes=dict(wanted.attributes), origin=wanted.origin)
         for name, value in wanted.attributes.items():
             kind = named_kind(wanted.attributes, name)
@@ -125,7 +125,7 @@ class _Target:
         return made
 
     def found(self, kind: str, path: str) -> str | None:
-        """Return the model's name of an element of a kind, or None. A mount without a site gets one."""
+        """Return the name in the model for a kind and path, or None. Add a site for a mount without one."""
         plain = kind != "joint" or path in self.names.get(kind, ())
         name = path if plain else CoordinateName(path.replace("/", ".")).path
         if name in self.names.get(kind, ()) or kind not in KINDS:
@@ -152,7 +152,7 @@ class _Target:
         return None
 
     def command(self) -> None:
-        """Add controls of 0 to keyframes for drives that were added."""
+        """Add controls of 0 to the keyframes for added drives."""
         section = self.model.find("keyframe")
         for place, key in enumerate(section.children if section is not None and self.drives else ()):
             assert section is not None

@@ -26,7 +26,7 @@ def scene(robot: Robot, file: str, heading: str, model: XmlText, memo: Memo | No
 
 
 def floored(robot: Robot, model: XmlText, separator: str) -> str:
-    """Return the text of a model, with `separator` in its paths, and the floor of its scene, but without the purely visual elements."""
+    """Return the text of a model with the floor of its scene but without purely visual elements. `separator` is used in paths."""
     root = Element(tag="mujoco")
     _lay_floor(root, root.add("worldbody"), floor_name(model), _held(robot, separator), {})
     sections = write(root, "").text.partition("<mujoco>\n")[2]
@@ -34,7 +34,7 @@ def floored(robot: Robot, model: XmlText, separator: str) -> str:
 
 
 def _held(robot: Robot, separator: str) -> tuple[tuple[str, Origin], ...]:
-    """Return the names of held bodies, with the origins of their holds."""
+    """Return the name of each held body with the origin of its hold."""
     holds = {closure.child: closure.origin for closure in reversed(robot.closures) if closure.hold}
     return tuple((robot.assembly.links[robot.bodies[body].link].name.replace("/", separator), at) for body, at in holds.items())
 
@@ -42,9 +42,9 @@ def _held(robot: Robot, separator: str) -> tuple[tuple[str, Origin], ...]:
 def _scene(title: str, box: Box | None, file: str, floor: str, held: Sequence[tuple[str, Origin]], heading: str, origin: Origin) -> XmlText:
     """Return the text of a scene.
 
-    Elements before the `include` can be overridden by raw attributes. The floor is z = 0 of the world, where a mode's root is mated; for a
-    mode on a wall or a ceiling, the plane is that wall or ceiling. Contacts of held links with the floor are excluded, as MuJoCo does for a
-    fixed root. The floor is then a body, because not every reader finds the world by its name.
+    Raw attributes can override the elements before the `include`. The floor is the plane z = 0 of the world, to which the root of a mode is
+    mated. For a mode on a wall or ceiling, this plane is the wall or ceiling. Contacts of held links with the floor are excluded, as MuJoCo
+    does for a fixed root. The floor is then a body, because not every reader finds the world by its name.
     """
     root = Element(tag="mujoco", attributes={"model": title}, origin=origin)
     if box is not None:

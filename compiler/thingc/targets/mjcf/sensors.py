@@ -1,4 +1,4 @@
-"""Sensors in MJCF: an element for each reading of a sensor (`imu:gyro`), and a camera for a camera.
+"""Sensors in MJCF: an element for each reading of a sensor (`imu:gyro`), and a `camera` for each camera.
 
 A sensor has the same elements with the same names in every mode that supports it, so that a controller reads one layout.
 """
@@ -98,7 +98,7 @@ def _elements(robot: Robot, sensor: LinkedSensor, section: Element) -> None:
 
 
 def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[str, str]:
-    """Return the attributes of an element that specify what the sensor measures."""
+    """Return the attributes that specify the object that a sensor measures."""
     links, site = robot.assembly.links, {"site": sensor.site or ""}
     match sensor.kind:
         case "imu" if reading == "quat":
@@ -128,7 +128,7 @@ def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[s
 
 
 def _missing(robot: Robot, sensor: LinkedSensor) -> str:
-    """Return why a mode does not support a sensor, as text for its loss, or ""."""
+    """Return the reason why a mode does not support a sensor, as text for its loss, or an empty string."""
     sites = merged_joints.sites(robot)
     if any(mount.path not in sites for mount in sensor.mounts):
         return "MuJoCo has no frame between two joints of a body for it"
@@ -152,8 +152,8 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
 def losses(robot: Robot) -> Iterator[Loss]:
     """Yield the losses of a mode's sensors.
 
-    These are sensors that the mode does not support, forces that are measured elsewhere than at the mount, and accelerations of a fixed
-    base: for a fixed body MuJoCo's accelerometer reads 0, not the 9.81 m/s^2 of any other body at rest.
+    These are unsupported sensors, forces that are not measured at the mount, and accelerations of a fixed base. On a fixed body, MuJoCo's
+    accelerometer reads 0, and on any other body at rest 9.81 m/s^2.
     """
     for sensor in robot.assembly.sensors:
         missing = _missing(robot, sensor)

@@ -1,7 +1,6 @@
 """Tendons of documents in MJCF: `fixed` and `spatial` ones, and their drives.
 
-A tendon over a joint at which a loop is cut is left out of that mode. The drive of a tendon is in every mode that does not choose its
-actuators.
+A tendon over a joint that cuts a loop is omitted in that mode. The drive of a tendon is in every mode that does not select its actuators.
 """
 
 from __future__ import annotations
@@ -19,14 +18,14 @@ from thingc.targets.xml_writer import Element, XmlValue
 
 
 def present(robot: Robot) -> tuple[LinkedTendon, ...]:
-    """Return the tendons of a mode: their joints are in its tree, and their mounts on its bodies."""
+    """Return the tendons of a mode, whose joints are all in its tree and whose mounts are on its bodies."""
     there = {joint.path for body in robot.bodies for joint in body.joints}
     sites = merged_joints.sites(robot)
     return tuple(one for one in robot.assembly.tendons if there.issuperset(one.moves) and all(mount.path in sites for mount in one.mounts))
 
 
 def pulled(robot: Robot) -> tuple[LinkedTendon, ...]:
-    """Return the tendons of a mode that have a drive there."""
+    """Return the tendons with a drive in a mode."""
     return tuple(one for one in present(robot) if one.actuator is not None and one.path in robot.pulled)
 
 
@@ -83,7 +82,7 @@ def drives(robot: Robot, section: Element) -> None:
 
 
 def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
-    """Yield the controls with which the drives of `drives` stay at `q` [rad or m]: a length, or 0."""
+    """Yield the controls that keep the tendons' drives at `q` [rad or m]: a length, or 0."""
     for one in pulled(robot):
         if one.actuator is None or one.actuator.kind != "position":
             yield 0.0
@@ -92,7 +91,7 @@ def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield the tendons that a mode leaves out."""
+    """Yield a loss for each tendon that a mode omits."""
     there = present(robot)
     for one in robot.assembly.tendons:
         if one not in there:

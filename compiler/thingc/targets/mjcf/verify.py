@@ -29,7 +29,7 @@ MANY = 20_000_000
 
 
 class Candidate(FrozenStruct):
-    """The files of a mode: `model`, written from the element `root` with `heading`, and the scene that includes it as `file`."""
+    """The files of a mode: `model`, which is written from `root` with `heading`, and the scene, which includes it as `file`."""
 
     mode: str
     file: str
@@ -47,7 +47,7 @@ class Candidate(FrozenStruct):
 
 
 class CompileResult(FrozenStruct):
-    """The result of compiling one text: the error (None: it compiled), the warnings, and the compiled `MjModel`."""
+    """The result of compiling one text: the error (None if it compiled), the warnings, and the compiled `MjModel`."""
 
     error: str | None
     warnings: tuple[str, ...] = ()
@@ -55,13 +55,12 @@ class CompileResult(FrozenStruct):
 
 
 def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, report: Report, memo: Memo, *, starts: bool = True) -> None:
-    """Compile every candidate's scene, with the model in it, and report errors and warnings at their origin.
+    """Compile the scene of every candidate, which includes its model, and report errors and warnings at their origin.
 
-    With `starts`, the initial state of each is checked, too (`initial_state_checks.py`); of several equal ones only the first.
+    With `starts`, each distinct initial state is checked, too (see `initial_state_checks.py`).
 
-    Models that MuJoCo has accepted before are not compiled again (`accepted_models.py`). This includes a model whose initial state equals
-    that of an accepted one, if its other contents (names, limits, colours, gravity) were accepted in an earlier compilation of this
-    session.
+    Models that MuJoCo has accepted before are not compiled again (`accepted_models.py`). This includes a model with the initial state of an
+    accepted one, if its other contents (names, limits, colours, gravity) were accepted earlier in this process.
     """
     known = AcceptedModels(store, mujoco_version(), geometry.meshes)
     waiting = [candidate for candidate in candidates if not known.model(candidate.texts, started=starts)]
@@ -102,13 +101,13 @@ def _verdicts(
     candidates: Sequence[Candidate], known: AcceptedModels, looked: Collection[str], touching: Collection[str], settled: Collection[str],
     instead: Sequence[Mapping[str, bytes]],
 ) -> Iterator[tuple[Candidate, CompileResult, Any]]:
-    """Yield the result of MuJoCo for each scene, which includes its model, and the files that it read.
+    """Yield MuJoCo's result for each scene, and the files that it read.
 
-    Modes in `looked` need the true meshes of those in `touching`, and come first; other modes that are in `settled` by then are left out.
-    As long as there are no messages, the meshes in `instead` are used (see `_one_by_one`). Scenes are compiled one after the other, because
-    MuJoCo caches what it reads by file: in parallel, a scene could get another's model, or the process could crash. MuJoCo caches the
-    meshes of the first scene, too, so only this one needs threads, and textures are the same in all scenes, so later ones need not render
-    them.
+    Modes in `looked` come first, and need the true meshes of the names in `touching`. Other modes are omitted if they are in `settled` by
+    then. The meshes in `instead` are used as long as there are no messages (see `_one_by_one`). Scenes are compiled one after the other,
+    because MuJoCo caches what it reads by file: in parallel, a scene could get another's model, or the process could crash. MuJoCo caches
+    the meshes of the first scene, too, so only this one needs threads, and textures are the same in all scenes, so later ones need not
+    render them.
     """
     first, standing = True, [*instead, {}]
     for true in (touching, ()):
@@ -130,7 +129,7 @@ def _verdicts(
 
 
 def _will_do(verdict: CompileResult, robot: Robot, *, boxes: bool) -> bool:
-    """Whether a scene with replaced meshes has no messages and, if the replacements are boxes, no overlaps."""
+    """Whether a scene with replaced meshes has no messages and, if they are replaced by boxes, no overlaps."""
     return verdict.error is None and not verdict.warnings and not (boxes and initial_state_checks.look(verdict.model, robot).inside)
 
 
@@ -138,7 +137,7 @@ def _one_by_one(known: AcceptedModels, touching: Collection[str]) -> list[Mappin
     """If there are too many meshes for one compilation, let MuJoCo read each one separately, else return [].
 
     Return two replacements for the meshes in `touching` (names of meshes), by file: boxes around them, which overlap if the meshes do, then
-    the convex hulls that MuJoCo uses for contacts. Meshes with messages are left to be read with the model.
+    the convex hulls that MuJoCo uses for contacts. Meshes that cause messages are not replaced.
     """
     waiting = known.unread(touching)
     if sum(mesh.stored.size for mesh in waiting) <= MANY:
@@ -163,7 +162,7 @@ def _one_by_one(known: AcceptedModels, touching: Collection[str]) -> list[Mappin
 
 
 def _hull(model: Any, mesh: MeshAsset) -> tuple[list[list[float]], list[list[int]]]:
-    """Return the corners, in the unit of its file, and the triangles of the convex hull of a model's only mesh (`mjModel.mesh_graph`)."""
+    """Return corners (in file units) and triangles of the convex hull of a model's only mesh (see `mjModel.mesh_graph`)."""
     import mujoco
     import numpy as np
 
@@ -183,9 +182,9 @@ _NUMBERS = re.compile(r'(?<=[" ])-?[0-9][0-9.e+-]*(?=[" ])')
 
 
 def due(candidates: Sequence[Candidate], share: int, memo: Memo) -> list[Candidate]:
-    """Return the models to compile if one of `share` models that only differ in numbers is compiled.
+    """Return the models to compile: one of every `share` models that differ only in numbers.
 
-    These are the first of each kind, and every `share`-th after it.
+    These are the first model of each kind and every `share`-th model after it.
     """
     if share <= 1:
         return list(candidates)
@@ -201,7 +200,7 @@ def due(candidates: Sequence[Candidate], share: int, memo: Memo) -> list[Candida
 
 
 def took(candidates: Sequence[Candidate], share: int, memo: Memo) -> None:
-    """Record that MuJoCo accepted these without messages."""
+    """Record that MuJoCo accepted these models without messages."""
     for candidate in candidates if share > 1 else ():
         place = _kind(candidate)
         if memo.last(place, ()) is None:
@@ -209,16 +208,16 @@ def took(candidates: Sequence[Candidate], share: int, memo: Memo) -> None:
 
 
 def _kind(candidate: Candidate) -> tuple[str, str, str]:
-    """Return the key for the kind of a model: its text without numbers."""
+    """Return a key that models share if they differ only in numbers: the text without numbers."""
     return ("mujoco takes", candidate.mode, hashlib.sha256(_NUMBERS.sub("", candidate.model.text).encode()).hexdigest())
 
 
 def doubtful(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: Store, memo: Memo, *, starts: bool) -> list[Candidate]:
-    """Return the models that `check` has to compile. The others are found to be accepted by a faster check, for sessions with many models.
+    """Return the models that `check` has to compile, after a faster check of many models has accepted the others.
 
-    The faster check applies if MuJoCo accepted the same scene before, except for its numbers, and with `starts`, the same initial state.
-    The model is compiled without its scene, with tetrahedra in place of the meshes that MuJoCo has accepted. If there are messages, `check`
-    has to find their cause.
+    The faster check applies if MuJoCo has accepted a scene that differs only in numbers and, with `starts`, the same initial state. The
+    model is compiled without its scene, with tetrahedra in place of the meshes that MuJoCo has accepted. If there are messages, the model
+    is returned, so that `check` finds their cause.
     """
     known = [one for one in candidates if memo.last(*_scene(one)) is not None]
     accepted = AcceptedModels(store, mujoco_version(), meshes)
@@ -239,26 +238,26 @@ def doubtful(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store
 
 
 def took_scenes(candidates: Sequence[Candidate], memo: Memo) -> None:
-    """Record that MuJoCo accepted the scenes of these without messages."""
+    """Record that MuJoCo accepted the scenes of these models without messages."""
     for candidate in candidates:
         memo.keep(*_scene(candidate), True)
 
 
 def _own(candidate: Candidate) -> tuple[tuple[str, str], tuple[str, tuple[str, ...]]]:
-    """Return the key and the value under which the contents of a mode that its initial state does not depend on are recorded.
+    """Return a memo key and value for the contents of a mode that do not affect its initial state.
 
-    These are its scene without numbers, and the parts of its model that `initial_state_checks.key` leaves out.
+    These are its scene without numbers, and the parts of its model that `initial_state_checks.key` omits.
     """
     return ("mujoco own", candidate.mode), (_NUMBERS.sub("", candidate.scene.text), initial_state_checks.apart(candidate.model.text))
 
 
 def _scene(candidate: Candidate) -> tuple[tuple[str, str], tuple[str]]:
-    """Return the key and the value under which an accepted scene is recorded: its text without numbers."""
+    """Return a memo key and value for an accepted scene: its text without numbers."""
     return ("mujoco scene", candidate.mode), (_NUMBERS.sub("", candidate.scene.text),)
 
 
 def in_memory(data: Mapping[str, bytes]) -> Any:
-    """Return files for MuJoCo, by name (an `mujoco.MjVfs`)."""
+    """Return an `mujoco.MjVfs` with these files."""
     import mujoco
 
     files = mujoco.MjVfs()
@@ -268,12 +267,12 @@ def in_memory(data: Mapping[str, bytes]) -> Any:
 
 
 def _without_threads(text: str) -> str:
-    """Return a model whose meshes are read without threads, which is faster if MuJoCo has cached them, or they are tetrahedra."""
+    """Return a model whose meshes are read without threads, which is faster for cached meshes and for tetrahedra."""
     return text if " usethread=" in text else text.replace("<compiler ", '<compiler usethread="false" ', 1)
 
 
 def _unpainted(scene: str) -> str:
-    """Return a scene with the smallest possible textures: a sky is six squares, one above the other."""
+    """Return a scene with the smallest possible textures. The texture of a sky is six squares, one above the other."""
     return re.sub(r'(<texture [^>]*) width="\d+" height="\d+"', r'\1 width="1" height="6"', scene)
 
 
@@ -304,7 +303,7 @@ def heard() -> Iterator[list[str]]:
 
 
 def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: str) -> None:
-    """Report why a model is refused: every raw attribute that causes an error, and one other cause.
+    """Report why MuJoCo refuses a model: every raw attribute that causes an error, and one other cause.
 
     MuJoCo stops at its first error, so the raw attribute that causes it is removed, and the rest is tried again.
     """
@@ -332,15 +331,15 @@ def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: s
 
 
 def _of_document(element: Element) -> bool:
-    """Whether something that a document names made this element (an `option` belongs to all)."""
+    """Whether an element comes from a named item of a document. An `option`, for example, does not."""
     return bool(element.origin) and "name" in element.attributes
 
 
 def _blame(error: str, place: Element | None, candidate: Candidate, files: Any) -> tuple[Element, str, RawValue] | None:
     """Return the raw attribute that causes an error, after removing it, or None.
 
-    Attributes are tried in this order: those of the element in the error that the error names, others of that element, then all others of
-    the model. If the error changes when an attribute is removed, the attribute is the cause.
+    An attribute is the cause if the error changes when it is removed. Attributes of the element in the error are tried first, starting with
+    those that the error names, then all other attributes of the model.
     """
     quoted = set(re.findall(r"[A-Za-z_]\w*", error))
     owned = [(place, name) for name in place.raw] if place is not None else []
@@ -373,7 +372,7 @@ def _say(
 
 
 def _element_at(text: str, written: XmlText) -> Element | None:
-    """Return the element in a message of MuJoCo, by line, else by its name in the message, or None."""
+    """Return the element that a MuJoCo message refers to, by line number or else by name, or None."""
     line = re.search(r"\bline (?:number=)?(\d+)", text, re.IGNORECASE)
     if line:
         return written.element_at(int(line[1]))
@@ -387,7 +386,7 @@ def _element_at(text: str, written: XmlText) -> Element | None:
 
 
 def _words(text: str) -> str:
-    """Return a message of MuJoCo without the parts that only make sense beside the XML."""
+    """Return a MuJoCo message without the parts that only make sense next to the XML."""
     parser = re.search(r"Error=(XML_\w+)", text)
     if parser is not None:
         deep = " (it supports 500 levels: a chain of links is too long)" if parser[1] == "XML_ELEMENT_DEPTH_EXCEEDED" else ""

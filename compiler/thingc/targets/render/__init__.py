@@ -1,4 +1,4 @@
-"""Pictures of robots: a MuJoCo model in one of its keyframes, in the light of a bright studio, without a screen.
+"""Render pictures of robots: a MuJoCo model in one of its keyframes, in bright studio light, without a display.
 
     png = picture(xml, assets, pose="home", gravity=(0.0, 0.0, -9.81), shot=Shot())
 

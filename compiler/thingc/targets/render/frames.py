@@ -1,6 +1,6 @@
-"""Frames and joint axes drawn over a picture: arrows, projected by its camera, with their names.
+"""Draw frames and joint axes over a picture: arrows with names, projected by the picture's camera.
 
-They are drawn over the robot, so that those inside of parts are visible.
+They are drawn over the robot, so that frames inside parts are visible.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Stroke(FrozenStruct):
 
 
 class Frame(FrozenStruct):
-    """The axes x, y, z of a frame at `pose` in the frame of the MuJoCo body `body`, with `size` times the usual length."""
+    """The axes x, y and z of a frame. `pose` is relative to the MuJoCo body `body`, and `size` scales the usual length."""
 
     label: str
     body: str
@@ -54,14 +54,14 @@ class Frame(FrozenStruct):
 
     @property
     def ink(self) -> Colour:
-        """Colour of its name."""
+        """The colour of the name."""
         return INK
 
 
 class JointAxis(FrozenStruct):
-    """The axis of a joint, z at `pose` in the frame of the MuJoCo body `body`.
+    """The axis of a joint, which is the z axis of `pose`, relative to the MuJoCo body `body`.
 
-    The arrow shows the direction of the motion for a growing coordinate.
+    The arrow shows the direction of motion when the coordinate increases.
     """
 
     label: str
@@ -71,7 +71,7 @@ class JointAxis(FrozenStruct):
 
     @property
     def strokes(self) -> tuple[Stroke, ...]:
-        """The line, and the arrow around it of a joint that rotates."""
+        """The line of the axis, and for a rotating joint an arrow around it."""
         line = Stroke(colour=JOINT, points=np.array([[0.0, 0.0, -1.2], [0.0, 0.0, 1.6]]))
         if self.slides:
             return (line,)
@@ -81,7 +81,7 @@ class JointAxis(FrozenStruct):
 
     @property
     def ink(self) -> Colour:
-        """Colour of its name."""
+        """The colour of the name."""
         return JOINT
 
 
@@ -104,7 +104,7 @@ def placed(mark: Mark, data: Any, length: float) -> list[Array]:
 
 
 def drawn(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: float) -> Any:
-    """Return the picture (height, width, 3) of bytes with the marks drawn over it, in order."""
+    """Return the image (height, width, 3) of bytes with the marks drawn over it in order."""
     height, width = image.shape[:2]
     scale = FINER * max(1.0, height / 720.0)
     sheet = Image.new("RGBA", (width * FINER, height * FINER), (255, 255, 255, 0))
@@ -138,7 +138,7 @@ def drawn(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: 
 
 
 def _arrow(pen: Any, points: Array, colour: Colour, width: float, scale: float) -> None:
-    """Draw a line with an arrowhead; a dot if it points at the camera."""
+    """Draw a line with an arrowhead, or a dot if it points at the camera."""
     end = points[-1]
     far = [point for point in points[:-1] if float(np.linalg.norm(point - end)) > 4.0 * scale]
     if not far:
@@ -158,7 +158,7 @@ Box = tuple[float, float, float, float]
 
 
 def _pieces(points: Array) -> Iterator[Array]:
-    """Yield short pieces of a line, whose boxes contain little else."""
+    """Yield short pieces of a line, so that their bounding boxes contain little besides the line."""
     for start, end in zip(points, points[1:]):
         steps = np.linspace(0.0, 1.0, 7 if len(points) == 2 else 2)[:, None]
         whole = start + steps * (end - start)
@@ -171,7 +171,7 @@ def _box(points: Array, margin: float) -> Box:
 
 
 def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet: tuple[int, int], scale: float) -> Box:
-    """Return the place of a name: the nearest box around the origin that is free and within the picture, else the one that covers least."""
+    """Return the position of a name: the nearest free box around the origin within the picture, else the box that covers least."""
     best: tuple[float, Box] | None = None
     others = np.array(taken)
     for ring in range(1, 12):

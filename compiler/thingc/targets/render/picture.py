@@ -1,4 +1,4 @@
-"""Make one picture: model, pose, camera, light and file; and small pictures of a series with the same camera."""
+"""Render a model in a pose to a picture file, or render small pictures of a series with the same camera."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class NoGraphics(Exception):
 class Shot(FrozenStruct):
     """The view of a picture.
 
-    `size` is (width, height) in pixels; `azimuth` and `elevation` are the direction of the camera [deg] (None: a suitable one). With
-    azimuth 90 it looks along y, with elevation -90 straight down.
+    `size` is (width, height) in pixels. `azimuth` and `elevation` [deg] are the viewing direction of the camera (None selects a suitable
+    one). With azimuth 90 the camera looks along y, and with elevation -90 straight down.
     """
 
     size: tuple[int, int] = (1280, 960)
@@ -48,9 +48,9 @@ class Shot(FrozenStruct):
 
 
 def ready() -> None:
-    """Prepare drawing without a screen. Call it before MuJoCo is imported, because MuJoCo chooses its backend then.
+    """Prepare rendering without a display. Call this before importing MuJoCo, which selects its backend on import.
 
-    `MUJOCO_GL` is used if it is set, else it becomes `egl`. Raises `NoGraphics` if that does not work.
+    If `MUJOCO_GL` is not set, it is set to `egl`. Raises `NoGraphics` if that does not work.
     """
     backend = os.environ.setdefault("MUJOCO_GL", "egl")
     try:
@@ -77,10 +77,10 @@ def _hint(backend: str) -> str:
 def picture(
     xml: str, assets: dict[str, bytes], *, pose: str | None, gravity: tuple[float, float, float], shot: Shot, marks: Sequence[Mark] = (),
 ) -> bytes:
-    """Return a PNG of the MuJoCo model `xml` with its meshes, with `marks` drawn over it.
+    """Return a PNG of the MuJoCo model `xml`, with `marks` drawn over it.
 
-    `pose` is its keyframe (None: every coordinate 0). `gravity` [m/s^2] decides which way is up. The result is reproducible on the same
-    machine. Call `ready` first.
+    `pose` is a keyframe of the model, or None for all coordinates at 0. `gravity` [m/s^2] determines which way is up. The result is
+    reproducible on the same machine. Call `ready` first.
     """
     import mujoco
     import numpy as np
@@ -135,7 +135,7 @@ def posed(model: Any, pose: str | None) -> Any:
 def points_of(model: Any, data: Any) -> Array:
     """Return points `(n, 3)` [m] in the world with the same hull as all visible geoms.
 
-    They are the vertices of meshes, and the corners of boxes around other shapes.
+    They are the vertices of meshes and the corners of bounding boxes of other shapes.
     """
     import numpy as np
 
@@ -175,9 +175,9 @@ Point = Sequence[float]
 
 
 def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[list[float]], tuple[float, float, float]]:
-    """Return corner points [m] of the MuJoCo model `xml` with its meshes (none if nothing is visible), and its gravity [m/s^2].
+    """Return the corner points [m] of the MuJoCo model `xml` (none if nothing is visible) and its gravity [m/s^2].
 
-    It is in the keyframe `pose` if it exists, else in its first. Raises `ValueError` if `xml` is not a model.
+    The model is in the keyframe `pose` if it exists, else in its first keyframe. Raises `ValueError` if `xml` is not a model.
     """
     import mujoco
 
@@ -188,7 +188,7 @@ def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[l
 
 
 def body_poses(xml: str, assets: dict[str, bytes], pose: str | None) -> dict[str, tuple[list[float], list[float]]]:
-    """Return position [m] and quaternion (w, x, y, z) of the bodies of a model in the world, by name, in the pose of `extent`."""
+    """Return a mapping of body names to their position [m] and quaternion (w, x, y, z) in the world, in the pose of `extent`."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(xml, assets)
@@ -199,7 +199,7 @@ def body_poses(xml: str, assets: dict[str, bytes], pose: str | None) -> dict[str
 def small_picture(
     xml: str, assets: dict[str, bytes], pose: str | None, points: Sequence[Point], gravity: Point, size: tuple[int, int] = SIZE,
 ) -> bytes:
-    """Return a PNG of a model, `size` [px], in the same pose as `extent`, by the camera that sees all `points`. Call `ready` first."""
+    """Return a PNG of `size` [px] of a model in the pose of `extent`, with all `points` in view. Call `ready` first."""
     import numpy as np
 
     from thingc.targets.render import studio
@@ -221,9 +221,10 @@ def _pose_of(model: Any, pose: str | None) -> str | None:
 
 
 def _corners(points: Array, gravity: tuple[float, float, float]) -> list[list[float]]:
-    """Return those of the points `(n, 3)` that decide the place of a camera that sees them all.
+    """Return the subset of points `(n, 3)` that determines the position of a camera with all points in view.
 
-    These are the points at the edges of its picture, the nearest, the lowest, and the two most distant along each axis of the world.
+    These are the points at the edges of the picture, the nearest point, the lowest point, and the two extreme points along each axis of the
+    world.
     """
     import numpy as np
 

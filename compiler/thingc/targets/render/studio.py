@@ -1,8 +1,8 @@
-"""Light: the average of many pictures, each lit by one distant lamp.
+"""Studio light: the average of many pictures, each lit by one distant lamp.
 
-MuJoCo's renderer has lamps with hard shadows. A picture in the light of a large soft box and of a bright dome is the mean of pictures lit
-by single lamps distributed over them. Moving the picture by a fraction of a pixel from one to the next smooths the edges as well. All of it
-is linear in light, so colours are made linear first and encoded for screens at the end.
+MuJoCo's renderer has lamps with hard shadows. A picture lit by a large soft box and a bright dome is the mean of pictures lit by single
+lamps distributed over them. A shift by a fraction of a pixel between pictures smooths the edges as well. The mean requires linear light, so
+colours are converted to linear values first and encoded for screens at the end.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ NEAR = 0.3
 class Camera(FrozenStruct, eq=False):
     """A pinhole camera at `position` (3,) [m].
 
-    `axes` (3, 3) are its right, up and backward directions by rows; `tangent` is that of half its vertical field of view; `aspect` is width
-    by height; `near` [m] is the distance of the near plane.
+    The rows of `axes` (3, 3) are its right, up and backward directions. `tangent` is the tangent of half its vertical field of view,
+    `aspect` is width divided by height, and `near` [m] is the distance of the near plane.
     """
 
     position: Array
@@ -43,10 +43,10 @@ class Camera(FrozenStruct, eq=False):
 
 
 def directions(azimuth: float, elevation: float, upright: Array) -> Array:
-    """Return the right, up and backward directions (3, 3) by rows of a camera that looks along `azimuth` and `elevation` [rad].
+    """Return the right, up and backward directions (rows of 3 x 3) of a camera that looks along `azimuth` and `elevation` [rad].
 
-    The rows of `upright` (3, 3) are the direction of azimuth 0, that of a quarter turn, and up. As in MuJoCo's viewer, a negative elevation
-    looks down, and the horizon is level.
+    The rows of `upright` (3, 3) are the direction of azimuth 0, the direction of azimuth 90 degrees, and up. As in MuJoCo's viewer, a
+    negative elevation looks down, and the horizon is level.
     """
     c, s = math.cos(elevation), math.sin(elevation)
     forward = np.array([c * math.cos(azimuth), c * math.sin(azimuth), s]) @ upright
@@ -70,7 +70,8 @@ def upright(gravity: Array) -> Array:
 def fitted(points: Array, axes: Array, angle: float, aspect: float, margin: float) -> Camera:
     """Return the nearest camera with these axes and this vertical field of view [rad] that sees all points `(n, 3)`.
 
-    `margin`, a fraction of the half picture, is left free. In one direction the points reach both margins, in the other they are centred.
+    `margin` is the free border as a fraction of half the picture. In one direction the points reach both borders, and in the other they are
+    centred.
 
     With (x, y, z) of a point along the axes and (X, Y, Z) of the camera, the point is right of the left edge where x - X >= -t (Z - z) and
     left of the right one where x - X <= t (Z - z). So t Z + X >= max(x + t z) = A and t Z - X >= max(t z - x) = B, and the smallest Z is (A
@@ -132,8 +133,8 @@ UNDER, GLASS = 0.5e-3, 0.4
 def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: float, *, shadow: int = SHADOW) -> Any:
     """Return the `mujoco.MjSpec` of a model with the studio around it.
 
-    It has two lamps, whose shadow maps are `shadow` pixels wide, and the floor of its scene at z = 0, which is transparent if the `lowest`
-    point of the robot [m] is below it.
+    The studio has two lamps with shadow maps of `shadow` pixels, and the floor of the scene at z = 0. The floor is transparent if the
+    `lowest` point of the robot [m] is below it.
     """
     spec = mujoco.MjSpec.from_string(xml, assets=assets)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = size
@@ -155,9 +156,9 @@ def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: f
 
 
 def lamps(camera: Camera, normal: Array, counts: tuple[int, int] = (KEY, DOME)) -> list[tuple[Array, float]]:
-    """Return the directions (3,) of the light of each lamp, and its weight. Together they light a floor normal to `normal` by 1.
+    """Return the light direction (3,) and weight of each lamp. Together they light a floor with normal `normal` by 1.
 
-    `counts` are the numbers of lamps of the soft box and of the dome.
+    `counts` are the numbers of lamps in the soft box and in the dome.
     """
     key, dome = counts
     side = camera.axes[0] - (camera.axes[0] @ normal) * normal
@@ -219,7 +220,7 @@ def photographed(
 
 
 def developed(light: Array) -> NDArray[np.uint8]:
-    """Return light (height, width, 3), in which the lit floor is 1, as a picture for screens: darker corners, soft highlights, sRGB."""
+    """Convert light (height, width, 3; the lit floor is 1) to a picture for screens: darker corners, soft highlights, sRGB."""
     height, width = light.shape[:2]
     y, x = np.mgrid[0:height, 0:width]
     corner = ((2.0 * (x + 0.5) / width - 1.0) ** 2 + (2.0 * (y + 0.5) / height - 1.0) ** 2) / 2.0
@@ -239,7 +240,7 @@ def _light(scene: Any, direction: Array, normal: Array, centre: Array, extent: f
 
 
 def _stand(scene: Any, camera: Camera, number: int, size: tuple[int, int]) -> None:
-    """Set the scene's camera, moved by a different fraction of a pixel each time (the R2 sequence)."""
+    """Set the scene's camera, shifted by a different fraction of a pixel for each picture (the R2 sequence)."""
     x, y = (0.5 + 0.7548776662466927 * number) % 1.0 - 0.5, (0.5 + 0.5698402909980532 * number) % 1.0 - 0.5
     half = camera.near * camera.tangent
     pixel = 2.0 * half / size[1]

@@ -1,4 +1,4 @@
-"""What a ROS 2 package can express of a robot: what URDF can, and what the other files of the package can."""
+"""Which features of a robot a ROS 2 package can express, in its URDF or in its other files."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Find the links that collide as the joints move.
 
-MuJoCo looks for contacts in the mode's own URDF, at random configurations that are drawn once for all. A link's meshes collide as their
-convex hulls. Links whose hulls are apart are apart; if a mesh is not convex, a reported collision may not exist.
+MuJoCo looks for contacts in the mode's own URDF, at a fixed set of random configurations. Meshes collide as convex hulls, so links that do
+not collide are always detected. If a mesh is not convex, a reported collision may not exist.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ Pair = tuple[str, str]
 
 
 class CollisionMatrix(FrozenStruct):
-    """The number of `samples` configurations in which each pair of links collides; pairs that never collide are left out.
+    """How often each pair of links collides in `samples` configurations. Pairs that never collide are omitted.
 
-    `at` are the pairs that collide in each of the named configurations. Names in a pair are sorted.
+    `at` has the colliding pairs of each named configuration. Names in a pair are sorted.
     """
 
     samples: int
@@ -49,7 +49,7 @@ class CollisionMatrix(FrozenStruct):
 
 
 def adjacent(assembly: Assembly) -> frozenset[Pair]:
-    """Return the pairs of links that a joint connects, including joints that close loops."""
+    """Return the pairs of links connected by a joint, including joints that close loops."""
     joined = (mate for mate in assembly.mates if mate.joints or mate.loop is not None)
     linked = ((assembly.links[assembly.link_of[end]] for end in (mate.parent, mate.child)) for mate in joined)
     return frozenset(pair_of(*(safe(link.name) for link in links)) for links in linked)
@@ -96,7 +96,7 @@ def meetings(
 
 
 def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
-    """Return the links with only their collision shapes and an arbitrary mass, and the joints; and the mesh files that they use."""
+    """Return a URDF with collision shapes, arbitrary masses and joints only, and the mesh files that it uses."""
     bare = Element(tag="robot", attributes=tree.attributes)
     compiler = {"fusestatic": "false", "strippath": "false", "meshdir": "", "boundmass": "1", "boundinertia": "1", "balanceinertia": "true"}
     bare.add("mujoco").add("compiler", compiler)
@@ -115,7 +115,7 @@ def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
 
 
 def _renamed(collision: Element, prefix: str, files: set[str]) -> Element:
-    """Return a collision shape whose mesh, if any, is referred to by its file name only."""
+    """Return a collision shape that refers to its mesh, if any, by file name only."""
     shape = Element(tag="collision")
     for child in collision.children:
         mesh = child.find("mesh") if child.tag == "geometry" else None
@@ -129,7 +129,7 @@ def _renamed(collision: Element, prefix: str, files: set[str]) -> Element:
 
 
 class _Sampler:
-    """MuJoCo, and the addresses of the joints' coordinates: independent ones, and those that follow them."""
+    """A MuJoCo model, and the addresses of its independent and mimic joints."""
 
     def __init__(self, text: str, assets: Mapping[str, bytes], tree: Element, neighbours: Collection[Pair]) -> None:
         import mujoco
@@ -156,7 +156,7 @@ class _Sampler:
         self.samples = SAMPLES if self.free else 1
 
     def counts(self) -> dict[Pair, int]:
-        """Return the number of configurations in which each pair of links collides. Independent joints are drawn between their limits."""
+        """Return in how many configurations each pair of links collides. Independent joints are sampled between their limits."""
         import numpy as np
 
         drawn = np.random.Generator(np.random.PCG64(SEED)).random((self.samples, len(self.free)))
@@ -164,13 +164,13 @@ class _Sampler:
         return self._meeting(ends[:, 0] + drawn * (ends[:, 1] - ends[:, 0]))
 
     def at(self, q: Mapping[str, float]) -> Collection[Pair]:
-        """Return the pairs of links that collide at `q`, by joint."""
+        """Return the pairs of links that collide at `q`, a mapping of joints to values."""
         import numpy as np
 
         return self._meeting(np.array([[q[name] for name in self.free]])).keys()
 
     def _meeting(self, q: NDArray[np.float64]) -> dict[Pair, int]:
-        """Return how often links collide at `q` `(n, independent joints)`."""
+        """Return how often pairs of links collide in the configurations `q` `(n, independent joints)`."""
         import mujoco
         import numpy as np
 
@@ -190,7 +190,7 @@ class _Sampler:
         return {pair: int(count) for pair, count in zip(named, counts, strict=True)}
 
     def _ends(self, joint: Element) -> tuple[float, float]:
-        """Return the range [rad or m] of a joint. Without limits it is a whole turn, or the size of the robot in both directions."""
+        """Return the range [rad or m] of a joint. Without limits it is a full turn, or the robot's size in both directions."""
         limit = joint.find("limit")
         assert limit is not None
         lower, upper = (float(limit.get(name, str(end))) for name, end in (("lower", -UNBOUNDED), ("upper", UNBOUNDED)))

@@ -1,4 +1,4 @@
-"""ros2_control: the drives of a mode as command interfaces of mock hardware, and their controllers."""
+"""ros2_control: the drives of a mode as command interfaces of mock hardware, and controllers for them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ RATE = 100
 
 
 class Controller(FrozenStruct):
-    """A controller for joints with one `interface`; `drives` are by the name of the joint."""
+    """A controller for joints that share an `interface`. `drives` is keyed by joint name."""
 
     name: str
     type: str
@@ -67,9 +67,10 @@ def ros2_control(robot: Robot) -> Element | None:
 
 
 def controllers(robots: Sequence[Robot]) -> dict[str, tuple[Controller, ...]]:
-    """Return the controllers of every mode, by its name.
+    """Return a mapping of mode names to controllers.
 
-    Modes with the same drives share a controller. A controller for another set of drives has the name of its first mode added to its name.
+    Modes with the same drives share a controller. For each further set of drives, the name of the controller has the name of its first mode
+    as suffix.
     """
     known: dict[str, list[Controller]] = {}
     of_mode: dict[str, tuple[Controller, ...]] = {}
@@ -91,7 +92,7 @@ def controllers(robots: Sequence[Robot]) -> dict[str, tuple[Controller, ...]]:
 
 
 def controllers_yaml(of_mode: Mapping[str, Sequence[Controller]]) -> str:
-    """Return the parameters of the controller manager and of all controllers. In YAML for ROS, floats need a decimal point."""
+    """Return the parameters of the controller manager and of all controllers as YAML. ROS requires a decimal point in floats."""
     every = {one.name: one for own in of_mode.values() for one in own}
     lines = ["controller_manager:", "  ros__parameters:", f"    update_rate: {RATE}", f"    {BROADCASTER}:"]
     lines.append("      type: joint_state_broadcaster/JointStateBroadcaster")
@@ -121,7 +122,7 @@ def _of_controller(one: Controller) -> Iterator[str]:
 
 
 def _bounds(joint: MovingJoint, interface: str) -> tuple[float | None, float | None]:
-    """Return the range of a command."""
+    """Return the range of a joint's command."""
     limit = joint.move.joint.limit
     if interface == "position":
         return limit.lower, limit.upper

@@ -95,7 +95,7 @@ def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri:
 
 
 def package_xml(robot: str, description: str, said: PackageInfo, heading: str) -> str:
-    """Return the manifest of the package of a robot; `description` is from its document."""
+    """Return the manifest of a robot's package. `description` is the text in its document."""
     root = Element(tag="package", attributes={"format": "3"})
     root.say("name", package_name(robot))
     root.say("version", said.version)
@@ -112,7 +112,7 @@ def package_xml(robot: str, description: str, said: PackageInfo, heading: str) -
 
 
 def cmake_lists(robot: str, folders: Iterable[str], heading: str) -> str:
-    """Return a file that installs the folders, since there is nothing else to build."""
+    """Return `CMakeLists.txt`, which only installs the folders, because there is nothing to compile."""
     return f"""\
 # {heading}
 cmake_minimum_required(VERSION 3.8)

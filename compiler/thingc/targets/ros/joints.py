@@ -1,4 +1,4 @@
-"""The joints of a mode's URDF that move, and their values in a pose."""
+"""The moving joints of a mode's URDF, and their values in a pose."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ INTERFACES: Mapping[DriveType, str] = {"position": "position", "velocity": "velo
 
 
 class MovingJoint(FrozenStruct):
-    """A joint of the URDF that moves.
+    """A moving joint of the URDF.
 
-    `name` is its name there, `body` the index of its child, `move` its motion, `follows` whether it mimics another, and `drive` its drive
-    in this mode. The three rotations of a ball have no drive, because the drives have other axes.
+    `name` is its name in the URDF, `body` the index of its child, `move` its motion, and `drive` its drive in this mode. `follows` tells
+    whether it mimics another joint. The three rotations of a ball have no drive, because the drives of a ball have different axes.
     """
 
     name: str
@@ -56,7 +56,7 @@ def joints(robot: Robot) -> tuple[MovingJoint, ...]:
 
 
 def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
-    """Return the value of each joint [rad or m], by its name, at the document's `q` by path; a moving base is in its start pose."""
+    """Return a mapping of joint names to values [rad or m] at `q`, which is keyed by path. A moving base is in its start pose."""
     at: dict[str, float] = {}
     for body in robot.bodies:
         lead = _lead(robot, body)
@@ -70,17 +70,17 @@ def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
 
 
 def start(robot: Robot) -> Mapping[str, float]:
-    """Return q of the document's joints, by path, at the start of the mode; joints that are left out are at 0."""
+    """Return a mapping of paths to q of the document's joints at the start of the mode. Omitted joints are at 0."""
     return robot.start.q if robot.start is not None else {}
 
 
 def _lead(robot: Robot, body: Body) -> tuple[TreeJoint, ...]:
-    """Return the joints that move a body; for the root those of the base."""
+    """Return the joints that move a body. The root is moved by the joints of the base."""
     return robot.moves if body.parent is None else body.joints
 
 
 def _turns(ball: tuple[TreeJoint, ...], q: tuple[float, ...]) -> Vector:
-    """Return the angles [rad] of three successive rotations about the axes of a ball that equal the rotation by the rotation vector `q`.
+    """Return the angles [rad] of three successive rotations about a ball's axes that are equal to the rotation vector `q`.
 
     In the frame U of the axes, R = U Rx(a) Ry(b) Rz(c) U', so that U' R' U = Rz(-c) Ry(-b) Rx(-a), whose roll, pitch and yaw are -a, -b and
     -c. The axes of a reversed ball are a left-handed frame: about their opposites the angles have the opposite sign.

@@ -1,4 +1,4 @@
-"""Files for showing a mode: a launch file with a choice of the mode, and the settings of RViz."""
+"""Files for displaying a robot: a launch file with the mode as an argument, and the RViz configuration."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ def launch_file(robots: Sequence[Robot], controllers: Mapping[str, Sequence[Cont
 
 
 def rviz_config(frame: str, heading: str) -> str:
-    """Return `display.rviz`: the robot on a grid, with its frames. `frame` is fixed unless another one is passed to RViz (`-f`)."""
+    """Return `display.rviz`: the robot on a grid, with its frames. `frame` is the fixed frame unless RViz gets another one (`-f`)."""
     return _filled(_RVIZ, HEADING=heading, FRAME=frame)
 
 
 def _filled(template: str, **words: str) -> str:
-    """Replace all `@WORD@` in a template in one pass, because a document may contain such a word."""
+    """Replace each `@WORD@` in a template in a single pass, because inserted text may contain such words, too."""
     return re.sub("@([A-Z]+)@", lambda word: words[word[1]], template)
 
 
 def _mode(robot: Robot, controllers: list[str]) -> str:
-    """Return a mode's entry: the fixed frame, the start values of its joints [rad or m], and its controllers."""
+    """Return the entry of a mode: the fixed frame, the start values of its joints [rad or m], and its controllers."""
     joints = "".join(f'            "{name}": {value + 0.0!r},\n' for name, value in values(robot, start(robot)).items())
     begin = f"{{\n{joints}        }}" if joints else "{}"
     named = ", ".join(f'"{name}"' for name in controllers)

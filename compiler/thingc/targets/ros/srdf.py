@@ -21,7 +21,7 @@ ALWAYS = 0.95
 
 
 class Group(FrozenStruct):
-    """A named group of joints; `tip` is the mount at the end of its chain, None for the group of all joints."""
+    """A named group of joints. `tip` is the mount at the end of its chain, or None for the group of all joints."""
 
     name: str
     tip: str | None
@@ -32,8 +32,8 @@ class Group(FrozenStruct):
 def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None, report: Report) -> Element:
     """Return the `<robot>` element of a mode's SRDF.
 
-    `touching` are the links with collision shapes. `meetings` is None if it is unknown which of them collide. Duplicate names of groups are
-    reported.
+    `touching` are the links with collision shapes. `meetings` is their collision matrix, or None if it is unknown. Duplicate group names
+    are reported.
     """
     root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
     moving = joints(robot)
@@ -64,7 +64,7 @@ def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | Non
 
 
 def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> list[Group]:
-    """Return the groups: all joints, with the name of the robot, then a chain to every exported mount that moves relative to the root.
+    """Return a group of all joints, named like the robot, then a chain to every exported mount that moves relative to the root.
 
     The group of all joints comes first, because some readers only use the first of several states with the same name. If several mounts
     have the same frame, only the first has a group. The joints of a moving base are in no group.
@@ -86,7 +86,7 @@ def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> lis
 
 
 def _exported(robot: Robot) -> Iterator[Site]:
-    """Yield the exported mounts, those of the document itself first; of several with the same frame only the first."""
+    """Yield the exported mounts, starting with those of the document itself. Mounts with the frame of an earlier one are omitted."""
     exported = {mount.path for mount in robot.assembly.exported}
     known: set[object] = set()
     for site in sorted((site for site in robot.sites if site.path in exported), key=lambda site: site.path.count("/")):
@@ -96,7 +96,7 @@ def _exported(robot: Robot) -> Iterator[Site]:
 
 
 def _unchecked(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None) -> Iterator[tuple[str, str, str]]:
-    """Yield pairs of links in the order of the robot that MoveIt need not check, with the reason as in its setup assistant."""
+    """Yield pairs of links that MoveIt need not check, in robot order, with the reason as in its setup assistant."""
     names, mode = [safe(link.name) for link in robot.assembly.links], robot.mode
     neighbours, own = adjacent(robot.assembly), {pair_of(names[one], names[other]) for one, other in mode.exclude}
     for one, other in combinations([names[body.link] for body in robot.bodies if names[body.link] in touching], 2):

@@ -1,4 +1,4 @@
-"""What SDFormat can express of a robot."""
+"""Which features of a robot SDFormat can express."""
 
 from __future__ import annotations
 

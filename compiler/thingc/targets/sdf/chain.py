@@ -1,7 +1,8 @@
-"""Joints of SDF: each moves about or along axes through a point fixed in its child, and is at 0 in the pose of the file.
+"""Joints of SDF. Each rotates about or slides along axes through a point fixed in its child, and is at 0 in the file's pose.
 
-SDF has rotations, slides, screws, balls, and two rotations about axes that meet (`universal`). Any other joint with several coordinates is
-a chain with almost massless links between. In the pose of the file all joints are at 0, and loops and holds are closed.
+SDF has rotations, slides, screws, balls, and two rotations about intersecting axes (`universal`). Any other joint with several coordinates
+becomes a chain of joints with almost massless links between them. In the pose of the file all joints are at 0, and loops and holds are
+closed.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ LINK = "_link"
 
 
 class SdfAxis(FrozenStruct):
-    """A coordinate of a joint, and its motion in the child link's frame in the pose of the file."""
+    """A coordinate of a joint, and its motion in the child link's frame in the file's pose."""
 
     joint: TreeJoint | JointEdge
     twist: Twist
@@ -37,7 +38,7 @@ class SdfAxis(FrozenStruct):
 class SdfJoint(FrozenStruct):
     """A joint of SDF.
 
-    `path` is its name, `at` its origin in the child link's frame [m], `axes` are its axes; empty if it is `fixed` or a `ball`.
+    `path` is its name, and `at` its origin in the child link's frame [m]. `axes` is empty for a `fixed` joint or a `ball`.
     """
 
     path: str
@@ -81,9 +82,9 @@ def _type(axis: SdfAxis) -> SdfType:
 
 
 class ZeroState(FrozenStruct):
-    """The zero of the file: `q` [rad or m] of every joint by path, and the pose of the root link in the world.
+    """The zero position of the file: a mapping `q` of paths to joint values [rad or m], and the root link's pose in the world.
 
-    `pose` is the name of the document's pose (None: all joints at 0), `closed` whether loops and holds are closed.
+    `pose` is the name of the pose in the document (None for all joints at 0). `closed` tells whether loops and holds are closed.
     """
 
     q: dict[str, float]
@@ -93,7 +94,7 @@ class ZeroState(FrozenStruct):
 
 
 def zero_state(robot: Robot) -> ZeroState:
-    """Return the pose with all joints at 0 if loops and holds are closed then, else the first pose in which they are."""
+    """Return the pose with all joints at 0 if it closes all loops and holds, else the first pose that does."""
     q = {joint.path: 0.0 for joint in joints_of(robot.assembly)}
     if not robot.closures:
         return ZeroState(q=q, base=robot.bodies[0].X_PL)
@@ -107,7 +108,7 @@ def zero_state(robot: Robot) -> ZeroState:
 
 
 def _as_held(robot: Robot, q: dict[str, float]) -> Pose:
-    """Return the pose of the root at `q`. A free base with holds is placed by its first hold."""
+    """Return the pose of the root at `q`. The first hold determines the pose of a free base."""
     base = robot.bodies[0].X_PL
     hold = next((closure for closure in robot.closures if closure.hold), None)
     if robot.base != "free" or hold is None:

@@ -48,7 +48,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
-    """Yield the losses of one mode, whose file has the robot at `zero`. Losses common to all modes have no mode."""
+    """Yield the losses of one mode, whose zero position in the file is `zero`. Losses common to all modes have no mode."""
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"], closed=zero.closed):
         yield from _of_joint(connection, len(chain(connection, zero.q)))
@@ -62,7 +62,7 @@ def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
 
 
 def _of_joint(connection: Connection, number: int) -> Iterator[Loss]:
-    """Yield the losses of a joint of the document that is written as `number` joints; those of bases and holds have none."""
+    """Yield the losses of a document's joint that is written as `number` joints. Joints of bases and holds have no losses."""
     if number > 1 and connection.joints:
         yield _loss(None, connection.path, "the excluded contact of the links that it connects", "omitted", connection.origin)
     for joint in (joint for joint in connection.joints[:1] if joint.kind.at_once):

@@ -1,8 +1,8 @@
 """A robot in one mode as an SDF model.
 
-Links have the same frames as in MJCF and `modes.json`. Joints are at their own places, with the axes of their child. Mounts, `frame`
-components and roots of modes are frames. Loops and holds are joints as well, because SDF allows any graph. Drives are systems of Gazebo,
-because SDF itself only has limits of effort and velocity.
+Links have the same frames as in MJCF and `modes.json`. The frame of a joint is at its own position, with the axes of its child. Mounts,
+`frame` components and roots of modes are frames. Loops and holds are joints as well, because SDF allows any graph. Drives are systems of
+Gazebo, because SDF itself only has effort and velocity limits.
 """
 
 from __future__ import annotations
@@ -65,9 +65,9 @@ In ODE the torque is `3 pi / 16` of the coefficient times the radius times the n
 
 
 def model(robot: Robot, geometry: Geometry, zero: ZeroState, report: Report) -> tuple[Element, tuple[Loss, ...]]:
-    """Return the `<sdf>` element of a mode, whose joints are at `zero`, and a loss for each name that is changed.
+    """Return the `<sdf>` element of a mode, with joints at `zero`, and a loss for each changed name.
 
-    Two links or two joints with the same name are reported.
+    Duplicate names of links or of joints are reported.
     """
     builder = _Builder(robot, geometry, zero, report)
     return builder.build(), tuple(builder.losses)
@@ -94,7 +94,7 @@ class _Builder:
         self.follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in self.axes)
 
     def build(self) -> Element:
-        """Return the element: links with their contents, then joints, frames, and the systems that drive joints in Gazebo."""
+        """Return the element with links and their contents, then joints, frames, and the Gazebo systems that drive joints."""
         robot, names = self.robot, self.links
         self.robots.take(WORLD, (), "the world")
         name = self.robots.take(self.assembly.name, self.assembly.definition.origin, "the robot")
@@ -119,7 +119,7 @@ class _Builder:
     def _name(self, kind: Kind, path: str, origin: Origin, made: str | None = None) -> str:
         """Return the name for a path. Links, joints and frames share one namespace.
 
-        If another kind has the name, the kind is added as suffix, as SDFormat itself does with files older than 1.7.
+        If an item of another kind has the name, the kind is added as a suffix, as SDFormat does for files older than 1.7.
         """
         name = own = self.names[kind].take(path, origin, made or f"{kind} `{path}`")
         while name in self.taken:
@@ -131,7 +131,7 @@ class _Builder:
         return name
 
     def _lead(self, model: Element, parent: str, child: str, connection: Connection, steps: tuple[SdfJoint, ...]) -> None:
-        """Add the joints from a link to another, and the links between them, which are at the place of the child."""
+        """Add the joints between two links, and the links between these joints, which have the pose of the child."""
         *before, last = steps
         for step in before:
             between = self._name("link", f"{step.path}{LINK}", connection.origin, f"the link behind joint `{step.path}`")
@@ -256,7 +256,7 @@ def _paint(visual: Element, color: str) -> None:
 
 
 def _rub(collision: Element, material: Material | None) -> None:
-    """Set the friction of a collision, if its material specifies any."""
+    """Set the friction of a collision if its material specifies friction."""
     if material is None or (material.slide is None and material.torsion is None):
         return
     friction = collision.add("surface").add("friction")
@@ -272,7 +272,7 @@ def _rub(collision: Element, material: Material | None) -> None:
 
 
 def _weigh(link: Element, properties: MassProperties) -> None:
-    """Set mass [kg], centre [m] and inertia [kg m^2] about it, in the axes of the link; the smallest that SDF accepts if there is none."""
+    """Set mass [kg], centre of mass [m] and inertia about it [kg m^2], in the link's axes, at least the minimum that SDF accepts."""
     least = LEAST_INERTIA
     fault = physical_fault(properties.inertia) is not None
     i = ((least, 0.0, 0.0), (0.0, least, 0.0), (0.0, 0.0, least)) if fault else within_triangle(properties.inertia)
@@ -285,9 +285,9 @@ def _weigh(link: Element, properties: MassProperties) -> None:
 
 
 def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint], names: Mapping[str, str]) -> Iterator[Element]:
-    """Yield the controllers of joints with one axis and a drive in this mode.
+    """Yield the controllers for joints with one axis and a drive in this mode.
 
-    They are PID controllers with the gains of the drive, or for a motor one that applies forces. `names` are those of joints, by path.
+    They are PID controllers with the gains of the drive. For a motor, the controller applies forces. `names` maps joint paths to names.
     """
     for step in steps:
         if len(step.axes) == 1 and step.axes[0].joint.path in robot.present:

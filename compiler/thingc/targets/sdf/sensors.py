@@ -1,4 +1,4 @@
-"""Sensors that SDF supports, on their links; a `force` is a `force_torque` on the joint of the link."""
+"""Sensors that SDF supports. They are on links, except that a `force` becomes a `force_torque` sensor on the joint of its link."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ RATE = 30.0
 
 
 def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames) -> None:
-    """Add all sensors of a link except forces. Its collisions must have been added before."""
+    """Add all sensors of a link except force sensors. Its collisions must already have been added."""
     for sensor, site in _on(robot, body):
         form = written(CAPABILITIES["sensors"][sensor.kind])
         match form:

@@ -63,7 +63,7 @@ def world(robot: Robot, folder: str) -> Element:
 
 
 def _lift(robot: Robot) -> float:
-    """Return how far [m] a floating robot must be lifted, so that it is not in the floor while its joints are at 0."""
+    """Return the height [m] by which to lift a floating robot so that it is not in the floor with all joints at 0."""
     box = bounds(*placements(robot)) if robot.base == "free" and not robot.closures else None
     return 0.0 if box is None else numeric.maximum(0.0, -box[0][2])
 

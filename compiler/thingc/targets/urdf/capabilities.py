@@ -1,4 +1,4 @@
-"""What URDF 1.0 can express of a robot."""
+"""Which features of a robot URDF 1.0 can express."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Joints of URDF: each rotates about, or slides along, an axis through the origin of its child.
 
-A joint with several coordinates is a chain of such joints with almost massless links between; a screw is a rotation that a slide mimics; a
-ball is three rotations.
+A joint with several coordinates becomes a chain of such joints with almost massless links between them. A screw becomes a rotation and a
+slide that mimics it, and a ball becomes three rotations.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ SLIDE = "_slide"
 class Move(FrozenStruct):
     """A joint of URDF.
 
-    `path` is its name, `type` its motion about or along the unit vector `axis`. `origin` is its frame, and that of its child, in the frame
-    of the joint or link before it, all at q = 0. `follows` is the joint that a screw's slide mimics, and the ratio [m/rad].
+    `path` is its name, and `type` its motion about or along the unit vector `axis`. `origin` is the frame of the joint and its child,
+    relative to the previous joint or link, at q = 0. `follows` is the joint that the slide of a screw mimics, and the ratio [m/rad].
     """
 
     path: str
@@ -35,7 +35,7 @@ class Move(FrozenStruct):
 
 
 def own_frame(joints: Sequence[TreeJoint]) -> Pose:
-    """Return the frame of a link in URDF, on the last of the `joints` that lead to it, in the link's own frame."""
+    """Return the URDF frame of a link, which is on the last of the `joints` that lead to it, relative to the link's own frame."""
     return shifted(*joints[-1].twist.anchor) if joints else NO_POSE
 
 

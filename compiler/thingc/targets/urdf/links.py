@@ -1,8 +1,8 @@
-"""A robot in one mode as an URDF tree.
+"""A robot in one mode as a URDF tree.
 
-A link's frame is on the joint that leads to it. If its frame in MJCF and `modes.json`, which is the same in every mode, is elsewhere, it is
-the massless link `<link>_frame`. Exported mounts, `frame` components and roots of modes are massless links, too. All frames have the link's
-own axes, so that no frame of an inertia or a joint is rotated.
+A link's frame is on the joint that leads to it. The link's frame in MJCF and `modes.json` is the same in every mode. If it is elsewhere, it
+becomes the massless link `<link>_frame`. Exported mounts, `frame` components and roots of modes are massless links, too. All frames have
+the link's own axes, so that no frame of an inertia or a joint is rotated.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def model(robot: Robot, geometry: Geometry, report: Report, meshes: str = MESHES
 
 
 def mujoco_extension(robot: Robot) -> Element:
-    """Return the options for MuJoCo. By default it drops fixed links and visual shapes."""
+    """Return the options for MuJoCo, which by default drops fixed links and visual shapes."""
     section = Element(tag="mujoco", attributes={}, origin=robot.mode.origin)
     section.add("compiler", {"fusestatic": "false", "discardvisual": "false", "strippath": "false", "meshdir": ""})
     section.add("option", {"gravity": robot.gravity}, robot.mode.origin)
@@ -112,7 +112,7 @@ class _Builder:
         return self.root
 
     def _lead(self, parent: str, child: str, chain: tuple[Move, ...], X_PL: Pose) -> None:
-        """Add the joints from a link to the next, and the links between them; for a fixed base a fixed joint."""
+        """Add the joints between a link and the next, and the links between these joints. For a fixed base, add a fixed joint."""
         if not chain:
             self.root.children.append(self._joint(BASE, "fixed", parent, child, X_PL, self.robot.mode.origin))
             return
@@ -163,7 +163,7 @@ class _Builder:
                     assert_never(form)
 
     def _ends(self, move: Move) -> tuple[float, float]:
-        """Return the range of a joint. A mimic joint without limits gets the range that its leader's limits give."""
+        """Return the range of a joint. The range of a mimic joint without limits follows from the limits of its leader."""
         limit, thread = move.joint.limit, 1.0 if move.follows is None else move.follows[1]
         offset = 0.0
         if not limit.bounded and move.joint.path in self.follows:
@@ -174,7 +174,7 @@ class _Builder:
         return (-UNBOUNDED if lower is None else lower), (UNBOUNDED if upper is None else upper)
 
     def _strength(self, move: Move) -> dict[str, XmlValue]:
-        """Return the limits of effort and velocity. Those of a screw's slide follow from its rotation, which has the drive."""
+        """Return the effort and velocity limits. Those of a screw's slide follow from its rotation, which has the drive."""
         joint = move.joint
         if joint.kind.at_once and joint.mate >= 0:
             effort, velocity = self._strength_of_turn(joint)
@@ -191,8 +191,8 @@ class _Builder:
     def _strength_of_turn(self, joint: TreeJoint) -> tuple[float, float | None]:
         """Return the limits of one of the three rotations of a ball, at q = 0.
 
-        The effort is the largest that its drives, which have their own axes, give about it together; the velocity is that of the slowest
-        drive.
+        The effort is the largest total torque of the drives about the axis of the rotation, because drives have their own axes. The
+        velocity is that of the slowest drive.
         """
         joints = self.assembly.mates[joint.mate].joints
         about = next(index for index, one in enumerate(joints) if one.path == joint.path)
@@ -253,7 +253,7 @@ class _Builder:
 
 
 def _transmission(joint: str, drive: ActuatorModel) -> Element:
-    """Return a transmission with ratio 1 for a drive, with the name of the joint."""
+    """Return a transmission with ratio 1 for a drive, named like the joint."""
     element = Element(tag="transmission", attributes={"name": f"{joint}_transmission"}, origin=drive.origin)
     element.say("type", "transmission_interface/SimpleTransmission")
     element.add("joint", {"name": joint}).say("hardwareInterface", f"hardware_interface/{INTERFACES[drive.kind]}")
@@ -262,7 +262,7 @@ def _transmission(joint: str, drive: ActuatorModel) -> Element:
 
 
 def parts(shape: Shape) -> tuple[Shape, ...]:
-    """Return the URDF 1.0 shapes that are equal to one shape: URDF has no capsules."""
+    """Return the URDF 1.0 shapes that together equal a shape, because URDF has no capsules."""
     form = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
     match form:
         case "itself":
@@ -287,7 +287,7 @@ def _origin(element: Element, pose: Pose) -> None:
 
 
 def _weigh(link: Element, properties: MassProperties) -> None:
-    """Set mass [kg], centre [m] and inertia [kg m^2] about it, in the axes of the link."""
+    """Set the mass [kg], the centre of mass [m] and the inertia about it [kg m^2], in the axes of the link."""
     inertial = link.add("inertial")
     _origin(inertial, shifted(*properties.centre))
     inertial.add("mass", {"value": properties.mass})

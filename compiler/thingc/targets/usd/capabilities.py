@@ -1,4 +1,4 @@
-"""What USD can express of a robot, with UsdPhysics and the additional schemas of Newton and PhysX."""
+"""Which features of a robot USD can express, with UsdPhysics and the additional schemas of Newton and PhysX."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Joints of UsdPhysics: a frame on either body, and the free motions between the two.
+"""Joints of UsdPhysics: a frame on each of two bodies, and the free motions between the frames.
 
     X_body1 = X_body0 @ frame0 @ T(trans) @ RotX @ RotY @ RotZ @ inv(frame1)
 
-Rotations about and slides along z of the frame have their own types, and so has a ball. Any other joint with several coordinates is a
-generic joint (D6), which slides first and then rotates about x, the rotated y, and z. UsdPhysics leaves the order of the rotations to
-readers; this is Newton's. Motions that such a joint does not support are a chain of two, with an almost massless link between. In Newton's
-schema a rotation can mimic a rotation, and a slide a slide.
+Rotations about z of the frame, slides along z, and balls have their own types. Any other joint with several coordinates is a generic joint
+(D6), which slides first and then rotates about x, the rotated y, and z. UsdPhysics leaves the order of the rotations to readers; this is
+Newton's. Other motions become a chain of two joints with an almost massless link between them. In Newton's schema a rotation can mimic a
+rotation, and a slide a slide.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ LETTERS = {1: ("Z",), 2: ("X", "Y"), 3: ("X", "Y", "Z")}
 class Freedom(FrozenStruct):
     """A free motion.
 
-    `name` is that of UsdPhysics (`angular` or `linear` for a joint with one coordinate, else `rotX` or `transX` ..., for a ball `ball`). It
-    moves by `ratio` [1 or m/rad] of the `joint`'s q.
+    `name` is that of UsdPhysics (`angular` or `linear` for a joint with one coordinate, else `rotX` or `transX` ..., for a ball `ball`).
+    Its value is `ratio` [1 or m/rad] times the q of `joint`.
     """
 
     name: str
@@ -47,14 +47,14 @@ class Freedom(FrozenStruct):
 
     @property
     def turns(self) -> bool:
-        """Whether it is an angle, in degrees in the file; else it is a length [m]."""
+        """Whether the motion is a rotation (in degrees in the file) rather than a slide [m]."""
         return self.name.startswith(("angular", "rot"))
 
 
 class UsdJoint(FrozenStruct):
     """A joint of UsdPhysics.
 
-    `path` is its name, `frame` its frame in the child at q = 0, `freedoms` are its motions (for a ball the document's coordinates).
+    `path` is its name, and `frame` its frame in the child at q = 0. `freedoms` are its motions (for a ball, the document's coordinates).
     """
 
     path: str
@@ -64,14 +64,14 @@ class UsdJoint(FrozenStruct):
 
     @property
     def single(self) -> TreeJoint | JointEdge | None:
-        """The coordinate of a joint that only rotates or only slides, else None."""
+        """The coordinate of a joint with a single rotation or slide, else None."""
         return self.freedoms[0].joint if self.type in ("Revolute", "Prismatic") else None
 
 
 def chain(connection: Connection) -> tuple[UsdJoint, ...]:
     """Return the successive joints that connect two bodies.
 
-    With F the frame of one of them, it is `X_0 @ F` on the parent and `X_1 @ F` on the child.
+    If F is the frame of one of these joints, it is `X_0 @ F` on the parent and `X_1 @ F` on the child.
     """
     path, joints, twists = connection.path, connection.coordinates, connection.twists
     if not joints:
@@ -151,9 +151,9 @@ def _parallel(a: Vector, b: Vector) -> bool:
 class MimicJoint(FrozenStruct):
     """A mimic joint at `path`.
 
-    It follows the independent joint `leader`: q = offset + multiplier q(leader) [rad or m]. `said`: Newton's schema can express it, because
-    both are joints with one coordinate and of the same kind. `reach` is the range that the leader's limits give, None if it does not have
-    both.
+    The joint follows the independent joint `leader`: q = offset + multiplier q(leader) [rad or m]. `said` tells whether Newton's schema can
+    express it, which requires two joints of the same kind with one coordinate. `reach` is the range derived from the leader's limits, or
+    None if the leader does not have both limits.
     """
 
     path: str
@@ -167,7 +167,7 @@ class MimicJoint(FrozenStruct):
 
 
 def followers(robot: Robot) -> dict[str, MimicJoint]:
-    """Return every mimic joint, by path."""
+    """Return a mapping of paths to mimic joints."""
     steps = [step for connection in connections(robot, CAPABILITIES["loops"]) for step in chain(connection)]
     single = {step.single.path: step.type for step in steps if step.single is not None}
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}

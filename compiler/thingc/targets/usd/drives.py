@@ -1,7 +1,7 @@
 """Limits, drives and other properties of joints in the units of UsdPhysics: degrees, and gains per degree.
 
 Properties that UsdPhysics lacks are written in the schemas of Newton and of PhysX (Isaac Sim), which other readers ignore. Both schemas are
-for joints with one axis: those of PhysX are not written for balls, and neither for generic joints.
+for joints with one axis. PhysX properties are not written for balls, and neither schema is used for generic joints.
 """
 
 from __future__ import annotations
@@ -76,10 +76,10 @@ def _drive(prim: Prim, freedom: Freedom) -> None:
 
 
 def passive(joint: UsdJoint) -> dict[str, float]:
-    """Return armature, damping, friction and velocity limit of a rotation, a slide or a ball, by their names in Newton's schema.
+    """Return armature, damping, friction and velocity limit of a rotation, slide or ball, keyed by their Newton names.
 
-    The schema has one value for all coordinates of a joint. Damping and velocity limit are in degrees for a rotation or a ball. Values of 0
-    are left out.
+    The schema has one value for all coordinates of a joint. Damping and velocity limit are in degrees for a rotation or a ball. Zero values
+    are omitted.
     """
     if joint.type not in ("Revolute", "Prismatic", "Spherical") or not joint.freedoms:
         return {}
@@ -97,7 +97,7 @@ AXIS = "rotZ"
 
 
 def articulation(prim: Prim) -> None:
-    """Set the root of the articulation: its links collide with each other, except filtered pairs."""
+    """Set the root of the articulation. Its links collide with each other, except for filtered pairs."""
     prim.schemas.append("PhysxArticulationAPI")
     prim.say("bool physxArticulation:enabledSelfCollisions", "1")
 
@@ -105,8 +105,8 @@ def articulation(prim: Prim) -> None:
 def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
     """Set armature, damping, friction and velocity limit of a joint.
 
-    PhysX supports them only for joints of its articulation: armature and limit for the whole joint, and since Isaac Sim 5 all of them by
-    axis, which takes precedence. (Its older `jointFriction` is not a torque, but relative to the load of the joint.)
+    PhysX supports them only for joints of its articulation. Armature and velocity limit are per joint. Since Isaac Sim 5, all of them can
+    also be set per axis, which takes precedence. (Its older `jointFriction` is not a torque, but relative to the load of the joint.)
     """
     values = passive(joint)
     if values:
@@ -133,8 +133,8 @@ def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
 def follow(prim: Prim, joint: UsdJoint, follower: MimicJoint, leader: str) -> None:
     """Make a joint mimic the one at the path `leader`, in degrees if it rotates.
 
-    Without limits of its own it gets the range that the leader's limits give: PhysX requires limits of a rotation, and uses the opposite
-    sign, q + gearing * q(leader) + offset = 0.
+    A joint without limits gets a range derived from the leader's limits, because PhysX requires limits for rotations. PhysX uses the
+    opposite sign: q + gearing * q(leader) + offset = 0.
     """
     unit = numeric.degrees(1.0) if follower.turns else 1.0
     offset, own = follower.offset * unit, ends(joint.freedoms[0])

@@ -24,7 +24,7 @@ from thingc.targets.usd.usda import FLOAT_MAX, rendered, write
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return a file for each chosen mode. Each contains the meshes, whose text is made once."""
+    """Return a file for each chosen mode. Each file contains the meshes, whose text is generated only once."""
     assembly = request.assembly
     shapes, flat = solid_geometry(assembly, "usd", "usd", request.report)
     scope = f"{assembly.name}_meshes"
@@ -75,7 +75,7 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
 
 
 def _of_floats(joint: TreeJoint | JointEdge) -> Iterator[Loss]:
-    """Yield the numbers of a joint that are too large for USD's floats."""
+    """Yield a loss for each number of a joint that is too large for a float in USD."""
     turns, drive, dynamics = joint.twist.turns, joint.actuator, joint.dynamics
     q, push = ("rad", "N m") if turns else ("m", "N")
     for what, value, unit in (
@@ -95,7 +95,7 @@ def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, 
 
 
 def _closed(robot: Robot) -> bool:
-    """Whether loops and holds are closed at q = 0, with the base where the mode places it."""
+    """Whether loops and holds are closed at q = 0, with the base in the mode's pose."""
     if not robot.closures:
         return True
     joints, base = joints_of(robot.assembly), robot.bodies[0].X_PL

@@ -1,10 +1,10 @@
-"""Raw attributes of `raw: {usd: ...}`, applied to the prims of links and joints, and to the scene.
+"""Apply the raw attributes of `raw: {usd: ...}` to the prims of links and joints, and to the scene.
 
     joint: {crane.swing: {"physics:breakForce": 20.0}}            an attribute of a joint; the same for a link
     scene: {"token physxScene:solverType": TGS}                   of the scene; with its type, unless the value shows it
     link: {crane.boom: {apiSchemas: PhysxRigidBodyAPI}}           additional applied schemas
 
-Names, types and values are checked here; whether a reader supports them is not.
+This module checks names, types and values, but not whether a reader supports them.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _INT_MAX = 2**31 - 1
 def lay(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
     """Apply the raw attributes to the default prims of the chosen modes.
 
-    Report one that has no place in any of them, or a value of the wrong type.
+    Report attributes that match none of them, and values of the wrong type.
     """
     for attribute in assembly.raw:
         if attribute.target == "usd":
@@ -54,7 +54,7 @@ def lay(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
 
 
 def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
-    """Return the fault of a path, or None."""
+    """Return why a path is invalid, or None."""
     path = attribute.path
     if path[0] not in KINDS:
         return f"there are no raw attributes of `{path[0]}` in `usd`", did_you_mean(path[0], KINDS, what="kinds of prims"), 0
@@ -68,7 +68,7 @@ def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
 
 
 def _prims(attribute: RawAttribute, models: Sequence[Prim]) -> list[Prim]:
-    """Return the prims of an attribute."""
+    """Return the prims that an attribute applies to."""
     kind, name = attribute.path[0], in_files(attribute.path[1])
     return [prim for model in models for prim in _all(kind, model) if kind == SCENE or prim.name == name]
 
@@ -117,7 +117,7 @@ def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
 
 
 def _type_of(value: object) -> str:
-    """Return the type of an attribute with this value; for a list the first type that fits all items."""
+    """Return the type of an attribute with this value. For a list, this is the first type that fits all items."""
     if isinstance(value, list):
         return next((f"{type}[]" for type in ("bool", "int", "float", "string") if _literal(f"{type}[]", value) is not None), "float[]")
     return {bool: "bool", int: "int", str: "string"}.get(type(value), "float")

@@ -150,7 +150,7 @@ class _Builder:
                 material.say(f"float newton:{word}Friction", value)
 
     def _body(self, name: str, properties: MassProperties, pose: Pose) -> Prim:
-        """Add a rigid body in the world, with its mass [kg], centre [m], and moments of inertia [kg m^2] in principal axes."""
+        """Add a rigid body in the world, with its mass [kg], centre of mass [m], and principal moments of inertia [kg m^2]."""
         prim = self.root.add("Xform", name, "PhysicsRigidBodyAPI", "PhysicsMassAPI")
         moments, axes = moments_of(properties)
         prim.say("float physics:mass", properties.mass or LEAST_MASS)
@@ -161,7 +161,7 @@ class _Builder:
         return prim
 
     def _lead(self, holder: Prim, names: list[str], poses: tuple[Pose, ...], connection: Connection) -> None:
-        """Add the joints from a link to another, and the links between them, which are at the place of the child."""
+        """Add the joints between two links, and the links between these joints, which have the pose of the child."""
         parent, X_0 = self.path if connection.parent is None else f"{self.path}/{names[connection.parent]}", connection.X_0
         *before, last = chain(connection)
         for step in before:
@@ -194,7 +194,7 @@ class _Builder:
             follow(prim, joint, follower, f"{self.path}/{JOINTS}/{safe(follower.leader)}")
 
     def _shapes(self, prim: Prim, link: Link) -> None:
-        """Add the visual shapes of a link, and its collision shapes, which viewers show on demand."""
+        """Add the visual shapes of a link, and its collision shapes, which viewers hide by default."""
         taken = {child.name for child in prim.children}
         visuals, collisions = (Prim(type="Scope", name=free(word, taken)) for word in ("visuals", "collisions"))
         collisions.say("uniform token purpose", '"guide"')
@@ -239,7 +239,7 @@ class _Builder:
 
 
 def moments_of(properties: MassProperties) -> tuple[Vector, Matrix]:
-    """Return the moments of inertia [kg m^2] and the principal axes, the columns of a rotation.
+    """Return the principal moments of inertia [kg m^2], and the principal axes as the columns of a rotation.
 
     The moments remain physical after rounding to floats. Without a physical inertia they are the smallest allowed.
     """
@@ -254,18 +254,18 @@ Friction = tuple[str, float | None, float | None, float | None]
 
 
 def _friction(material: Material) -> Friction:
-    """Return the values that distinguish physics materials: nested documents may have others of the same name."""
+    """Return the values that distinguish physics materials, because nested documents may use the same name for another material."""
     return material.name, material.slide, material.torsion, material.roll
 
 
 def rubbing(geometry: Geometry) -> dict[Friction, Material]:
-    """Return the collision materials that specify any friction."""
+    """Return the collision materials that specify friction."""
     touching = [shape.material for one in geometry.shapes for shape in one.collision if shape.material is not None]
     return {_friction(one): one for one in touching if (one.slide, one.torsion, one.roll) != (None, None, None)}
 
 
 def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
-    """Set the size of a primitive, and return the scale factors that it needs in addition (empty: none). A mesh has no size."""
+    """Set the size of a primitive, and return the additional scale factors it needs (empty if none). A mesh has no size."""
     match shape.kind:
         case "mesh":
             return ()
@@ -302,7 +302,7 @@ def _extent(prim: Prim, half: tuple[float, float, float]) -> None:
 
 
 def identifiers(words: Mapping[Key, str]) -> dict[Key, str]:
-    """Return a valid USD name for each word, `arm_Hand` for `arm.Hand`; if two are equal, the second has a number."""
+    """Return a mapping of words to valid USD names, such as `arm_Hand` for `arm.Hand`. Equal names get a number."""
     names: dict[Key, str] = {}
     for key, word in words.items():
         plain = re.sub(r"\W", "_", word, flags=re.ASCII)
@@ -311,12 +311,12 @@ def identifiers(words: Mapping[Key, str]) -> dict[Key, str]:
 
 
 def free(word: str, taken: Collection[str]) -> str:
-    """Return the word, with a number if it is taken."""
+    """Return the word, with a number if it is already in use."""
     return next(name for k in range(len(taken) + 1) if (name := f"{word}_{k}" if k else word) not in taken)
 
 
 def prototypes(geometry: Geometry, store: Store, scope: str, names: dict[str, str]) -> Prim:
-    """Return a class with a prototype for each mesh asset, which only exists to be referenced."""
+    """Return a class prim with a prototype for each mesh asset, to be referenced by instances."""
     prim = Prim(type="Scope", name=scope, specifier="class")
     drawn = {shape.mesh for shapes in geometry.shapes for shape in shapes.visual}
     for asset in geometry.meshes:
@@ -326,7 +326,7 @@ def prototypes(geometry: Geometry, store: Store, scope: str, names: dict[str, st
 
 
 def _mesh(prim: Prim, asset: MeshAsset, text: str, *, drawn: bool) -> None:
-    """Set the triangles of a mesh of the store (OBJ), unchanged."""
+    """Set the triangles of a mesh from the store (OBJ) without changes."""
     rows = [line.split() for line in text.splitlines()]
     points = [row[1:4] for row in rows if row and row[0] == "v"]
     corners = [int(corner.partition("/")[0]) - 1 for row in rows if row and row[0] == "f" for corner in row[1:4]]

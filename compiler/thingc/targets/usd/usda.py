@@ -1,7 +1,7 @@
 """A writer for USD text files.
 
-With usd-core's own writer the bytes would depend on its version, a build would need a package of 30 MB, and every number of UsdPhysics,
-whose attributes are floats, would be rounded to eight digits. Here all numbers are written exactly, so that a reader rounds them once.
+With usd-core's writer, the bytes would depend on its version, and a build would need a package of 30 MB. It would also round every number
+of UsdPhysics, whose attributes are floats, to eight digits. Here all numbers are written exactly, so that a reader rounds them once.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r"})
 class Prim:
     """A prim.
 
-    `type` is for example `Xform`; `schemas` are the applied API schemas; other metadata and properties are lines of text. With `specifier`
-    `class`, it and its children only exist to be referenced. Not frozen, because a tree is built from the top.
+    `type` is for example `Xform`, and `schemas` are the applied API schemas. Other metadata and properties are lines of text. With the
+    `specifier` `class`, the prim and its children are only for references. The class is not frozen, because trees are built from the top.
     """
 
     type: str
@@ -78,14 +78,14 @@ def listed(values: Iterable[str]) -> str:
 
 
 def rendered(prim: Prim) -> str:
-    """Return a prim and all below it as text."""
+    """Return a prim and its descendants as text."""
     return "\n".join(_lines(prim, ""))
 
 
 def write(prims: Iterable[str], default: str, heading: str) -> str:
     """Return the layer, in metres, kilograms, z up.
 
-    `prims` are rendered; empty ones are left out. `default` is the name of the default prim.
+    `prims` are already rendered, and empty ones are omitted. `default` is the name of the default prim.
     """
     lines = [
         "#usda 1.0", "(", f"{INDENT}defaultPrim = {quoted(default)}", f"{INDENT}doc = {quoted(heading)}", f"{INDENT}kilogramsPerUnit = 1",
@@ -97,7 +97,7 @@ def write(prims: Iterable[str], default: str, heading: str) -> str:
 
 
 def _lines(prim: Prim, indent: str) -> Iterator[str]:
-    """Yield the lines of a prim and of all below it. Recursive, because prims are only a few levels deep."""
+    """Yield the lines of a prim and its descendants. Recursion is safe, because prims are only a few levels deep."""
     schemas = [f"prepend apiSchemas = {listed(quoted(schema) for schema in prim.schemas)}"] if prim.schemas else []
     metadata = [*schemas, *prim.metadata]
     yield f"{indent}{prim.specifier} {prim.type} {quoted(prim.name)}" + (" (" if metadata else "")

@@ -1,6 +1,6 @@
-"""MJCF for programs besides MuJoCo, those in `compat`.
+"""MJCF for the other programs listed in `compat`.
 
-Models are changed for a program if that does no harm, and what it will still refuse is reported.
+Models are adapted to a program where that does no harm. Whatever the program still refuses is reported.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ CONSUMERS: tuple[Consumer, ...] = (MJX, WARP, DRAKE, PYMJCF)
 
 
 def separator(names: Collection[str]) -> str:
-    """Return the separator of names in the paths of a model for these consumers."""
+    """Return the path separator for names in a model, as these consumers require."""
     return SEPARATOR if PYMJCF.name in names else "/"
 
 
 def suited(
     names: Collection[str], robots: Sequence[Robot], roots: Sequence[Element], report: Report,
 ) -> tuple[list[Element], dict[Loss, None]]:
-    """Return the models of some modes, changed for the named consumers, and the resulting losses.
+    """Return the models of the modes, adapted to the named consumers, and the resulting losses.
 
-    Warn of everything that one of them still refuses.
+    Report a warning for everything that one of them still refuses.
     """
     losses: dict[Loss, None] = {}
     refused: dict[tuple[str, Refusal], list[str]] = {}

@@ -12,9 +12,9 @@ from thingc.targets.xml_writer import Element
 
 
 class Refusal(FrozenStruct):
-    """Something for which a consumer refuses a model, and which cannot be changed without harm.
+    """A reason why a consumer refuses a model, where adapting the model would do harm.
 
-    `what` is the reason, as text that follows a colon; `origin` and `path` are those of the cause; `hint` is the help.
+    `what` is the reason, as text after a colon. `origin` and `path` locate the cause, and `hint` is the help text.
     """
 
     what: str
@@ -24,10 +24,10 @@ class Refusal(FrozenStruct):
 
 
 class Consumer(FrozenStruct):
-    """A program that reads MJCF: its `name` in `compat`, its `label` for people, and the `version` that was examined.
+    """A program that reads MJCF: its `name` in `compat`, its display name `label`, and the `version` that was examined.
 
-    `suit` changes the tree of a mode's model, which no other consumer uses, so that it can be read; it yields what differs from the
-    document as losses. `refuses` yields what is still refused.
+    `suit` adapts the tree of a mode's model, which no other consumer uses, and yields the differences from the document as losses.
+    `refuses` yields everything that is still refused.
     """
 
     name: str
@@ -48,7 +48,7 @@ def nothing_refused(robot: Robot, root: Element) -> Iterator[Refusal]:
 
 
 class UnsupportedOptions(FrozenStruct):
-    """Solvers that a consumer lacks, and flags that it does not accept as enabled or disabled, by their names in MJCF.
+    """Unsupported options of a consumer: solvers, and flags that must not be enabled or disabled, by their names in MJCF.
 
     Only raw attributes can set them.
     """

@@ -18,7 +18,7 @@ WORLD = -1
 
 
 class ContactPairs(FrozenStruct):
-    """A geom that may collide: its element (None: the floor of the scene), and its attributes including those of its class."""
+    """A geom that may collide: its element (None for the floor of the scene), and its attributes, including those of its class."""
 
     element: Element | None
     values: Values
@@ -69,7 +69,7 @@ def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
 
 
 def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
-    """Return the attributes of the default classes for a kind of element, by class, including those of outer classes."""
+    """Return a mapping of default classes to their attributes for a tag, including those of outer classes."""
     by_class: dict[str, dict[str, str]] = {}
     waiting = [(child, dict[str, str]()) for child in root.children if child.tag == "default"]
     while waiting:
@@ -82,7 +82,7 @@ def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
 
 
 def _bodies(root: Element) -> Iterator[tuple[Element, int | None]]:
-    """Yield every body, parents first, with the number of its parent."""
+    """Yield every body with the index of its parent, parents first."""
     world = root.find("worldbody")
     waiting: list[tuple[Element, int | None]] = [(child, None) for child in world.children] if world is not None else []
     number = 0

@@ -1,8 +1,8 @@
-"""Drake: its reader accepts every file, and ignores what a `MultibodyPlant` does not support, with a warning at most.
+"""Drake: its parser accepts every file. It ignores what a `MultibodyPlant` does not support, with a warning at most.
 
 If a body has several joints, Drake reads the axes and anchors of all but the last in the axes of the parent. So a rotated body with several
-joints is put into an additional body, which is rotated instead. Drake reads the `ctrlrange` of a drive as its force range, so that only
-motors, for which it is, have one.
+joints is put into an additional body, which is rotated instead. Drake reads the `ctrlrange` of a drive as its force range, so only motors
+have one.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ TURNED = ":turned"
 
 
 def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Wrap bodies that Drake would misread, and yield what it ignores as losses."""
+    """Wrap bodies that Drake would misread, and yield losses for everything that it ignores."""
     for parent in list(root.walk()):
         parent.children[:] = [_unturned(child) if _is_misread(child) else child for child in parent.children]
     for section in root.children:
@@ -67,7 +67,7 @@ def _is_misread(element: Element) -> bool:
 
 
 def _unturned(body: Element) -> Element:
-    """Return a body without mass that has the pose of this one and contains it."""
+    """Return a massless body with the pose of this body, which becomes its child."""
     outside = {name: value for name, value in body.attributes.items() if name in ("pos", "quat")}
     inside = {name: value for name, value in body.attributes.items() if name not in outside}
     inner = Element(tag="body", attributes=inside, children=body.children, origin=body.origin, raw=body.raw)

@@ -75,7 +75,7 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
 
 
 def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterator[tuple[str, str]]:
-    """Yield what MJX refuses of a pair, and the attribute that causes it."""
+    """Yield the reasons why MJX refuses a pair, each with the attribute that causes it."""
     kinds = sorted((one.type, other.type))
     if frozenset(kinds) in LACKING:
         yield f"it has no contacts between {kinds[0]} and {kinds[1]}", "type"
@@ -99,7 +99,7 @@ class _Kind(FrozenStruct, kw_only=False):
 
 
 def _distinct(meeting: Iterable[tuple[ContactPairs, ContactPairs]]) -> Iterator[tuple[ContactPairs, ContactPairs]]:
-    """Yield one pair for all that are refused for the same reason."""
+    """Yield only one of the pairs that are refused for the same reason."""
     seen: set[tuple[_Kind, _Kind]] = set()
     for pair in meeting:
         one, other = (
@@ -178,7 +178,7 @@ def _margins(root: Element) -> None:
 
 
 def _cones(root: Element) -> None:
-    """Remove elliptic cones if nothing can collide, even in the scene: MJX needs contacts to apply them to."""
+    """Remove elliptic cones if nothing can collide, even in the scene, because MJX only accepts them with contacts."""
     option = root.find("option")
     if option is not None and option.get("cone") == "elliptic" and next(pairs(root), None) is None:
         del option.attributes["cone"]
@@ -186,7 +186,7 @@ def _cones(root: Element) -> None:
 
 
 def _needed(robot: Robot) -> list[str]:
-    """Return the mounts whose active adhesion supports the robot: those of links that are not fixed or held anyway."""
+    """Return the mounts whose active adhesion supports the robot, which are on links that are not fixed or held."""
     still = {closure.child for closure in robot.closures if closure.hold} | ({0} if robot.base in ("fixed", "held") else set())
     links = {robot.bodies[body].link for body in still}
     return [

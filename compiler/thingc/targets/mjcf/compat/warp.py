@@ -1,6 +1,6 @@
 """MuJoCo Warp: it reads everything that thingc writes.
 
-Only raw attributes can set what it does not support (from `put_model` of its `io.py`).
+Only raw attributes can set the options that it does not support (see `put_model` in its `io.py`).
 """
 
 from __future__ import annotations
