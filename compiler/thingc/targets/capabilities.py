@@ -428,7 +428,7 @@ def drive_cell(joint: TreeJoint | JointEdge, drive: ActuatorModel) -> Literal["p
 
 
 def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "screw", "ball"]:
-    """Return the name of the cell for a moving joint, which depends on its coordinates and motion. Raises `ValueError` for a fixed joint."""
+    """Return the name of the cell for a moving joint from its coordinates and its motion. Raises `ValueError` for a fixed joint."""
     if not kind.moves:
         raise ValueError("a fixed joint does not move")
     if kind.at_once:

@@ -85,7 +85,7 @@ def manifest(
 
 
 def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
-    """Return a loss as in the manifest and in `--format json`. `file` is relative to the workspace; `file` and `line` are null if unknown."""
+    """Return a loss as in the manifest and in `--format json`. `file`, relative to the workspace, and `line` are null if unknown."""
     return {
         "target": loss.target,
         "mode": loss.mode,

@@ -145,7 +145,7 @@ def _shape(surface: Surface, packed: PackedMeshes) -> Data:
 
 
 def _mass(own: MassProperties) -> Data:
-    """Return mass [kg], centre of mass [m], principal moments [kg m^2] about it, and `axes` (by rows) with the principal axes as columns."""
+    """Return mass [kg], centre of mass [m], principal moments about it [kg m^2], and `axes`, whose columns are the principal axes."""
     moments, axes = principal_axes(own.inertia)
     return {"mass": own.mass, "centre": own.centre, "moments": moments, "axes": [x for row in axes for x in row]}
 

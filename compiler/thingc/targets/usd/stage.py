@@ -302,7 +302,7 @@ def _extent(prim: Prim, half: tuple[float, float, float]) -> None:
 
 
 def identifiers(words: Mapping[Key, str]) -> dict[Key, str]:
-    """Return a mapping of words to valid USD names, such as `arm_Hand` for `arm.Hand`. Equal names get a number."""
+    """Return the words converted to valid USD names, such as `arm.Hand` to `arm_Hand`. Duplicate names get a number."""
     names: dict[Key, str] = {}
     for key, word in words.items():
         plain = re.sub(r"\W", "_", word, flags=re.ASCII)

@@ -20,8 +20,10 @@ KINDS = ("assembly", "materials", "variants")
 
 
 class AffectedDocuments(FrozenStruct):
-    """The documents that depend on a changed file (absolute paths, sorted), and `roots`, those of them to build: the assemblies that have
-    modes, or that no other of these documents nests.
+    """The documents that depend on a changed file.
+
+    All paths are absolute and sorted. `roots` are the documents to build: the assemblies that have modes or are not nested in another of
+    these documents.
     """
 
     documents: tuple[str, ...]
@@ -31,8 +33,9 @@ class AffectedDocuments(FrozenStruct):
 class _Needs(FrozenStruct, kw_only=False):
     """The dependencies of a document. Paths are real paths; the files need not exist.
 
-    `files` are the files that it depends on; in `folders`, it depends on every file that is not Python. `assembly` and `modes`: whether it
-    is an assembly, and whether it has modes. `nested` are the other documents that it uses, `varies` the assemblies of a variants document.
+    `files` are the files that it depends on, and `folders` are those in which it depends on every non-Python file. `assembly` and `modes`
+    tell whether it is an assembly, and whether it has modes. `nested` are the other documents that it uses, and `varies` the assemblies of
+    a variants document.
     """
 
     files: frozenset[str]
@@ -44,12 +47,11 @@ class _Needs(FrozenStruct, kw_only=False):
 
 
 def touched(changed: Collection[str] | None, folder: str, store: Store | None) -> AffectedDocuments:
-    """Return the documents below a folder that depend on one of the files `changed` (paths that need not exist; None: return all).
+    """Return the documents below a folder that depend on one of the `changed` paths, which need not exist, or all if it is None.
 
-    A document depends on the documents it names, on the code of its parts (with what that imports in the workspace), on part files, and on
-    the settings and the lock of the workspace. The files that a part reads while it is built are not known in advance, so a document
-    depends on every file in its part folders that is not Python. Without a store, the workspace is untrusted: no file outside of it is
-    read.
+    A document depends on the documents it names, on the code of its parts (including modules imported from the workspace), on part files,
+    and on the settings and the lock of the workspace. The files that a part reads while it is built are not known in advance, so a document
+    depends on every non-Python file in its part folders. Without a store, the workspace is untrusted, and no file outside of it is read.
     """
     real = None if changed is None else frozenset(os.path.realpath(path) for path in changed)
     if real is not None and not real:
@@ -93,7 +95,7 @@ def _needs(path: str, store: Store | None) -> _Needs:
 
 
 def _files(documents: Documents) -> Iterator[str]:
-    """Yield the paths of the documents, and of every file that they name; the files need not exist."""
+    """Yield the paths of the documents and of the files that they name, which need not exist."""
     yield from documents.files
     for document in documents.by_path.values():
         yield document.path
@@ -105,7 +107,7 @@ def _files(documents: Documents) -> Iterator[str]:
 
 
 def _texts(document: Document, key: str) -> Iterator[str]:
-    """Yield every text under a key at any depth, since choices of variants name parts, too."""
+    """Yield every text under a key at any depth, because variants name parts, too."""
     waiting: list[Node] = [document.tree]
     while waiting:
         node = waiting.pop()
@@ -135,10 +137,10 @@ def changed_since(revision: str, folder: str) -> list[str]:
 
 
 def changed_paths(folder: str, *commits: str, trusted: bool = False) -> list[str]:
-    """Return the files below a folder that differ between two commits, or between one and the checkout: sorted paths in the repository.
+    """Return the files below a folder that differ between two commits, or between a commit and the checkout, as sorted paths.
 
-    In the checkout, uncommitted and untracked changes count. Changes inside a submodule do not: to find them, git would run commands from
-    the configuration of the submodule. Raises `NotARepository`.
+    The paths are relative to the repository. In the checkout, uncommitted and untracked changes count. Changes inside a submodule do not
+    count: to find them, git would run commands from the configuration of the submodule. Raises `NotARepository`.
     """
     options = ("--name-only", "--no-renames", "--ignore-submodules=dirty", "-z")
     names = git(folder, "diff", *options, *commits, "--", ".", trusted=trusted).split("\0")
@@ -153,7 +155,7 @@ def git(folder: str, *words: str, trusted: bool = False) -> str:
 
 
 def run_git(folder: str, *words: str, given: bytes = b"", trusted: bool = False) -> bytes:
-    """Run a git command in a folder and return its output; `given` is its standard input.
+    """Run a git command in a folder and return its output. `given` is its standard input.
 
     No command from the configuration of the repository runs: no file system monitor, hook, filter or transport. The configuration of the
     user and of the system applies. If the repository is `trusted`, its filters and transports may run. Raises `NotARepository`.

@@ -40,7 +40,7 @@ NAME = r"[A-Za-z][A-Za-z0-9_]*"
 
 
 class DocumentEdit(FrozenStruct, dict=True):
-    """An addition: new `values` of the document by their keys, keys `placed` to remove first, and new or changed `files` by path."""
+    """An edit of a document. `values` maps keys to new values, `placed` are keys to remove first, and `files` maps paths to contents."""
 
     values: Mapping[Keys, Written]
     placed: tuple[Keys, ...] = ()
@@ -278,7 +278,7 @@ def _section(tree: MappingNode | None, section: str) -> dict[str, object]:
 
 
 def _extended(modes: Mapping[str, object], name: str, above: tuple[str, ...] = ()) -> dict[str, object]:
-    """Return the keys of a mode, merged with those of the modes that it extends. Missing modes and cycles are left to `check`."""
+    """Return the contents of a mode, merged with the modes that it extends. Missing modes and cycles are left to `check`."""
     mode = modes.get(name)
     if not isinstance(mode, dict) or name in above:
         return {}
@@ -295,7 +295,7 @@ def _base(root: Document) -> str:
 
 
 def _placement_keys(arguments: argparse.Namespace, root: Document, name: str, mount: str) -> dict[str, Written]:
-    """Return the placement of a new component: attached by --by (default: `mount`) to --on, at the frame --at, else above the base."""
+    """Return the placement of a new component: its mount --by (default: `mount`) on --on, at the frame --at, or above the base."""
     _new(root, "components", name, hint="choose another name with --name")
     if arguments.on is not None:
         return {"attach": {arguments.by or mount: arguments.on}}
@@ -310,9 +310,10 @@ def _shaped(root: Document) -> bool:
 
 
 def _weight(documents: Documents) -> dict[str, Written]:
-    """Return a material of the document, preferably for prints, else a mass, for a part that has neither.
+    """Return a material of the document (preferably for prints), or else a mass, for a part without either.
 
-    Empty if `defaults` of the document specify a material."""
+    Empty if `defaults` of the document specify a material.
+    """
     root = documents.root
     if node_at(root.tree, ("defaults", "component", "material")) is not None:
         return {}
@@ -326,7 +327,7 @@ def _weight(documents: Documents) -> dict[str, Written]:
 
 
 def _params(arguments: argparse.Namespace, key: str = "params") -> dict[str, Written]:
-    """Return the arguments of a part (key `params`) or an assembly (key `parameters`)."""
+    """Return the arguments of a part (with the key `params`) or an assembly (with the key `parameters`)."""
     return {key: settings(arguments.param)} if arguments.param else {}
 
 

@@ -24,7 +24,7 @@ ReportOf = Callable[[Environment, Compilation], Report]
 
 
 def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Options, report_of: ReportOf) -> int:
-    """Fix `documents`; exit code 0 if no errors are left (with `--diff`: would be left). `report_of` checks a document."""
+    """Fix `documents`. The exit code is 0 if no errors remain (with `--diff`, would remain). `report_of` checks a document."""
     try:
         if not arguments.fix:
             raise console.WrongCommandLine("--diff requires --fix", "write `thingc check --fix --diff`")
@@ -72,7 +72,7 @@ def _autofix(
 
 
 class _Disk:
-    """A cache of file contents, as of the first read."""
+    """A cache of file contents, as they were when first read."""
 
     def __init__(self) -> None:
         self.known: dict[str, bytes | None] = {}

@@ -242,7 +242,7 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
 
 
 def _complaints(folder: str) -> list[str]:
-    """Format one line per diagnostic code of refused or failed variants: the number of variants, and the first message."""
+    """Format one line per diagnostic code of refused or failed variants, with the number of variants and the first message."""
     lines = [line for line in in_order(folder) if line["status"] in ("refused", "failed")]
     counts = Counter(line["code"] for line in lines)
     first = {line["code"]: line for line in reversed(lines)}

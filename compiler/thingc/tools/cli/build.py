@@ -1,4 +1,4 @@
-"""`thingc build`: compile a document and write the build folder. Also the build options that `watch` and `why` share."""
+"""`thingc build`: compile a document and write the build folder. The build options are shared with `watch` and `why`."""
 
 from __future__ import annotations
 
@@ -73,10 +73,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
-    """Build, or return the cached result of an earlier build if nothing has changed: diagnostics, and the result (None if it failed).
+    """Build, or reuse an earlier build if nothing has changed. Return diagnostics and the result (None if it failed).
 
-    If only some targets are missing from an earlier build that is up to date, they are added to its folder.
-    Raises `UnknownChoice` and `OutputError`."""
+    If an earlier build is up to date but lacks some targets, they are added to its folder. Raises `UnknownChoice` and `OutputError`.
+    """
     key = up_to_date.key_of("build", arguments.document, {
         "parameters": dict(options.parameters), "choices": dict(options.choices), "modes": arguments.mode,
         "compat": options.compat, "strict": arguments.strict,
@@ -128,7 +128,7 @@ def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
 
 
 def _stands(answer: Mapping[str, Any], store: Store) -> bool:
-    """Return whether the folder of an earlier build is unchanged, without temporary files beside it that must be removed."""
+    """Return whether the folder of an earlier build is unchanged, with no temporary files next to it that must be removed."""
     folder = answer["folder"]
     if build_folder(*answer["place"]) != folder or unswept(folder):
         return False
@@ -136,7 +136,7 @@ def _stands(answer: Mapping[str, Any], store: Store) -> bool:
 
 
 def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
-    """Print a summary of the build to standard error; the last line is what was built, and where."""
+    """Print a summary of the build to standard error. The last line describes what was built and where."""
     if answer.get("twice"):
         console.say(f"{counted(answer['twice'], 'part')} built twice: equal", stream=sys.stderr)
     if lost := answer["losses"]:
@@ -179,7 +179,7 @@ def add_compat(parser: argparse.ArgumentParser) -> None:
 
 
 def add_building(parser: argparse.ArgumentParser) -> None:
-    """Add the options about the content and the place of the build folder."""
+    """Add the options for the content and location of the build folder."""
     parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="build only this mode (may be repeated; default: all)")
     add_emit(parser)

@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options: Options) -> tuple[list[Diagnostic], list[str]]:
-    """Check untrusted documents, each in a sandboxed process; return the diagnostics, and the documents without any."""
+    """Check each untrusted document in a sandboxed process. Return the diagnostics, and the documents without diagnostics."""
     from thingc.tools.cli.sandboxed_check import confined
 
     diagnostics: list[Diagnostic] = []
@@ -101,9 +101,10 @@ def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options:
 
 
 def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], list[str]]:
-    """Append the diagnostics of all documents to `diagnostics`; return them, and the documents without any.
+    """Append the diagnostics of all documents to `diagnostics`. Return them, and the documents without diagnostics.
 
-    An allowance is not reported as unused if one of the documents needs it."""
+    An allowed warning is not reported as unused if one of the documents needs the allowance.
+    """
     needed = {d.span for said in found.values() for d in said if d.code is Code.UNNEEDED and d.severity is Severity.NOTE}
     good: list[str] = []
     for document, said in found.items():
@@ -139,7 +140,7 @@ def _packed(document: str, options: Options, strict: bool) -> list[dict[str, obj
 
 
 def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: list[str], of: int | None = None) -> int:
-    """Print the diagnostics and return the exit code; `of` is the number of documents found in the folders of the command line."""
+    """Print the diagnostics and return the exit code. `of` is the number of documents found in folders on the command line."""
     console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug)
     if arguments.format == "text":
         for document in good:
@@ -150,7 +151,7 @@ def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: 
 
 
 def check(document: str, options: Options, *, strict: bool = False) -> list[Diagnostic]:
-    """Check one document; if nothing has changed since an earlier run, return its cached diagnostics."""
+    """Check one document, or return its cached diagnostics if nothing has changed since an earlier run."""
     store = store_of(options)
     key = up_to_date.key_of("check", document, {"parameters": dict(options.parameters), "choices": dict(options.choices), "strict": strict})
     earlier = up_to_date.load(store, key)
@@ -168,7 +169,7 @@ def check(document: str, options: Options, *, strict: bool = False) -> list[Diag
 
 
 def report_of(environment: Environment, compilation: Compilation) -> Report:
-    """Return the report of a checked document; for a variants document, including its variants."""
+    """Return the report of a checked document, including the variants of a variants document."""
     if compilation.documents is None or compilation.documents.root.kind != "variants":
         return compilation.report
     from thingc.batch.variants_document import read_plan

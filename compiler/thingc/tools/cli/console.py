@@ -45,10 +45,10 @@ def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly do
 
 
 def document_meant() -> str:
-    """Return the document to use if the command line names none, and print its path.
+    """Return the default document for a command line that names none, and print its path.
 
-    It is the only assembly, not nested in another, below the working folder, else in its workspace. Raises `WrongCommandLine` if there is
-    none or more than one.
+    It is the only assembly below the working folder, or else in its workspace, that is not nested in another one. Raises `WrongCommandLine`
+    if there is none or more than one.
     """
     from thingc.documents.load.discovery import assemblies_in, documents_near, is_document
     from thingc.documents.workspace import Workspace
@@ -71,7 +71,7 @@ def document_meant() -> str:
 
 
 def _unnested(assemblies: Sequence[str]) -> list[str]:
-    """Return the assembly documents that no other one contains. Documents with errors are searched as text."""
+    """Return the assembly documents that are not nested in another one. Documents with errors are searched as text."""
     from thingc.documents.load.documents import load
     from thingc.documents.workspace import Workspace
 
@@ -104,7 +104,7 @@ def add_compiling(parser: argparse.ArgumentParser) -> None:
 
 
 def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "number of parts to build in parallel") -> None:
-    """Add the options of commands that may model parts; `jobs` is the help text of `--jobs`."""
+    """Add the options of commands that may build parts. `jobs` is the help text of `--jobs`."""
     parser.add_argument(
         "--store", metavar="DIR", help="cache of built parts, a folder or a URL (default: THINGC_STORE, else the user's cache folder)",
     )
@@ -159,7 +159,8 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
 def paths(words: Sequence[str], form: str, example: str, twice: str, name: Callable[[str], str] = str) -> dict[str, str]:
     """Parse `PATH=TEXT` arguments.
 
-    Raises `WrongCommandLine`, with `form` and `example`, for other arguments, and with `twice` for two paths with the same `name`."""
+    Raises `WrongCommandLine`, with `form` and `example` for invalid arguments, and with `twice` for two paths with the same `name`.
+    """
     texts: dict[str, str] = {}
     for word in words:
         path, equals, text = (piece.strip() for piece in word.partition("="))
@@ -277,7 +278,7 @@ def expanded(words: Iterable[str]) -> list[str]:
 
 
 def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator[str]:
-    """Yield the documents that exist; add an error to `diagnostics` for each of the others."""
+    """Yield the documents that exist, and add an error to `diagnostics` for each missing one."""
     for document in documents:
         try:
             require_document(document)
@@ -290,7 +291,7 @@ def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator
 class ProgressLine:
     """Progress of modelling on standard error, with the seconds since it was created.
 
-    On a terminal it is a line that updates in place; otherwise a line at the start, at the end and at most once a second.
+    On a terminal, a line is updated in place. Otherwise, a line is printed at the start, at the end and at most once a second.
     """
 
     def __init__(self) -> None:
@@ -348,14 +349,14 @@ def hand_on(content: bytes | str) -> None:
 
 
 def say_in_place(line: str = "") -> None:
-    """Print a line to standard error that the next one overwrites; only on a terminal."""
+    """On a terminal, print a line to standard error that the next line overwrites."""
     if sys.stderr.isatty():
         sys.stderr.write(f"\r\x1b[K{escape_control(line)}")
         sys.stderr.flush()
 
 
 def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None) -> int:
-    """Print diagnostics with code frames, and a summary; return the exit code. Colours only on a terminal without NO_COLOR.
+    """Print diagnostics with code frames and a summary, and return the exit code. Colours need a terminal without NO_COLOR.
 
     `texts` are the contents of documents that are not on disk, by the name in their spans.
     """
@@ -382,7 +383,7 @@ def print_data(value: Mapping[str, object]) -> None:
 def print_found(
     diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None, **more: object,
 ) -> int:
-    """Print diagnostics in a format of `FINDINGS`: text to `stream`, the others to standard output. Returns the exit code.
+    """Print diagnostics in a format of `FINDINGS`, and return the exit code. Text goes to `stream`, other formats to standard output.
 
     `more` are further keys of the JSON output.
     """
@@ -416,7 +417,7 @@ def _documentation() -> str | None:
 
 
 def final(report: Report, *, strict: bool) -> list[Diagnostic]:
-    """Return the diagnostics in order; with `strict`, warnings become errors."""
+    """Return the diagnostics in order. With `strict`, warnings become errors."""
     return report.judged(strict=strict).ordered()
 
 

@@ -99,9 +99,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str, str], str] | None:
-    """Write the page of `--html` and the pictures of `--pictures`. Raises OSError.
+    """Write the page of `--html` and the pictures of `--pictures`. Raises `OSError`.
 
-    Returns a function from the document and the key of a picture to its path; None without `--pictures`."""
+    Returns a function that maps a document and the key of a picture to its path, or None without `--pictures`.
+    """
     if arguments.html is not None:
         with open(arguments.html, "w", encoding="utf-8") as page:
             page.write(as_html(answer))

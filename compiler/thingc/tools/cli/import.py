@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousImport, report: Report) -> dict[str, str]:
-    """Import into the folder of an earlier import; return the text of the document for diagnostics. Raises `OutputError`."""
+    """Import into the folder of an earlier import, and return the text of the document for diagnostics. Raises `OutputError`."""
     if earlier.source != os.path.basename(arguments.file) and not arguments.update:
         message = f"`{shown_path(earlier.folder)}` was imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
         raise OutputError(message, "choose another folder with -o; for the same robot, merge with `--update`")
@@ -121,7 +121,7 @@ def _faults(document: str, text: str) -> list[Diagnostic]:
 
 
 def _merged(now: Update, *, disputed: bool) -> list[str]:
-    """Describe the changes of the source and of the user; `disputed` if there are conflicts."""
+    """Describe the changes in the source and by the user. The second value tells whether there are conflicts."""
     taken = [f"  {dotted(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
     kept = [f"  {name}" for name in (*map(dotted, now.merged.kept), *now.kept)]
     said = [f"merged: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else []

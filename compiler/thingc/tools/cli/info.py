@@ -121,7 +121,7 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
 
 
 def _source(occurrence: Occurrence) -> str:
-    """Format the source of a mass; for a print with infill, including the method: `estimated (layers)`."""
+    """Format the source of a mass. For a print with infill it includes the method: `estimated (layers)`."""
     return occurrence.mass_source + (f" ({occurrence.estimate})" if occurrence.estimate is not None else "")
 
 
@@ -153,7 +153,7 @@ def _cut(robot: Robot) -> tuple[Loop, ...]:
 
 
 def _why_cut(loop: Loop, robot: Robot) -> list[str]:
-    """Describe the joints of a loop, and why it is cut at that joint."""
+    """Describe the joints of a loop, and why it is cut at one of them."""
     if any(one.joint == loop.cut for one in robot.mode.cut):
         return [f"    through {', '.join(loop.through)}: cut as the mode specifies"]
     return [f"    through {path}, which {reason}" if reason else f"    through {path}" for path, reason in loop.through.items()]

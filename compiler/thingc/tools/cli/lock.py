@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str | None:
-    """Write or compare the lock file; return a summary, None after an error, which is reported."""
+    """Write or compare the lock file. Return a summary, or report an error and return None."""
     workspace = Workspace.find(os.path.join(folder, "thingc.toml"), report)
     if workspace is None:
         return None
@@ -103,7 +103,7 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
 def _used(
     workspace: Workspace, geometry: GeometryService, options: Options, report: Report,
 ) -> tuple[list[str], list[PartDefinition], dict[str, set[Slicing]]]:
-    """Return what the assembly documents of a workspace use: references `module:Class`, definitions, and slicings by definition."""
+    """Return the parts in a workspace's assembly documents: references `module:Class`, definitions, and slicings per definition."""
     references: dict[str, None] = {}
     definitions: dict[str, PartDefinition] = {}
     slicings: dict[str, set[Slicing]] = {}

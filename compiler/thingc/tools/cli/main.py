@@ -67,9 +67,10 @@ class Parser(argparse.ArgumentParser):
 
 
 def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Parser | None]:
-    """Return the main parser and the parser of `command`, the only one with options, because only its module is imported.
+    """Return the main parser and the parser of `command`. Only `command` has options, because only its module is imported.
 
-    `alone` leaves out the other commands, which the main help lists."""
+    With `alone`, the parsers of the other commands are omitted; only the main help needs them.
+    """
     own: Parser | None = None
     parser = Parser(
         prog="thingc", description="A compiler for robots: one document, many kinematic roots.", epilog=EPILOG,

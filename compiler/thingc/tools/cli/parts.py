@@ -109,7 +109,7 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
 
 
 def unreadable(called: str, done: str, failure: PartFailure) -> Diagnostic:
-    """Return the error that a part cannot be `done`, such as `described`. The message shows it as `called`."""
+    """Return the error that a part cannot be `done` (for example `described`). The message names the part as `called`."""
     span = None if failure.file is None else line_of(failure.file, failure.line or 1)
     return Diagnostic(
         code=Code.PART_UNREADABLE, severity=Severity.ERROR, message=f"`{called}` cannot be {done}: {failure.message}",
@@ -135,7 +135,7 @@ def _as_data(schema: PartSchema, record: PartRecord | None) -> dict[str, object]
 
 
 def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> list[str]:
-    """Format a part as lines of text; with `whole`, mounts with their frames, else only their names."""
+    """Format a part as lines of text. With `whole`, mounts are listed with their frames, else only by name."""
     lines = [schema.reference]
     first = schema.doc.strip().partition("\n")[0]
     if first:

@@ -138,9 +138,10 @@ def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) 
 
 
 def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:
-    """Return the keyframe to show: the requested one, else that of the mode, else the first; None if there are none.
+    """Return the keyframe to show: the requested one, else that of the mode, else the first, or None if there are none.
 
-    Raises `UnknownChoice`."""
+    Raises `UnknownChoice`.
+    """
     known = [frame.name for frame in robot.keyframes]
     if wanted is None:
         return known[0] if known else None

@@ -19,7 +19,7 @@ ROOT_SIZE = 1.6
 
 
 def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
-    """Yield the mounts with attached components, and those that the document exports or adds, without duplicates."""
+    """Yield the mounts with attached components, and the mounts that the document exports or adds, without duplicates."""
     assembly = robot.assembly
     named = [(mate.parent, mate.parent_mount) for mate in assembly.mates]
     named += [(one.occurrence, one.mount) for one in assembly.exported]
@@ -65,7 +65,7 @@ def _mount(robot: Robot, q: Mapping[str, float], occurrence: int, name: str) -> 
 
 
 def _on_body(robot: Robot, q: Mapping[str, float], occurrence: int, pose: Pose) -> tuple[str, Pose]:
-    """Return the body of an occurrence, and `pose` in its frame. Massless intermediate links use the body before them, at `q`."""
+    """Return the body of an occurrence, and `pose` in its frame at `q`. A massless intermediate link uses the previous body."""
     assembly, number = robot.assembly, robot.assembly.link_of[occurrence]
     body = next(body for body in robot.bodies if body.link == number)
     pose = in_link(assembly)[occurrence] @ pose

@@ -3,7 +3,7 @@
 The child has limits of time and memory, and can start no process, open no connection and write no file. If it ends early for any reason,
 the result is one diagnostic.
 
-The passes have limits of their own; the sandbox is the last line of defence.
+The compiler passes have their own limits. The sandbox is the last line of defence.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -
 
 
 def _collected(reading: int, child: int, patience: float) -> tuple[bytes, bool]:
-    """Read the output of the child until it ends; return it, and False if the child neither wrote nor computed for `patience` [s]."""
+    """Return the child's whole output, and False if it neither wrote nor used CPU time for `patience` [s]."""
     pieces: list[bytes] = []
     computed = _computed(child)
     with os.fdopen(reading, "rb", buffering=0) as stream:
@@ -114,7 +114,7 @@ _OUT_OF_MEMORY = 91
 
 
 def _in_child(work: Callable[[], Any], seconds: float, memory: int, writing: int) -> NoReturn:
-    """Do the work in the child and exit; never return to the code of the parent."""
+    """Do the work in the child and exit, without ever returning to the code of the parent."""
     code = 1
     try:
         sys.dont_write_bytecode = True
@@ -156,7 +156,7 @@ def _bound(seconds: float, memory: int) -> None:
 
 
 def _refuse(event: str, arguments: tuple[Any, ...]) -> None:
-    """The audit hook of the child: raise `SandboxRefusal` for operations that no check does."""
+    """The audit hook of the child: raise `SandboxRefusal` for operations that checks never perform."""
     if event == "open":
         _, mode, flags = arguments
         if isinstance(flags, int) and flags & _WRITING or isinstance(mode, str) and set(mode) & set("wax+"):

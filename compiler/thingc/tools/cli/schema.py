@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
-    """Return workspaces with the selected documents (None: all). Raises `WrongCommandLine`."""
+    """Return workspaces with the selected documents (None for all). Raises `WrongCommandLine`."""
     by_root: dict[str, tuple[Workspace, list[str] | None]] = {}
     for place in places:
         if not os.path.isdir(place):

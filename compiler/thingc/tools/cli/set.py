@@ -68,7 +68,7 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
 
 
 def _as_typed(diagnostic: Diagnostic, typed: Mapping[str, str]) -> Diagnostic:
-    """Replace the option (`-p`, `--set`) in the place of a diagnostic by the argument as typed."""
+    """Replace the option (`-p`, `--set`) in the location of a diagnostic by the argument as typed."""
     option = next((option for option in OPTIONS if diagnostic.path is not None and diagnostic.path.startswith(option)), None)
     if option is None or diagnostic.path is None:
         return diagnostic

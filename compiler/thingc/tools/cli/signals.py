@@ -27,9 +27,10 @@ IMPORTING = "<frozen importlib._bootstrap>"
 
 
 def heed(*, ignored: bool = False) -> None:
-    """Raise `KeyboardInterrupt` for both signals; while modules are being imported, only after that.
+    """Raise `KeyboardInterrupt` for both signals. During an import of modules, raise it afterwards.
 
-    Signals that the parent process has set to be ignored stay ignored, unless `ignored`: shells ignore SIGINT in background jobs."""
+    Signals ignored by the parent process stay ignored, unless `ignored` is set: shells ignore SIGINT in background jobs.
+    """
     sys.unraisablehook = _dropped
     signal.signal(signal.SIGALRM, _interrupt)
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -38,7 +39,7 @@ def heed(*, ignored: bool = False) -> None:
 
 
 def leave_at_once() -> None:
-    """Exit at once on both signals. Use it in processes that have nothing to clean up, and wait where exceptions do not arrive."""
+    """Exit at once on both signals. Use it in processes that need no cleanup and that wait in code where exceptions are not raised."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, lambda *_: os._exit(INTERRUPTED))
 
@@ -60,7 +61,7 @@ def spare_the_child_of_glfw() -> None:
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Delay interrupts until the end of the context, while files that belong together are written."""
+    """Delay interrupts until the end of the context, so that files that belong together are all written."""
     global _held, _late
     _held = True
     try:

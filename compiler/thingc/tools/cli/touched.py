@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
 def documents(
     files: Sequence[str], since: str | None = None, *, everything: bool = False, roots: bool = False, store: str | None = None
 ) -> tuple[str, ...]:
-    """Return the absolute paths of the documents below the working folder that the files, or the changes since a revision, affect.
+    """Return absolute paths of documents below the working folder affected by the files or by the changes since a revision.
 
     Raises `WrongCommandLine` without files and revision, for a folder, or if Git fails.
     """

@@ -168,7 +168,7 @@ def _server(arguments: argparse.Namespace) -> Server:
 
 
 def _key() -> bytes | None:
-    """Return random bytes that are the same for every run of this user, and unreadable for other users; None if they cannot be stored."""
+    """Return random bytes that stay the same for this user and that other users cannot read, or None if they cannot be stored."""
     path = os.path.join(cache_root(), "view.key")
     try:
         os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)

@@ -80,12 +80,12 @@ def until_interrupted(live: RebuildLoop, hear: Callable[[Rebuild], None]) -> int
 
 
 def hopeless(made: Rebuild) -> bool:
-    """Return whether to stop after this rebuild: the first one, with an error in the command line, which no save can fix."""
+    """Return whether to stop because the first rebuild has an error in the command line, which no save can fix."""
     return made.number == 1 and console.exit_code(made.diagnostics) == console.USAGE
 
 
 def say_json(made: Rebuild) -> None:
-    """Print a rebuild as one line of JSON: the keys of `thingc build --format json`, and those of rebuilds."""
+    """Print a rebuild as one line of JSON, with the keys of `thingc build --format json` and additional keys for rebuilds."""
     folder = made.folder or ""
     _say_line({
         "diagnostics": as_json(made.diagnostics),
@@ -106,9 +106,10 @@ def _say_line(value: Mapping[str, object]) -> None:
 
 
 class Lines:
-    """Reports rebuilds on standard error: diagnostics, unless they are the same as before, then one line.
+    """Report rebuilds on standard error: new diagnostics, then one line.
 
-    `of` is the name of the document if it is not the document of the command."""
+    `of` names the document if it is not that of the command line.
+    """
 
     def __init__(self, arguments: argparse.Namespace, doing: str = "watching", of: str | None = None) -> None:
         self._doing = doing

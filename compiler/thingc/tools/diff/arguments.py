@@ -39,7 +39,7 @@ class Side(FrozenStruct):
 class ComparisonRequest(FrozenStruct):
     """The two sides, and the documents (as named on the command line) to compare if both sides are states of a repository.
 
-    Without documents, those that the change affects are compared.
+    Without documents, the documents affected by the change are compared.
     """
 
     old: Side
@@ -85,7 +85,7 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
 
 
 def _sides(word: str) -> list[Side]:
-    """Parse an argument to one side, or to two: `main..HEAD`, or `main...HEAD` for the merge base and HEAD."""
+    """Parse an argument to one side or two sides: `main..HEAD`, or `main...HEAD` for the merge base and HEAD."""
     if os.path.isfile(word):
         if os.path.basename(word).endswith(LOCK_FILE):
             return [Side(kind="lock", name=word, place=os.path.abspath(word))]

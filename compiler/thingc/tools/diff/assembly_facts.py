@@ -24,7 +24,7 @@ def edges_of(assembly: Assembly) -> Iterator[Edge]:
 
 
 def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceSnapshot]:
-    """Yield the occurrences in document order. Without `whole`, geometry, mounts, poses and full mass properties are left out."""
+    """Yield the occurrences in document order. Without `whole`, geometry, mounts, poses and full mass properties are omitted."""
     placed = {mate.child: mate for mate in _placing(assembly)}
     for occurrence in assembly.occurrences:
         mate = placed.get(occurrence.index)
@@ -40,7 +40,7 @@ def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceSnapsh
 
 
 def _placing(assembly: Assembly) -> Iterator[Mate]:
-    """Yield the mates that do not close loops, each turned so that its parent is nearer to the base."""
+    """Yield the mates that do not close loops, each oriented so that its parent is closer to the base."""
     beside: dict[int, list[tuple[int, Mate]]] = {}
     for mate in assembly.mates:
         if mate.loop is None:
@@ -57,7 +57,7 @@ def _placing(assembly: Assembly) -> Iterator[Mate]:
 
 
 def shape_of(record: PartRecord | None) -> PartShape | None:
-    """Return the geometry of a part, None if it has none."""
+    """Return the geometry of a part, or None if it has none."""
     if record is None or record.box is None:
         return None
     drawn = record.meshes.get("visual")
@@ -70,7 +70,7 @@ def shape_of(record: PartRecord | None) -> PartShape | None:
 
 
 def _mounts(occurrence: Occurrence) -> dict[str, Pose]:
-    """Return the mounts of the part of an occurrence, without `origin` and those that the document adds, which are compared as elements."""
+    """Return the mounts of an occurrence's part, except `origin` and mounts added by the document, which are compared as elements."""
     added = occurrence.component.mounts
     return {name: mount.pose for name, mount in occurrence.mounts.items() if name not in added and name != "origin"}
 
@@ -85,7 +85,7 @@ def links_of(assembly: Assembly) -> Iterator[LinkOf]:
 
 
 def rows_of(assembly: Assembly) -> Iterator[Row]:
-    """Yield the rows of the bill of materials, with the paths of their pieces."""
+    """Yield the rows of the bill of materials with the paths of their occurrences."""
     for row, pieces in with_pieces(assembly):
         stem = None
         for occurrence in pieces:
@@ -99,7 +99,7 @@ def rows_of(assembly: Assembly) -> Iterator[Row]:
 
 
 def sensor_values(assembly: Assembly, sensor: LinkedSensor) -> Iterator[tuple[tuple[str, ...], Value]]:
-    """Yield the properties of a sensor by keys; None for those that are not set."""
+    """Yield the properties of a sensor with their keys. Unset properties are None."""
     yield ("type",), sensor.kind
     for key, mount in (("at", sensor.at), ("in", sensor.seen_from)):
         if mount is not None:
@@ -119,7 +119,7 @@ def sensor_values(assembly: Assembly, sensor: LinkedSensor) -> Iterator[tuple[tu
 def tendon_facts(assembly: Assembly) -> dict[str, Fact]:
     """Return the properties of all tendons by key (`tendons.grip.dynamics.stiffness`): joints, path, limit, dynamics and drive.
 
-    Unset ones are left out.
+    Unset properties are omitted.
     """
     facts: dict[str, Fact] = {}
     for one in assembly.tendons:

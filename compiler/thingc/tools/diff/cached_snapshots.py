@@ -33,7 +33,7 @@ class BrokenDocument(Exception):
 
 
 class Subject:
-    """A compiled document, whose tests run on demand. A context manager that ends the workers on exit.
+    """A compiled document, whose tests run on demand. Use it as a context manager, which ends the workers on exit.
 
     Raises `BrokenDocument` if the document does not compile.
     """

@@ -59,7 +59,7 @@ class BrokenSide(OneLineRepr, FrozenStruct):
 
 
 def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[DocumentPair]:
-    """Return the documents to compare, in folders that exist until `stack` is closed. `code`: whether code of the repository may run.
+    """Return the documents to compare, in folders that exist until `stack` is closed. `code` allows code of the repository to run.
 
     Raises `UnknownComparison` and `NotARepository`.
     """
@@ -123,7 +123,7 @@ def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequenc
 
 
 def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[str, str], draw: bool = False) -> Comparison | BrokenSide:
-    """Compare a document that is in both states; with `tests`, also test results; with `draw`, also pictures if anything changed.
+    """Compare a document of both sides, with `tests` including test results, and with `draw` including pictures of changes.
 
     Source locations are in the checkout; those of a broken side begin with the name of the side. Raises `UnknownComparison`.
     """
@@ -145,7 +145,7 @@ def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[
 
 
 def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options, *, tests: bool) -> Comparison:
-    """Compare two documents completely, or a build folder or lock in what it contains."""
+    """Compare two documents completely, or compare only the contents of a build folder or lock."""
     if not isinstance(old, Subject) or not isinstance(new, Subject):
         before, after = (outline(one.snapshot) if isinstance(one, Subject) else one for one in (old, new))
         return compare(before, after)
@@ -190,7 +190,7 @@ def _at_home(change: Change, both: DocumentPair) -> Change:
 
 
 def _broken(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide:
-    """Convert the errors of a side; files of a revision get names as in git, `main:arm.yaml`."""
+    """Convert the errors of a side. Files of a revision get names as in git, such as `main:arm.yaml`."""
     texts: dict[str, str] = {}
 
     def named(span: Span | None) -> Span | None:

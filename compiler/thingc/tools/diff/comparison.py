@@ -1,4 +1,4 @@
-"""Compare two snapshots: find all changes, and which of them are consequences of others."""
+"""Compare two snapshots: find all changes, and tell consequences from their causes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class _Following:
         self._moved: dict[str, tuple[str, ...]] = {}
 
     def all(self) -> None:
-        """Add all consequences, in an order in which causes come first."""
+        """Add all consequences, with causes before their consequences."""
         for old, new in self.occurrences:
             self._geometry(old, new)
             self._mounts(old, new)
@@ -68,9 +68,9 @@ class _Following:
     # --- parts -------------------------------------------------------------------------------------------------------
 
     def _made(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> dict[str, None]:
-        """Return the changes that gave a part another shape: its definition and its parameters.
+        """Return the changes that changed the shape of a part: those of its definition and its parameters.
 
-        If only its code has changed, there are none: the change of its geometry has no other cause.
+        The result is empty if only its code has changed, because then its geometry has no other cause.
         """
         paths = (old.path, new.path)
         return self.changes.causes("component", paths, MADE) | self.changes.causes("parameter", paths, ("params.",))
@@ -158,7 +158,7 @@ class _Following:
                 self._add("component", (old.path, new.path), difference, because, change="moved")
 
     def _mover(self, path: str) -> tuple[str, ...]:
-        """Return the causes why a part of the new robot moved: changes between it and the base."""
+        """Return the causes of a part's new pose: changes between the part and the base in the new robot."""
         if path not in self._moved:
             self._moved[path] = ()
             occurrence = self.new.occurrences[path]
@@ -183,7 +183,7 @@ class _Following:
         )
 
     def _hung(self, occurrence: OccurrenceSnapshot) -> dict[str, None]:
-        """Return the changes where a part is attached: its mate or joint, the two mounts and the two parts."""
+        """Return the changes that affect how a part is attached: of its mate or joint, the two mounts and the two parts."""
         ends = [occurrence.path, *([occurrence.parent] if occurrence.parent is not None else [])]
         above = [path for end in ends for path in above_of(end)]
         causes = self.changes.causes("mate", above) | self.changes.causes_of_mounts(above)
@@ -282,7 +282,7 @@ class _Following:
         self._prints()
 
     def _listed(self, members: Sequence[str]) -> dict[str, None]:
-        """Return the changes of the number or the definition of the pieces."""
+        """Return the changes in the number or definition of the pieces."""
         materials = [
             occurrence.material for side in (self.old, self.new) for path in members
             if (occurrence := side.occurrences.get(path)) is not None and occurrence.material is not None
@@ -364,7 +364,7 @@ def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Diffe
 
 
 def _reach(robot: Snapshot) -> float:
-    """Return the distance [m] of the farthest frame or mount from the origin of the base at q = 0."""
+    """Return the largest distance [m] of a frame or mount from the origin of the base at q = 0."""
     base = next(occurrence.place for occurrence in robot.occurrences.values() if occurrence.parent is None)
     assert base is not None
     back = base.inverse()
@@ -376,7 +376,7 @@ def _reach(robot: Snapshot) -> float:
 
 
 def _near(old: DisplayValue, new: DisplayValue, scale: float = 0.0) -> bool:
-    """Return whether two values are equal, at the precision of integrals over shapes."""
+    """Return whether two values are equal at the precision of volume integrals."""
     if isinstance(old, tuple) and isinstance(new, tuple):
         scale = max(scale, largest(old), largest(new))
         return len(old) == len(new) and all(_near(one, other, scale) for one, other in zip(old, new, strict=True))

@@ -1,4 +1,4 @@
-"""Find the changes in documents, and which of them are consequences of others."""
+"""Find the changes in documents, and tell consequences from their causes."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _dimension(thing: SnapshotElement, key: str, robot: Snapshot) -> Dimension |
 
 
 def _coordinate(joint: SnapshotElement) -> Dimension | None:
-    """Return the dimension of q of a joint, or of one coordinate, whose path ends with its number: `wrist_1`."""
+    """Return the dimension of q of a joint, or of one of its coordinates, whose paths end with a number: `wrist_1`."""
     kind = KINDS.get(joint.label or "")
     if kind is None or kind.coordinate is not None:
         return kind.coordinate if kind is not None else None
@@ -87,11 +87,11 @@ class DocumentChanges:
                 self._on.setdefault(path.rpartition("/")[0], []).append(change)
 
     def roots(self, change: Change) -> tuple[str, ...]:
-        """Return the paths of the initial causes of a change: itself if it has none."""
+        """Return the paths of the initial causes of a change, or its own path if it has no cause."""
         return tuple(word for word in change.because if word != PERHAPS) if change.caused else (change.path,)
 
     def causes(self, what: What, paths: Iterable[str], fields: Iterable[str] | None = None) -> dict[str, None]:
-        """Return the initial causes of all changes of a kind at `paths`, only those of `fields` if given (`process.` is a prefix)."""
+        """Return the initial causes of all changes of a kind at `paths`, limited to `fields` if given (`process.` is a prefix)."""
         wanted = None if fields is None else tuple(fields)
         causes: dict[str, None] = {}
         for path in paths:
@@ -105,7 +105,7 @@ class DocumentChanges:
         return {root: None for path in paths for change in self._on.get(path, ()) for root in self.roots(change)}
 
     def structure(self) -> dict[str, None]:
-        """Return the initial causes of all changes of the structure: components, mates, and what joints connect."""
+        """Return the initial causes of all structural changes: of components, of mates, and of the links that joints connect."""
         causes: dict[str, None] = {}
         for change in self.found:
             built = change.what in ("component", "joint") and (
@@ -117,7 +117,7 @@ class DocumentChanges:
 
 
 def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
-    """Return whether a change is one of a field in `fields`, or of the whole element. Renaming does not count."""
+    """Return whether a change affects a field in `fields` or the whole element. Renaming does not count."""
     field = change.field
     if field is None:
         return change.change != "renamed"
@@ -125,7 +125,7 @@ def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
 
 
 class StatedChanges:
-    """All changes of what the documents state; the result is `changes`."""
+    """Collect all changes of values in the documents. The result is `changes`."""
 
     def __init__(self, pairing: NameMapping) -> None:
         self.pairing = pairing
@@ -147,7 +147,7 @@ class StatedChanges:
             self._facts(pair)
 
     def _alone(self, thing: SnapshotElement, how: How) -> None:
-        """Add an element that is only in one of the robots."""
+        """Add an element that exists in only one of the robots."""
         there = self.pairing.path("component", thing.of) if how == "removed" else self.pairing.old_component(thing.of)
         inner = thing.of != "" and there is None and thing.what != "component"
         if inner and thing.what in _INNER:
@@ -205,8 +205,8 @@ class StatedChanges:
     def _because(self, pair: Pair, key: str, old: Fact | None, new: Fact | None, made: set[str]) -> tuple[str, ...]:
         """Return the causes of a changed value.
 
-        If its expression is unchanged, these are the changed parameters in it; if it is not written, changes of the component or of the
-        drive.
+        For an unchanged expression, these are the changed parameters in it. For a value that is not written in the document, these are
+        changes of the component or of the drive.
         """
         before, after = (fact.value if fact is not None else None for fact in (old, new))
         if new is not None and new.written is not None and _written(old) == new.written:
@@ -222,7 +222,7 @@ class StatedChanges:
         return ()
 
     def _meant(self, fact: Fact) -> tuple[str, ...]:
-        """Return the causes of changes of the names in an expression: parameters, mounts, joints, poses and modes of its document."""
+        """Return the causes of changes to the names in an expression: parameters, mounts, joints, poses and modes of its document."""
         causes: dict[str, None] = {}
         for name in names_in(fact.written or ""):
             path = f"{fact.scope}/{name}" if fact.scope else name
@@ -241,7 +241,7 @@ class StatedChanges:
         return tuple(own or self.changes.causes("component", drives, _MADE_OF) | self.changes.causes("parameter", drives, ("params.",)))
 
     def _alive(self, old: Value, new: Value) -> tuple[str, ...]:
-        """Return the causes of added and removed names in a list, empty if one of them has no cause."""
+        """Return the causes of added and removed names in a list. The result is empty if one name has no cause."""
         before, after = set(_names_in(self.pairing.now(old))), set(_names_in(new))
         causes: dict[str, None] = {}
         for one in before ^ after:
@@ -252,7 +252,7 @@ class StatedChanges:
         return tuple(sorted(causes))
 
     def _parameter(self, path: str) -> tuple[str, ...]:
-        """Return the initial causes of the change of a parameter (path in the new robot), empty if it is unchanged."""
+        """Return the initial causes of a changed parameter (given by its path in the new robot). Empty if it is unchanged."""
         if path not in self._known:
             self._known[path] = ()  # stops at cycles of parameters, which are an error in the document
             pair = self._parameters.get(path)
@@ -264,7 +264,7 @@ class StatedChanges:
 
 
 def _what(thing: SnapshotElement, key: str) -> What:
-    """Return the kind of a fact: parameters of parts and rows of the bill of materials are written at components."""
+    """Return the kind of element that a fact belongs to. Part parameters and rows of the bill of materials have their own kinds."""
     return "parameter" if key.startswith("params.") else "bom" if key.startswith("bom.") else thing.what
 
 

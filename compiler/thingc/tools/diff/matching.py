@@ -28,7 +28,7 @@ SAME_PLACE = 1e-3
 
 
 class Match(FrozenStruct):
-    """A component of the old robot and its counterpart, by path; why they match, and `perhaps` if the match is uncertain."""
+    """The paths of a component in the old and the new robot, the reason for the match, and `perhaps` if it is uncertain."""
 
     old: str
     new: str
@@ -37,7 +37,7 @@ class Match(FrozenStruct):
 
 
 def match(old: Snapshot, new: Snapshot) -> dict[str, Match]:
-    """Match the components of two robots; the result is by the old path."""
+    """Match the components of two robots. The result is keyed by old path."""
     if _order(new) < _order(old):
         return {
             pair.new: Match(old=pair.new, new=pair.old, reason=pair.reason, perhaps=pair.perhaps)
@@ -51,7 +51,7 @@ def _order(snapshot: Snapshot) -> list[str]:
 
 
 class _Side:
-    """One robot as a graph: components by path, and the neighbours of each with the kind of connection."""
+    """One robot as a graph: components keyed by path, and the neighbours of each component with the kind of connection."""
 
     def __init__(self, snapshot: Snapshot) -> None:
         self.nodes = {node.path: node for node in snapshot.nodes}
@@ -112,7 +112,9 @@ class _Matching:
     # --- neighbours --------------------------------------------------------------------------------------------------
 
     def _known_neighbours(self, what: Callable[[ComponentNode], Hashable], words: str, exact: bool) -> bool:
-        """Match components that are unique by `what` and by their mates to matched components; with `exact`, also by the names of mounts.
+        """Match unmatched components with unique values of `what` and unique mates to matched components.
+
+        With `exact`, the names of the mounts must be equal, too.
 
         Returns whether anything was found.
         """
@@ -129,7 +131,7 @@ class _Matching:
     def _signed(
         self, side: _Side, what: Callable[[ComponentNode], Hashable], known: Callable[[str], str | None], exact: bool,
     ) -> dict[tuple[Hashable, tuple[tuple[tuple[str, ...], str], ...]], list[str]]:
-        """Group the unmatched components by `what` and their mates to matched ones. Components without such mates are left out."""
+        """Group the unmatched components by `what` and their mates to matched components. Components without such mates are omitted."""
         signed: dict[Any, list[str]] = defaultdict(list)
         for path in side.left:
             met = [
@@ -152,7 +154,7 @@ class _Matching:
     # --- colours -----------------------------------------------------------------------------------------------------
 
     def _colours(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
-        """Match all components with a unique colour, else one group of equal colour by isomorphism or by place.
+        """Match all components with a unique colour, or else one group of equal colour by isomorphism or by position.
 
         Returns whether anything was found.
         """
@@ -175,7 +177,7 @@ class _Matching:
         return self._by_definition(what, words)
 
     def _shared(self, key: Callable[[int, str], Hashable]) -> list[tuple[list[str], list[str]]]:
-        """Group the unmatched components of the old and the new robot by `key`; return the groups that both have."""
+        """Group the unmatched components of each robot by `key`, and return the groups that exist in both."""
         groups: dict[Hashable, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
         for number, side in enumerate((self.old, self.new)):
             for path in side.left:
@@ -198,7 +200,7 @@ class _Matching:
         return any(other in self.found for how, other in self.old.beside[path] if how[1] == "mate")
 
     def _refined(self, what: Callable[[ComponentNode], Hashable]) -> dict[tuple[int, str], int]:
-        """Return the refined colours of the unmatched components of both robots, by number of the robot (0, 1) and path."""
+        """Return the refined colours of unmatched components, keyed by robot (0 or 1) and path."""
         numbers: dict[Hashable, int] = {}
 
         def colour(of: Hashable) -> int:
@@ -221,7 +223,7 @@ class _Matching:
         return now
 
     def _isomorphic(self, colours: Mapping[tuple[int, str], int]) -> bool:
-        """Match all remaining components by an isomorphism, if the graphs are small and isomorphic; return whether they are.
+        """Match all remaining components by an isomorphism if the graphs are small. Return whether there was one.
 
         If there are several isomorphisms, they differ by an automorphism of the new robot, so any of them is correct.
         """
@@ -261,7 +263,7 @@ class _Matching:
         return False
 
     def _by_place(self, ones: Sequence[str], others: Sequence[str], reason: str, within: float = math.inf) -> None:
-        """Match pairs, the nearest first, as `perhaps`. Components without a pose count as infinitely far away."""
+        """Match the nearest pairs first, and mark them as `perhaps`. Components without a pose count as infinitely far away."""
         for distance, one, other in sorted((self._distance(one, other), one, other) for one in ones for other in others):
             if distance <= within and one in self.old.left and other in self.new.left:
                 self._take(one, other, reason, perhaps=True)

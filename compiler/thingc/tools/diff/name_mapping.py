@@ -20,7 +20,7 @@ _OWNED: tuple[What, ...] = ("component", "mate")
 
 
 class Pair(FrozenStruct):
-    """An element of both robots. If it was renamed, `reason` is why it was matched; `perhaps`: the match is uncertain."""
+    """An element of both robots. `reason` explains the match of a renamed element, and `perhaps` marks an uncertain match."""
 
     old: SnapshotElement
     new: SnapshotElement
@@ -29,12 +29,12 @@ class Pair(FrozenStruct):
 
     @property
     def new_path(self) -> str | None:
-        """Its path in the new robot if it differs, else None."""
+        """The path in the new robot if it differs, else None."""
         return self.new.path if self.new.path != self.old.path else None
 
 
 class NameMapping:
-    """The mapping of names between two robots. `pairs` are the elements in both, `gone` and `come` those in one only."""
+    """The mapping of names between two robots: `pairs` of elements in both, and elements `gone` from the old or `come` in the new one."""
 
     def __init__(self, old: Snapshot, new: Snapshot) -> None:
         self.old, self.new = old, new
@@ -51,15 +51,15 @@ class NameMapping:
     # --- names and values --------------------------------------------------------------------------------------------
 
     def path(self, what: What, path: str) -> str | None:
-        """Return the path in the new robot of an element of the old one, None if it was removed."""
+        """Return the new path of an element of the old robot, or None if it was removed."""
         return self._paths[what].get(path)
 
     def old_component(self, path: str) -> str | None:
-        """Return the path in the old robot of a component of the new one, None if it was added."""
+        """Return the old path of a component of the new robot, or None if it was added."""
         return self._back.get(path)
 
     def now(self, value: Value) -> Value:
-        """Replace the names in a value of the old robot by those of the new one. Removed elements keep their names."""
+        """Replace old names in a value by new names. Removed elements keep their names."""
         if isinstance(value, tuple):
             return tuple(self.now(one) for one in value)
         if not isinstance(value, Named):
@@ -70,7 +70,7 @@ class NameMapping:
         return Named(what=value.what, path=self._paths[value.what].get(value.path, value.path), mount=mount)
 
     def same(self, old: Value, new: Value) -> bool:
-        """Return whether a value of the old robot equals one of the new robot. Names in a list have no order."""
+        """Return whether a value of the old robot equals one of the new robot. The order of names in a list does not matter."""
         now = self.now(old)
         if _names(now) and _names(new):
             return sorted(map(repr, now)) == sorted(map(repr, new))  # type: ignore[arg-type]
@@ -93,7 +93,7 @@ class NameMapping:
         self.come += news.values()
 
     def _called(self, thing: SnapshotElement) -> str | None:
-        """Return the expected path in the new robot of an element: its own, or below its component. None if that was removed."""
+        """Return the expected new path of an element, below the new path of its component if it has one. None if that was removed."""
         if thing.what in _OWNED:
             return self._paths["component"].get(thing.path)
         if not thing.of:
@@ -148,7 +148,7 @@ class NameMapping:
         return sum(1 for _, before, after in self.facts(old, new) if self.same(before, after))
 
     def facts(self, old: SnapshotElement, new: SnapshotElement) -> Iterator[tuple[str, Value, Value]]:
-        """Yield the facts of two elements by key, with old and new value. Keys that contain old names are translated."""
+        """Yield the key, the old value and the new value of each fact of two elements. Old names in keys are translated."""
         before = {self._key(old.what, key): fact.value for key, fact in old.facts.items()}
         for key in {**before, **dict.fromkeys(new.facts)}:
             after = new.facts[key].value if key in new.facts else None
@@ -165,7 +165,7 @@ class NameMapping:
         return key
 
     def old_fact(self, thing: SnapshotElement, key: str) -> str:
-        """Return the key in the old robot of a fact whose translated key is `key`."""
+        """Return the old key of a fact whose translated key is `key`."""
         return next((one for one in thing.facts if self._key(thing.what, one) == key), key)
 
 
@@ -174,7 +174,7 @@ def _names(value: Value) -> bool:
 
 
 def equal(old: Value, new: Value, scale: float = 0.0) -> bool:
-    """Return whether two values are equal up to rounding; numbers in a tuple relative to its largest one."""
+    """Return whether two values are equal up to rounding. Numbers in a tuple are compared relative to the largest one."""
     if isinstance(old, tuple) and isinstance(new, tuple):
         scale = max(scale, *(largest(one) for one in (old, new)))
         return len(old) == len(new) and all(equal(one, other, scale) for one, other in zip(old, new, strict=True))
@@ -184,7 +184,7 @@ def equal(old: Value, new: Value, scale: float = 0.0) -> bool:
 
 
 def largest(value: Value) -> float:
-    """Return the largest absolute number in a value, 0 if it has none."""
+    """Return the largest absolute number in a value, or 0 if it contains no number."""
     if isinstance(value, tuple):
         return max((largest(one) for one in value), default=0.0)
     return abs(value) if _is_number(value) else 0.0

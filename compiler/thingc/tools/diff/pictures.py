@@ -1,4 +1,4 @@
-"""Draw the robot before and after a change from the same camera, and an overlay that colours what changed."""
+"""Draw the robot before and after a change with the same camera, and an overlay that colours the changes."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Model = tuple[str, dict[str, bytes]]
 
 
 def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, bytes]:
-    """Return the PNG files `before`, `after` and `overlay` of two MuJoCo models with meshes; empty if nothing is visible.
+    """Return the PNG files `before`, `after` and `overlay` of two MuJoCo models with meshes, or none if nothing is visible.
 
-    Call `ready` of `render` first, before MuJoCo is imported.
+    Call `render.ready` first, before MuJoCo is imported.
     """
     seen = [extent(xml, assets, None) for xml, assets in (old, new)]
     points = [point for corners, _ in seen for point in corners]
@@ -32,7 +32,7 @@ def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, 
 
 
 def colours(changes: Iterable[Change]) -> dict[str, str]:
-    """Return the colours of changed parts of the new robot, by path. Components in an added assembly have changes of their own."""
+    """Return a mapping of paths to colours for changed parts of the new robot. Components of added assemblies have their own changes."""
     by_path: dict[str, str] = {}
     for change in changes:
         path = change.new_path or change.path

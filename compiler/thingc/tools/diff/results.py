@@ -20,7 +20,7 @@ from thingc.tools.diff.snapshot import Change
 class DiffResult(OneLineRepr, FrozenStruct):
     """The result of a comparison of the sides named `old` and `new`.
 
-    `documents` are the comparisons of the documents in both sides, by name; `come` and `gone` are the documents in one side only.
+    `documents` maps the names of documents on both sides to comparisons. `come` and `gone` are the documents that exist on one side only.
     """
 
     old: str
@@ -81,7 +81,7 @@ def pack(answer: Comparison | BrokenSide) -> list[Any]:
 
 
 def unpack(values: list[Any]) -> Comparison | BrokenSide:
-    """Convert the output of `pack` back."""
+    """Convert the output of `pack` back to a result."""
     kind, name, inner, more = values
     if kind == "broken":
         return BrokenSide(name=name, diagnostics=tuple(unpacked(one) for one in inner), texts=more)

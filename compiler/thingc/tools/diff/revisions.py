@@ -68,7 +68,7 @@ class Repository(OneLineRepr, FrozenStruct):
 
 
 class Revision:
-    """A commit, of which files are written on demand to a temporary folder. A context manager that removes the folder on exit."""
+    """A commit whose files are written to a temporary folder on demand. As a context manager, it removes the folder on exit."""
 
     def __init__(self, repository: Repository, name: str, commit: str) -> None:
         self.repository, self.name, self.commit = repository, name, commit
@@ -97,7 +97,7 @@ class Revision:
         return os.path.join(self.root, *path.split("/"))
 
     def lay_out(self, documents: Collection[str]) -> None:
-        """Write the files that documents (their paths in the repository) need."""
+        """Write the files needed by documents, which are given by their paths in the repository."""
         waiting = [path for path in documents if path in self._files]
         settings = {
             posixpath.join(folder, name) for path in documents for folder in _above(path) for name in (OWN_FILE, SHARED_FILE, LOCK_FILE)
@@ -145,7 +145,7 @@ class Revision:
 
 
 def _listed(top: str, commit: str) -> Mapping[str, tuple[str, str]]:
-    """Return the files of a commit: mode and hash by path, without submodules and names that a checkout cannot have.
+    """Return a mapping of paths in a commit to mode and hash, without submodules and names that a checkout cannot have.
 
     Raises `NotARepository` if a path is both a file and a folder.
     """
@@ -187,7 +187,7 @@ def _parts(path: str, data: bytes) -> Iterator[str]:
 
 
 def _reads(path: str, data: bytes) -> Iterator[str]:
-    """Yield the files that the parts in a lock have read. Without running code, these files show whether a part is up to date."""
+    """Yield the files read by the parts in a lock. They show whether a part is up to date without running its code."""
     try:
         for thing in json.loads(data)["things"].values():
             for read in thing["reads"]:

@@ -30,10 +30,10 @@ class Change(OneLineRepr, FrozenStruct):
     """A change.
 
     `path` is the path of the element in the old robot (for added elements, in the new one), `new_path` its path in the new robot if it
-    differs. `field` is the key whose value changed from `old` to `new` (SI units); `words` are both values for people, if their dimension
-    is known. `because` are the paths of the changes that caused it, empty for changes made in documents; it contains `perhaps` for an
-    uncertain match. `reason` is why a renamed element was matched. `span` is the location in the new robot; for a removed element, in the
-    old one.
+    differs. `field` is the key whose value changed from `old` to `new` (SI units). `words` are both values in display units, if their
+    dimension is known. `because` are the paths of the changes that caused it, empty for changes made in documents; it contains `perhaps`
+    for an uncertain match. `reason` is why a renamed element was matched. `span` is the location in the new robot, or for a removed element
+    in the old one.
     """
 
     what: What
@@ -61,7 +61,7 @@ NOT_COMPARED = PLACES | {"name", "sources", "wrong"}
 
 
 class Named(OneLineRepr, FrozenStruct):
-    """A reference to an element of the robot by its path; for a component, possibly to one of its mounts."""
+    """A reference to an element of the robot by its path, or to a mount of a component."""
 
     what: What
     path: str
@@ -80,8 +80,8 @@ Value = Union[None, bool, int, float, str, Named, tuple["Value", ...]]
 class Fact(OneLineRepr, FrozenStruct):
     """A value of a document.
 
-    `written` is its text, None if it is not written there. `scope` is the path of the assembly in which names of an expression are
-    resolved. `words` is the value for people, if its dimension is known.
+    `written` is its text, or None if it is not in the document. `scope` is the path of the assembly in which names of an expression are
+    resolved. `words` is the value in display units, if its dimension is known.
     """
 
     value: Value
@@ -94,7 +94,8 @@ class Fact(OneLineRepr, FrozenStruct):
 class SnapshotElement(OneLineRepr, FrozenStruct):
     """An element of a document, with its facts by dotted key.
 
-    `label` describes it for people; `of` is the path of the component that it belongs to, empty for elements of the whole document.
+    `label` is its description in reports. `of` is the path of the component that it belongs to, or empty for elements of the whole
+    document.
     """
 
     what: What
@@ -108,8 +109,8 @@ class SnapshotElement(OneLineRepr, FrozenStruct):
 class ComponentNode(OneLineRepr, FrozenStruct):
     """A component with the properties used to match it.
 
-    `kind` is `part`, `file`, `assembly`, `link` or `frame`; `reference` is its class, file or document, `text` its definition. `place` is
-    its pose in the frame of the base at q = 0, None for an assembly.
+    `kind` is `part`, `file`, `assembly`, `link` or `frame`. `reference` is its class, file or document, and `text` its definition. `place`
+    is its pose in the frame of the base at q = 0, or None for an assembly.
     """
 
     path: str
@@ -151,8 +152,9 @@ class PartShape(OneLineRepr, FrozenStruct):
 class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
     """A part or frame of the linked assembly.
 
-    `properties` and `mass` [kg] are in its own frame, and `source` is the source of the mass. `shape` is None without geometry; `mounts`
-    are those of its part; `place` is its pose at q = 0. It is attached to `parent` (None: it is the base) by `joint` (None: rigidly).
+    `properties` and `mass` [kg] are in its own frame, and `source` is the source of the mass. `shape` is None without geometry, `mounts`
+    are the mounts of its part, and `place` is its pose at q = 0. It is attached to `parent` (None for the base) by `joint` (None for a
+    rigid mate).
     """
 
     path: str
@@ -193,7 +195,7 @@ class Row(OneLineRepr, FrozenStruct):
 
 
 class TestOutcome(OneLineRepr, FrozenStruct):
-    """The result of a test in one mode and pose (`where`); measured values by name [SI]."""
+    """The result of a test in one mode and pose (`where`), with measured values [SI] keyed by name."""
 
     test: str
     where: str

@@ -1,4 +1,4 @@
-"""Find the source location and text of values in documents, to distinguish changes by the user from their consequences."""
+"""Find the source locations and text of values in documents, to distinguish the user's changes from their consequences."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class DocumentTrees:
         return tuple(nodes.values())
 
     def words_at(self, span: Span | None) -> str | None:
-        """Return the text at a source location, None if it spans several lines."""
+        """Return the text at a source location, or None if it spans several lines."""
         lines = self._lines.get(span.file) if span is not None else None
         if lines is None or span is None or span.line != span.end_line or span.line > len(lines):
             return None
@@ -71,9 +71,9 @@ class DocumentTrees:
         return {} if node is None else {"value": _node_text(node)}
 
     def fact(self, value: Value, section: Section, keys: Sequence[str], *, scope: str = "", otherwise: Span | None = None) -> Fact:
-        """Create a fact for a value under some keys of a section; without such keys its location is `otherwise`.
+        """Create a fact for a value under some keys of a section. If the keys are missing, its location is `otherwise`.
 
-        For the key `rpy`, an orientation that the document gives as `quat` is found, too; `words` is then its text.
+        The key `rpy` also finds an orientation given as `quat`, and `words` is then its text.
         """
         for node in section:
             place = _at(node, keys)

@@ -30,7 +30,7 @@ class SurfaceDistances:
     def farthest(self, old: str, new: str) -> float | None:
         """Return the largest distance [m] of a vertex of either mesh (SHA-256 of OBJ files) from the surface of the other.
 
-        This is the Hausdorff distance if it is attained at a vertex. None if a mesh is missing or both are too fine.
+        This is the Hausdorff distance if it is attained at a vertex. The result is None if a mesh is missing or both meshes are too fine.
         """
         pair = (min(old, new), max(old, new))
         if pair not in self._known:
@@ -63,7 +63,7 @@ def _from_surface(points: Array, triangles: Array) -> float:
 def _squared(points: Array, triangles: Array) -> Array:
     """Return the squared distance [m^2] of each point `(n, 3)` from the nearest triangle `(m, 3, 3)`.
 
-    It is the distance to the plane if the point projects into the triangle, else to the nearest edge.
+    This is the distance to the plane if the point projects into the triangle, else the distance to the nearest edge.
     """
     import numpy as np
 
