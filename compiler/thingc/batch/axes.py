@@ -24,9 +24,9 @@ MOST_TRIED = 20
 
 
 class Axis(FrozenStruct):
-    """An axis of the variants: a parameter (`key` is its name) or, with `choice`, a choice at the path `key`.
+    """An axis of the variants: the parameter named `key` or, with `choice`, the part selected at the path `key`.
 
-    It has `values`, or a `range` to draw from (`whole`: integers only, including the ends).
+    It has `values`, or a `range` to sample from (with `whole`, only integers, including both ends).
     """
 
     key: str
@@ -48,8 +48,8 @@ class Axis(FrozenStruct):
 class AxisParser:
     """Reads the values of one `variants/1` document.
 
-    `parameters` are those of the assembly; `fits(path, text, at)` returns whether a text is valid at one of the `paths`, and reports if
-    not.
+    `parameters` are the parameters of the assembly. `fits(path, text, at)` returns whether a text is valid at one of the `paths`, and
+    reports an invalid text.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class AxisParser:
         self.tried: dict[str, int] = {}
 
     def value(self, name: str, raw: Any, path: Path) -> ExpressionValue | None:
-        """Check a value of a parameter or at a path; None, reported, if it is invalid."""
+        """Check a value of a parameter or at a path. Report an invalid value and return None."""
         if isinstance(raw, Expression):
             self._error(
                 Code.VARIANT_VALUE, "a variant must have values; write expressions in the assembly", path,
@@ -86,7 +86,7 @@ class AxisParser:
         return value
 
     def _by_path(self, name: str, value: ExpressionValue, path: Path) -> ExpressionValue | None:
-        """Check a value at a path. The first `MOST_TRIED` are tried in the assembly; the others must be of the same kind."""
+        """Check a value at a path. The first `MOST_TRIED` values are tried in the assembly, and others must be of the same kind."""
         tried = self.tried[name] = self.tried.get(name, 0) + 1
         if tried <= MOST_TRIED and not self.fits(name, self._written(path) or text_of(value), path):
             self.tried[name] = MOST_TRIED if tried == 1 else tried
@@ -101,7 +101,7 @@ class AxisParser:
         return sound
 
     def axis(self, name: str, raw: Any) -> Axis | None:
-        """Return the axis of a parameter: a list, a range in steps, or a single value; None if no value is valid."""
+        """Return the axis of a parameter (a list, a range with steps, or a single value), or None if no value is valid."""
         path: Path = ("parameters", name)
         if isinstance(raw, list):
             if not raw:
@@ -153,7 +153,7 @@ class AxisParser:
         return tuple(written if written is not None else spaced_si(first, last, count))
 
     def range(self, name: str, raw: list[Any]) -> Axis | None:
-        """Return the axis of a parameter that is drawn from a range; None, reported, if it is invalid."""
+        """Return the axis of a parameter sampled from a range. Report an invalid range and return None."""
         path: Path = ("sample", "ranges", name)
         low, high = (self.value(name, one, (*path, index)) for index, one in enumerate(raw))
         if low is None or high is None:
@@ -176,7 +176,7 @@ class AxisParser:
         return Axis(key=name, range=(low, high), whole=whole)
 
     def count(self, raw: Any, path: Path, *, least: int, most: int = MOST_VALUES) -> int | None:
-        """Check an integer; None, reported, if it is out of bounds."""
+        """Check an integer. If it is out of bounds, report it and return None."""
         if isinstance(raw, Expression):
             self._error(Code.VARIANT_VALUE, f"`{path[-1]}` must be a number, not an expression", path, help="write the number")
             return None
@@ -192,7 +192,7 @@ class AxisParser:
         return node.text if isinstance(node, ScalarNode) else ""
 
     def _key(self, path: Path) -> Path:
-        """Return the path of a parameter, from the path of one of its values."""
+        """Return the path of a parameter, given the path of one of its values."""
         while path and (isinstance(path[-1], int) or path[-1] in ("from", "to")):
             path = path[:-1]
         return path

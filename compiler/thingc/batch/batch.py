@@ -97,7 +97,7 @@ def run(
         layout: `folders` or `packed`, instead of that of the document (default: `packed` for more than 2000 variants).
 
     Raises `PlanError` for a document with errors, `BatchFault` if the batch cannot begin or continue, and `Interrupted` after SIGINT or
-    SIGTERM; then `resume` continues it.
+    SIGTERM. Use `resume` to continue an interrupted batch.
     """
     check(jobs, limit, timeout, verify, pictures, layout)
     if retry and not resume:
@@ -137,7 +137,7 @@ class _Stopped(Exception):
 
 
 class _Batch:
-    """One run of a batch. It uses one thread, apart from those of the engine."""
+    """One run of a batch. It uses a single thread, besides those of the engine."""
 
     def __init__(
         self, plan: Plan, folder: str, asked: RunOptions, transfer: WorkspaceArchive | None, on_progress: OnProgress | None,
@@ -198,8 +198,8 @@ class _Batch:
     def _remember(self, *, retry: bool) -> None:
         """Read the results of an earlier run.
 
-        A variant recorded as built whose files are missing is not done; nor, with `retry`, is one that failed for other reasons than its
-        documents.
+        A variant recorded as built is not done if its files are missing. With `retry`, a failed variant is not done if its documents were
+        not the reason.
         """
         for index, status, there in outcomes(self.folder, chance=_by_chance if retry else None):
             if index < self.count:
@@ -209,7 +209,7 @@ class _Batch:
     # --- the run --------------------------------------------------------------------------------------------------
 
     def run(self, executor: Executor | None, journal: Journal | PackedWriter) -> Summary:
-        """Build all variants that are left. Raises `BatchFault` and `Interrupted`."""
+        """Build all remaining variants. Raises `BatchFault` and `Interrupted`."""
         own = LocalExecutor(min(self.asked.jobs, max(1, self.count))) if executor is None else None
         engine: Executor = own if own is not None else executor  # type: ignore[assignment]
         cluster = executor if isinstance(executor, Cluster) else None
@@ -262,7 +262,7 @@ class _Batch:
         return wanted
 
     def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[RemoteExecutor | None]:
-        """Return the executor that copies files, for a cluster without access to them; None without `ship`."""
+        """Return the executor that copies files to and from a cluster, or None without `ship`."""
         if self.transfer is None or not isinstance(cluster, FileTransferExecutor):
             return contextlib.nullcontext()
         return RemoteExecutor(cluster, self.transfer, self.folder, store_of(self.asked.options))
@@ -320,7 +320,7 @@ class _Batch:
         return engine.ahead if isinstance(engine, Cluster) else 2 * self.asked.jobs
 
     def _size(self, engine: Executor) -> int:
-        """Return the number of variants for the next chunk: as many as fit its target duration, but few enough to keep all runners busy."""
+        """Return the size of the next chunk: as many variants as fit its target duration, but few enough to keep all runners busy."""
         first, seconds, most = 1, CHUNK_SECONDS, CHUNK_MOST
         if isinstance(engine, Cluster):
             first, seconds, most = engine.first, engine.chunk_seconds, engine.chunk_most
@@ -403,7 +403,7 @@ class _Batch:
         return sealed_path(variant.index) if self.layout == PACKED else f"{folder_layout.VARIANTS}/{variant.id}"
 
     def _drain(self, journal: Journal | PackedWriter) -> None:
-        """Record the variants that were finished until the runners ended."""
+        """Record the variants that were finished before the runners ended."""
         with contextlib.suppress(BatchFault, OSError):
             while True:
                 try:
@@ -448,12 +448,12 @@ class _Batch:
 
 
 def _by_chance(line: Line) -> bool:
-    """Return whether another attempt may give another result."""
+    """Return whether another attempt may give a different result."""
     return bool(line["status"] == "failed" or line["status"] == "refused" and line["code"] in CHANCE)
 
 
 def _answers(engine: Executor) -> None:
-    """Raise `BatchFault` if an engine will not answer any more."""
+    """Raise `BatchFault` if an engine has stopped answering."""
     fault = engine.fault() if isinstance(engine, Cluster) else None
     if fault is not None:
         raise fault

@@ -1,4 +1,4 @@
-"""Read the results of a batch in plan order, in either layout: the lines of its variants, and their files."""
+"""Read the results of a batch in plan order, in either layout: the journal lines of its variants, and their files."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ File = tuple[Any, ...]
 
 
 def in_order(folder: str) -> Iterator[Line]:
-    """Yield the lines of all finished variants by index, one at a time."""
+    """Yield the journal lines of all finished variants in index order, one at a time."""
     for chunk in _chunks(folder):
         yield from map(chunk.line, chunk.indices)
 
 
 def spread(folder: str, most: int) -> tuple[int, Iterator[Line]]:
-    """Return the number of lines, and an iterator over at most `most` of them, evenly spread."""
+    """Return the number of journal lines, and an iterator over at most `most` evenly spaced lines."""
     records = BuildRecords(folder)
     count = len(records.done)
     places = range(count) if count <= most else (k * count // most for k in range(most))
@@ -44,7 +44,7 @@ def spread(folder: str, most: int) -> tuple[int, Iterator[Line]]:
 def outcomes(folder: str, chance: Callable[[Line], bool] | None = None) -> Iterator[tuple[int, str, bool]]:
     """Yield the index in the plan of each finished variant, its status, and whether it is final.
 
-    A built variant whose files are missing is not final, and neither is another one if `chance` of its line is true.
+    The result is not final for a built variant with missing files, or for any other variant if `chance(line)` is true.
     """
     for chunk in _chunks(folder):
         for index, id, _, status in chunk.heads():
@@ -58,7 +58,7 @@ def lengths_in(folder: str) -> list[str]:
 
 
 def losses(folder: str) -> tuple[int, Counter[str]]:
-    """Return the number of variants with losses, and the total number of losses by kind."""
+    """Return the number of variants with losses, and the total number of losses of each kind."""
     counts: Counter[str | None] = Counter()
     for chunk in _chunks(folder):
         counts += chunk.losses()
@@ -82,8 +82,11 @@ def _is_there(folder: str, id: str) -> bool:
 
 
 class BuildRecords:
-    """Finished variants of the batch in a folder, by their index in the plan. `done` are all finished variants, ascending; `built` those
-    that were built and whose files exist. Uses a few bytes for each variant, and caches the chunk that was read last."""
+    """Finished variants of the batch in a folder, identified by their index in the plan.
+
+    `done` are all finished variants in ascending order, and `built` are the built ones whose files exist. This class uses a few bytes per
+    variant, and caches the last chunk that was read.
+    """
 
     def __init__(self, folder: str) -> None:
         self.folder = folder
@@ -104,7 +107,7 @@ class BuildRecords:
             return chunk.line(index)
 
     def find(self, key: str) -> int | None:
-        """Return the index of the variant with this id or name; None if there is none."""
+        """Return the index of the variant with this id or name, or None if there is none."""
         if _ID.fullmatch(key):
             with contextlib.suppress(ValueError):
                 return self.done[self._ids.index(int(key, 16))]
@@ -125,7 +128,7 @@ class _InFolder:
     """The files of the folder of a variant.
 
     `read` returns a file by its path in the build folder, and raises `FileNotFoundError`. `models` are the sorted file names in `mjcf/`.
-    `meshes` are the identity and the path on disk of each mesh, by name.
+    `meshes` maps the name of each mesh to its identity and its path on disk.
     """
 
     def __init__(self, folder: str) -> None:
@@ -141,7 +144,7 @@ class _InFolder:
     def meshes(self) -> dict[str, tuple[File, str]]:
         """Return identity and path of each mesh.
 
-        Hard links to one mesh are one file; times are compared, since inode numbers are reused.
+        Hard links to one mesh count as the same file. Modification times are compared, too, because inode numbers are reused.
         """
         place = os.path.join(self.folder, MESHES)
         if not os.path.isdir(place):
@@ -185,7 +188,7 @@ VariantFiles = _InFolder | _InChunk
 
 
 def unpack(folder: str, index: int) -> str:
-    """Write the folder `variants/<id>/` of a built variant of a packed batch, with hard links to meshes; return its path.
+    """Write the folder `variants/<id>/` of a built variant of a packed batch, with hard links to meshes, and return its path.
 
     Raises `OSError`.
     """

@@ -1,7 +1,7 @@
 """Dry run of a batch: count and check variants without building parts or writing files.
 
-Rules on parameters are evaluated for every variant. The documents (values, limits, poses and parts) are resolved as in a build, with
-unknown geometry; of many variants, only for a random sample.
+Rules on parameters are evaluated for every variant. The documents (values, limits, poses and parts) are resolved as in a build, but without
+geometry. For many variants, only a random sample is resolved.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ MOST = 1000
 class DryRun:
     """The result of a dry run of `count` variants.
 
-    `failing` counts those that violate rules on parameters, by rule. `looked_at` variants that satisfy them were resolved:
-    `unsound` counts those with errors, by code, and `examples` has the first variant and error of each code. They use `parts` distinct
-    parts, of which `known` are in the store. `first` are the first variants.
+    `failing` counts the variants that violate each rule on parameters. `looked_at` is the number of resolved variants, which satisfy these
+    rules. Of these, `unsound` counts variants with errors per code, and `examples` has the first variant and error of each code. They use
+    `parts` distinct parts, of which `known` are in the store. `first` are the first variants.
     """
 
     count: int = 0
@@ -46,12 +46,12 @@ class DryRun:
 
     @property
     def left(self) -> int:
-        """Number of variants that satisfy the rules on parameters."""
+        """The number of variants that satisfy the rules on parameters."""
         return self.count - sum(self.failing.values())
 
 
 def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
-    """Check all variants (or the first `limit`) without geometry; if there are more than `MOST`, resolve only a sample."""
+    """Check all variants (or the first `limit`) without geometry. If there are more than `MOST`, only resolve a sample."""
     foreseen = DryRun()
     parts: dict[str, PartDefinition] = {}
     count = plan.count if limit is None else min(limit, plan.count)

@@ -33,7 +33,7 @@ class Cancelled(Exception):
 
 
 class RunnersBroken(Exception):
-    """No runner starts; `detail` is the output of the last one."""
+    """No runner can be started. `detail` is the output of the last attempt."""
 
     def __init__(self, message: str, detail: str) -> None:
         super().__init__(message)
@@ -112,7 +112,7 @@ class Runners:
             self._busy.discard(runner)
 
     def cancel(self) -> None:
-        """End all runners at once; calls waiting for an answer raise `Cancelled`."""
+        """End all runners at once. Calls that wait for an answer raise `Cancelled`."""
         with self._lock:
             self._closed = True
             busy = [*self._busy, *self._idle]
@@ -138,10 +138,10 @@ RUNNERS = Runners()
 
 
 def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow | None = None, runners: Runners | None = None) -> list[Row]:
-    """Build the variants of a chunk; return a row for each, in order, and pass it to `on_row` as soon as it is there.
+    """Build the variants of a chunk, and return their rows in order. Each row is passed to `on_row` as soon as it is available.
 
     `job` is `Job.encode()`, `timeout` [s] the time limit for one variant. If a runner dies or hangs, its current variant is recorded as
-    failed, and a new runner continues. A row with status `stopped` is the last one: files cannot be written.
+    failed, and a new runner continues. A row with status `stopped` is the last one, and means that files cannot be written.
     """
     pool = runners if runners is not None else RUNNERS
     rows: list[Row] = []

@@ -38,7 +38,7 @@ MANY = 2000
 
 
 class BatchFault(Exception):
-    """A batch cannot begin or continue; `diagnostic` is the reason. Built variants stay."""
+    """A batch cannot begin or continue. `diagnostic` is the reason. Built variants are kept."""
 
     def __init__(self, code: Code, message: str, help: str | None = None, detail: str | None = None) -> None:
         super().__init__(f"{message}: {help}" if help else message)
@@ -72,7 +72,7 @@ def locked(folder: str) -> Iterator[None]:
 
 
 def read_batch(folder: str) -> dict[str, Any] | None:
-    """Read `batch.json`; None if there is none of thingc."""
+    """Read `batch.json`, or return None if thingc has not written one."""
     try:
         with open(os.path.join(folder, folder_layout.BATCH), encoding="utf-8") as stream:
             described = json.load(stream)
@@ -90,7 +90,7 @@ def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
 
 
 def whole(folder: str, described: Mapping[str, Any]) -> None:
-    """Raise `MissingChunk` if a file of a packed batch is missing; `described` is the content of `batch.json`."""
+    """Raise `MissingChunk` if a file of a packed batch is missing. `described` is the content of `batch.json`."""
     if described["layout"] == PACKED:
         complete(folder, described.get("asked", 0) if described["finished"] else 0)
 
@@ -107,7 +107,7 @@ def _write(path: str, text: str) -> None:
 
 
 def remember(folder: str, *names: str) -> None:
-    """Store the states of files that users open and may save, so that the next batch can detect edits."""
+    """Store the states of files that users may edit, so that the next batch can detect edits."""
     _note(folder, {name: state_of(os.path.join(folder, name)) for name in names})
 
 
@@ -122,7 +122,7 @@ def _note(folder: str, states: Mapping[str, str | None]) -> None:
 
 
 def _noted(folder: str) -> dict[str, str]:
-    """Return the stored states of files, empty if they are missing or damaged."""
+    """Return the stored states of files, or nothing if they are missing or damaged."""
     try:
         with open(os.path.join(folder, folder_layout.SHOWN), encoding="utf-8") as stream:
             states = json.load(stream)
@@ -138,14 +138,14 @@ def unchanged(folder: str, *names: str) -> bool:
 
 
 def _edited(folder: str) -> list[str]:
-    """Return the files that the user has edited, without deleted and empty ones."""
+    """Return the files edited by the user, except deleted and empty files."""
     known = _noted(folder)
     mine = (folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE)
     return [name for name in mine if name in known and state_of(os.path.join(folder, name)) not in (known[name], None, NOTHING)]
 
 
 def begin(folder: str, document: str, assembly: str) -> None:
-    """Prepare the folder for a new batch of `document`. A finished batch of this document is set aside, to be deleted by `cleared`.
+    """Prepare the folder for a new batch of `document`. A finished batch of this document is moved aside, and `cleared` deletes it.
 
     Raises `BatchFault` if the folder contains anything else.
     """
@@ -185,7 +185,7 @@ def lay_out(folder: str, layout: str) -> None:
 
 
 def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
-    """Set a finished batch aside. If this is interrupted, the batch counts as unfinished and can be resumed."""
+    """Move a finished batch aside. If this is interrupted, the batch counts as unfinished and can be resumed."""
     write_batch(folder, {**{key: value for key, value in before.items() if key != "thingc"}, "finished": False})
     for name in (folder_layout.JOURNAL, folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE):
         with contextlib.suppress(FileNotFoundError):

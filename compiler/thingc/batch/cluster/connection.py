@@ -3,8 +3,8 @@
     tcp://host:8786                          a dask scheduler (`dask_executor`)
     slurm  slurm:partition=cpu,cpus=8        jobs of SLURM (`slurm`)
 
-Workers build variants with the same runners as on this machine. They write into the folder of the batch, and must see it and the documents
-under the same paths; with dask, the workspace can be sent to them instead (`remote_workers`).
+Workers build variants with the same runners as on this machine. They write into the folder of the batch. This folder and the documents must
+have the same paths on all machines. With dask, the workspace can be sent to the workers instead (see `remote_workers`).
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ HELP = "write `tcp://HOST:8786` for a Dask scheduler, or `slurm:partition=NAME,c
 def connect(address: str, *, jobs: int = 0, folder: str) -> Cluster:
     """Return the executor for an address.
 
-    `jobs` is the number of chunks at once (0: default of the cluster); `folder` is for files of the executor, and must be on a shared file
-    system. Raises `BatchFault` for an invalid address, or if the cluster does not answer.
+    `jobs` is the number of chunks to run at once (0 for the default of the cluster). `folder` is for files of the executor, and must be on
+    a shared file system. Raises `BatchFault` for an invalid address, or if the cluster does not answer.
     """
     if re.fullmatch(r"slurm(:.*)?", address):
         from thingc.batch.cluster.slurm import SlurmCluster, settings_of

@@ -73,7 +73,7 @@ class DaskCluster(FileTransferExecutor):
         return future
 
     def check(self, files: Mapping[str, str]) -> None:
-        """Check every connected worker. Workers that die meanwhile are ignored. Raises `BatchFault`."""
+        """Check every connected worker. Workers that die during the check are ignored. Raises `BatchFault`."""
         mine = dict(versions())
         try:
             answers: dict[str, Any] = self._client.run(seen, list(files), on_error="return")
@@ -130,7 +130,7 @@ class DaskCluster(FileTransferExecutor):
         return None
 
     def ship(self, name: str, transfer: WorkspaceArchive) -> None:
-        """Send a workspace to all workers, including later ones. Shipments of dead drivers are removed first."""
+        """Send a workspace to all workers, including those that connect later. Shipments of dead drivers are removed first."""
         from thingc.batch.cluster.dask_plugin import UnpackedWorkspace
 
         for left in self._left_behind():
@@ -149,7 +149,7 @@ class DaskCluster(FileTransferExecutor):
         self._unregister(self._plugin(name))
 
     def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:
-        """Run a call on a worker, in addition to what its threads do. Raises `WorkerLost`."""
+        """Run a call on a worker, even if its threads are busy. Raises `WorkerLost`."""
         try:
             if worker in self._client.nthreads([worker]):  # otherwise, the call fails only after half a minute
                 answer: T = self._client.run(fn, *arguments, workers=[worker])[worker]
@@ -181,7 +181,7 @@ class DaskCluster(FileTransferExecutor):
         return []
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Disconnect; the scheduler and its workers stay."""
+        """Disconnect. The scheduler and its workers keep running."""
         try:
             self._client.close(5.0)
         except Exception:  # the scheduler may be gone

@@ -26,8 +26,8 @@ class WorkerLost(Exception):
 class Cluster(Executor):
     """An executor on other machines.
 
-    Up to `ahead` chunks run at once. The first ones have `first` variants; later ones take about `chunk_seconds` [s] of one runner and have
-    at most `chunk_most` variants.
+    Up to `ahead` chunks run at once. The first chunks have `first` variants. Later chunks take about `chunk_seconds` [s] of one runner and
+    have at most `chunk_most` variants.
     """
 
     ahead = 1
@@ -43,7 +43,7 @@ class Cluster(Executor):
 
     @abstractmethod
     def fault(self) -> BatchFault | None:
-        """Return the error that prevents further answers, None if there is none."""
+        """Return the error that prevents further answers, or None."""
 
 
 class FileTransferExecutor(Cluster):

@@ -1,4 +1,4 @@
-"""Workers without a shared folder: the workspace is sent once to each, and built variants are fetched.
+"""Workers without a shared folder: the workspace is sent to each worker once, and built variants are fetched.
 
 `RemoteExecutor` wraps a cluster, and looks to the batch like an executor that writes variants into its folder. On a worker,
 `evaluate_there` builds them with the same runners, from the unpacked workspace into a folder of the worker, and returns the list of files.
@@ -71,7 +71,7 @@ _REFUSED: dict[str, str] = {}
 
 
 def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> None:
-    """Unpack a workspace below `folder`, the worker's own; it appears complete or not at all. Raises `OSError` and `ValueError`."""
+    """Unpack a workspace atomically below `folder`, the folder of the worker. Raises `OSError` and `ValueError`."""
     place = os.path.join(os.path.realpath(folder), name)
     fresh = f"{place}.new"
     try:
@@ -87,7 +87,7 @@ def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> N
 
 
 def leave(name: str) -> None:
-    """Remove a shipment. Builds in progress fail; their results are not needed."""
+    """Remove a shipment. Builds in progress fail, but their results are not needed."""
     place = _PLACES.pop(name, None)
     _REFUSED.pop(name, None)
     if place is None:
@@ -117,12 +117,12 @@ class BuiltFile(FrozenStruct):
 
     @property
     def there(self) -> str:
-        """Its path in `out/`."""
+        """The path of the file in `out/`."""
         return f"{folder_layout.ASSETS}/{self.sha256}" if self.shared else f"{folder_layout.VARIANTS}/{self.id}/{self.path}"
 
 
 class Answer(FrozenStruct):
-    """The results of a chunk: a row for each variant, and the files of built variants by id, which are in `place`."""
+    """The results of a chunk: a row for each variant, and a mapping of ids to the files of built variants in `place`."""
 
     place: WorkerFolder
     rows: list[Row]
@@ -147,7 +147,7 @@ def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float
 
 @lru_cache(maxsize=4)
 def _settled(job: str, place: WorkerFolder) -> str:
-    """Return the job with paths of the worker, and the store of the worker unless the batch has one."""
+    """Return the job with the worker's paths, and with the worker's store unless the batch has a store."""
     decoded = Job.decode(job)
     work = os.path.join(place.folder, WORK)
     cwd = os.path.join(work, decoded.cwd) if decoded.cwd is not None else ""
@@ -160,7 +160,7 @@ def _settled(job: str, place: WorkerFolder) -> str:
 
 
 def _listed(place: WorkerFolder, row: Row) -> list[BuiltFile]:
-    """Return the files of a built variant; for a packed one, without those in its row."""
+    """Return the files of a built variant. For a packed variant, files in its row are omitted."""
     folder = folder_layout.variant_folder(os.path.join(place.folder, OUT), row["id"])
     assets = os.path.join(place.folder, OUT, folder_layout.ASSETS)
     try:
@@ -199,10 +199,10 @@ def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[byt
 
 
 class RemoteExecutor(Cluster):
-    """A cluster whose workers share no folder with this machine. A context manager; the cluster stays open.
+    """A cluster whose workers share no folder with this machine. As a context manager, it does not close the cluster.
 
-    `folder` is that of the batch, `store` the driver's, `name` that of the shipment. `submit` accepts only `evaluate`; its future is done
-    when the variants are written. Entering raises `BatchFault` if a worker cannot unpack the workspace.
+    `folder` is the folder of the batch, `store` is the store of the driver, and `name` is the name of the shipment. `submit` only accepts
+    `evaluate`, and its future is done when the variants are written. Entering raises `BatchFault` if a worker cannot unpack the workspace.
     """
 
     chunk_seconds = CHUNK_SECONDS
@@ -225,7 +225,7 @@ class RemoteExecutor(Cluster):
 
     @property
     def ahead(self) -> int:  # type: ignore[override]
-        """That of the cluster."""
+        """The maximum number of chunks at once, as in the cluster."""
         return self.cluster.ahead
 
     def check(self, files: Mapping[str, str]) -> None:
@@ -256,7 +256,7 @@ class RemoteExecutor(Cluster):
         self.cluster.unship(self.name)
 
     def _packed(self, text: str) -> str:
-        """Return the job with paths relative to the workspace. A store in a folder of this machine is left out."""
+        """Return the job with paths relative to the workspace. A store in a folder of this machine is omitted."""
         job = Job.decode(text)
         root, here = os.path.realpath(self.transfer.root), os.path.realpath(os.getcwd())
         inside = os.path.join(here, "").startswith(os.path.join(root, ""))
@@ -281,7 +281,7 @@ class RemoteExecutor(Cluster):
                 outer.set_exception(fault)
 
     def _taken(self, answer: Answer) -> list[Row]:
-        """Write the built variants; return the rows as a local runner would. Raises `WorkerLost`."""
+        """Write the built variants, and return the rows as a local runner would. Raises `WorkerLost`."""
         blobs = _Blobs(self, answer)
         rows: list[Row] = []
         for given in answer.rows:
@@ -303,7 +303,7 @@ class RemoteExecutor(Cluster):
         return rows
 
     def _keep(self, row: Row, blobs: _Blobs) -> None:
-        """Write a variant; for a packed batch, only its shared files. Raises as `write_variant` does."""
+        """Write a variant, or only its shared files for a packed batch. Raises the same errors as `write_variant`."""
         files = blobs.files(row["id"])
         if SHARED not in row:
             write_variant(self.folder, row["id"], files, blobs)
@@ -363,7 +363,7 @@ class _Blobs:
         return self._asked([BuiltFile(id="", path="", size=0, sha256=sha256, shared=True)], ())[0]
 
     def _next_is(self, id: str) -> bool:
-        """Return whether the next file is one of this variant; fetch it if necessary."""
+        """Return whether the next file belongs to this variant, and fetch it if necessary."""
         assert self._waiting is not None
         if not self._ahead and self._waiting and self._waiting[0].id == id:
             group = [self._waiting.popleft()]
@@ -375,7 +375,7 @@ class _Blobs:
         return bool(self._ahead) and self._ahead[0][0].id == id
 
     def _wanted(self) -> Iterator[BuiltFile]:
-        """Yield the files to fetch: own files of variants, and shared ones that are not available here."""
+        """Yield the files to fetch: files of single variants, and shared files that are not available here."""
         known: set[str] = set()
         for row in self.answer.rows:
             for one in self.answer.files.get(row["id"], ()):

@@ -1,4 +1,4 @@
-"""SLURM as the engine of a batch, through submitit. Each chunk is a job, large enough to be worth its time in the queue.
+"""SLURM as the engine of a batch, through submitit. Each chunk is a job that is large enough to be worth the queueing time.
 
 `slurm:partition=cpu,cpus=8,time=2 h`. With `cluster=local`, the jobs are processes of this machine, which needs no SLURM.
 """
@@ -37,8 +37,8 @@ POLL = 0.5
 class SlurmSettings(FrozenStruct):
     """The settings after `slurm:`.
 
-    `cpus` is the number of cores of a job, which builds as many variants at once; `minutes` is its time limit; `cluster` is submitit's name
-    of the engine (`slurm` or `local`); `more` are further parameters of submitit.
+    `cpus` is the number of cores of a job and of the variants that it builds at once. `minutes` is its time limit. `cluster` is submitit's
+    name of the engine (`slurm` or `local`), and `more` are further parameters of submitit.
     """
 
     cpus: int = 1
@@ -106,7 +106,7 @@ def spread(width: int, job: str, tasks: Sequence[Variant], timeout: float) -> di
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """Redirect standard error of processes started meanwhile to nowhere.
+    """Discard the standard error of processes started in this context.
 
     submitit starts processes for local jobs, which print a traceback when they are cancelled or interrupted.
     """
@@ -122,7 +122,7 @@ def _silent() -> Iterator[None]:
 
 
 class SlurmCluster(Cluster):
-    """Jobs of SLURM, at most `jobs` in the queue at once (0: `JOBS`). `folder` is for submitit, on a shared file system.
+    """SLURM jobs, with at most `jobs` in the queue (0 means `JOBS`). `folder` is for submitit, and must be on a shared file system.
 
     Raises `BatchFault` if there is no SLURM.
     """
@@ -176,10 +176,10 @@ class SlurmCluster(Cluster):
         return future
 
     def check(self, files: Mapping[str, str]) -> None:
-        """Do nothing: workers exist only while a job runs. A job that does not see the files reports it."""
+        """Do nothing, because workers exist only while a job runs. A job without access to the files reports it."""
 
     def fault(self) -> BatchFault | None:
-        """Return the error of the last submission, None if there was none."""
+        """Return the error of the last submission, or None."""
         return self._fault
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:

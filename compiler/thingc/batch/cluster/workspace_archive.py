@@ -1,11 +1,11 @@
-"""A workspace as an archive, for machines that do not see its folder. The same files give the same bytes.
+"""A workspace as an archive, for machines without access to its folder. The same files give the same bytes.
 
 The files that part code opens are not known in advance, so the archive contains the whole folder of the workspace, except
 - hidden files and folders, `__pycache__`, `node_modules`, `*.pyc`, and virtual environments;
 - the build folder of the workspace, and the folder of any batch.
 
-Part folders, documents and part code of the plan are always included. Links stay links; a link out of the workspace is an error, since its
-target may differ on another machine.
+Part folders, documents and part code of the plan are always included. Links are packed as links. A link out of the workspace is an error,
+because its target may differ on another machine.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ MODIFIED = 946_684_800
 class WorkspaceArchive(FrozenStruct):
     """A packed workspace.
 
-    `root` is its absolute path here; `data` is a tar archive compressed with zlib, `sha256` (hex) that of the uncompressed archive; `names`
-    is the number of entries.
+    `root` is its absolute path on this machine. `data` is a tar archive compressed with zlib, `sha256` (hex) is the hash of the
+    uncompressed archive, and `names` is the number of entries.
     """
 
     root: str
@@ -89,7 +89,7 @@ def pack(plan: Plan, batch: str) -> WorkspaceArchive:
 
 
 class _Search:
-    """Collects the files to pack. `without` are absolute paths of folders to leave out."""
+    """Collect the files to pack. `without` are absolute paths of folders to omit."""
 
     def __init__(self, workspace: Workspace, without: tuple[str, ...]) -> None:
         self.workspace = workspace
@@ -99,7 +99,7 @@ class _Search:
         self.found: set[str] = set()
 
     def names(self, plan: Plan) -> set[str]:
-        """Return paths in the workspace, with `/`."""
+        """Return the paths of the files in the workspace, with `/` as separator."""
         self._folder(self.root)
         for folder in self.workspace.parts:
             if folder != self.root:
@@ -189,7 +189,7 @@ def _put(archive: tarfile.TarFile, workspace: Workspace, name: str, sha256: str 
 
 
 def _link(archive: tarfile.TarFile, workspace: Workspace, name: str, target: str) -> None:
-    """Add a link as a relative one."""
+    """Add a link with a relative target."""
     place = os.path.realpath(os.path.dirname(os.path.join(workspace.root, name)))
     path = os.path.join(place, target)
     first = os.path.join(os.path.realpath(os.path.dirname(path)), os.path.basename(path))  # the first step of a chain of links

@@ -1,4 +1,4 @@
-"""Convert many settings to few models and arrays, for simulators that step many worlds of one model at once."""
+"""Convert many settings to a few models and arrays, for simulators that step many worlds of one model at once."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Batches(OneLineRepr, FrozenStruct):
 
 
 def batched(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[int], ModelSource] | None) -> Batches:
-    """Group the models of settings; the models may be lent.
+    """Group the models of settings. The models may be shared objects.
 
     Models in a group differ only in numbers that a simulation reads at every step (`thingc.batch.shared_model`). If `source` is given,
     which returns the source of the model at an index, they may also differ in meshes; then they must have the same elements, limits and
@@ -73,7 +73,7 @@ def batched(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[int], 
 
 
 class _Group:
-    """Models that differ in numbers only."""
+    """Models that differ only in numbers."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self.model = copy.copy(model)
@@ -127,7 +127,7 @@ def _stacked(groups: Sequence[_Group], model: mujoco.MjModel, more: Mapping[str,
 
 
 def _united(groups: Sequence[_Group], source: Callable[[int], ModelSource]) -> Batched | None:
-    """Combine groups with different meshes; None if this is impossible."""
+    """Combine groups with different meshes, or return None if this is impossible."""
     import numpy as np
 
     together = united([source(group.indices[0]) for group in groups], [group.model for group in groups])

@@ -27,7 +27,7 @@ Item = tuple[Mapping[str, Any], ParsedSettings]
 
 
 class Evaluation:
-    """Computes the results of one mode; pose, reach and rules are those of `plan`, if any. `verify` is as in `ModelsOfMode`."""
+    """Compute the results of one mode. Pose, reach and rules are those of `plan`, if there is one. `verify` is as in `ModelsOfMode`."""
 
     def __init__(self, session: Session, reader: SettingsReader, mode: str, plan: Plan | None, *, verify: int | None) -> None:
         self.session = session
@@ -58,7 +58,7 @@ class Evaluation:
             yield self._judged(settings, read, results, plan.made.problems)
 
     def _plan(self, read: ParsedSettings, form: PlanCache[_Shape]) -> NumericPlan[_Shape] | None:
-        """Return a plan that gives the same results as compilations; None, with the reason in `form`, if there is none."""
+        """Return a plan that gives the same results as compilations, or None with the reason in `form`."""
         first = self._measured(read)
         if not first[0]:
             return None
@@ -97,7 +97,7 @@ class Evaluation:
         return results, tuple(report.ordered())
 
     def _compiled(self, read: ParsedSettings) -> tuple[Results, Report, Compilation | None]:
-        """Compile settings; return the results (empty if refused), the report, and the compilation (None after errors)."""
+        """Compile settings, and return the results (empty if refused), the report, and the compilation (None after errors)."""
         if read.report is not None:
             return {}, read.report, None
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
@@ -135,7 +135,7 @@ class Evaluation:
         return Evaluated(settings=settings, results=results, problems=problems, broken=broken, tests=tests)
 
     def _broken(self, read: ParsedSettings, results: Results) -> tuple[str | None, tuple[Diagnostic, ...]]:
-        """Return the first violated rule (None: none), and the errors in rules."""
+        """Return the first violated rule (or None), and the errors in rules."""
         has_texts = any(name in self.reader.parameters for name, _ in read.texts)  # not only numbers: flags, texts or expressions
         given: Mapping[str, ExpressionValue] = self.reader.values(read) if has_texts else self.reader.quantities(read)
         undecided: list[Diagnostic] = []
@@ -147,7 +147,7 @@ class Evaluation:
 
 
 class _Shape(TracedResults):
-    """The results of one plan; `problems` are the diagnostics that all of them have."""
+    """The results of one plan. `problems` are the diagnostics common to all of them."""
 
     def __init__(self, results: Mapping[str, Any], problems: tuple[Diagnostic, ...]) -> None:
         super().__init__(results)

@@ -45,8 +45,8 @@ if TYPE_CHECKING:
 class ModeNames(tuple[str, ...]):
     """The names of the modes of a family.
 
-    A call with settings returns their `thingc.modes.Modes`, for switching between these modes (default: all) at run time; or `NoModel`,
-    which is false, if the settings are refused. Raises `UnknownChoice` for an unknown mode.
+    A call with settings returns their `thingc.modes.Modes`, for switching between these modes (default: all) at run time. It returns
+    `NoModel`, which is false, if the settings are refused. Raises `UnknownChoice` for an unknown mode.
     """
 
     of: Callable[[Mapping[str, Any] | Variant, Sequence[str]], Modes | NoModel]
@@ -57,11 +57,11 @@ class ModeNames(tuple[str, ...]):
 
 
 class RobotFamily:
-    """A document as a family of robots in memory. A context manager that ends the worker for parts on exit.
+    """A document as a family of robots in memory. As a context manager, it ends the worker for parts on exit.
 
     Settings are mappings from names of parameters, or paths in the document (`joints.elbow.limit.upper`, `components.bus_board.mass`,
-    `joints.*.dynamics.damping`), to numbers in SI units or texts as in documents; or a `Variant` of a plan. They are checked like those of
-    `thingc build -p`, and errors are part of the results. The documents are read once; later changes have no effect.
+    `joints.*.dynamics.damping`), to numbers in SI units or texts as in documents. A `Variant` of a plan is also accepted. They are checked
+    like those of `thingc build -p`, and errors are part of the results. The documents are read once; later changes have no effect.
 
     Most models and results are computed without a compilation. `verify` controls how often one of them is compared with a compilation: the
     first, then one in `verify` (0: never; None: the first, second, fourth, eighth ...).
@@ -134,7 +134,7 @@ class RobotFamily:
     @overload
     def evaluate(self, settings: Iterable[Mapping[str, Any] | Variant], *, tests: bool = False) -> list[Evaluated]: ...
     def evaluate(self, settings: Any, *, tests: bool = False) -> Evaluated | list[Evaluated]:
-        """Return the results of settings; for a list of settings, a list.
+        """Return the results of settings, or a list of results for a list of settings.
 
         The mode and the pose are those of the variants document, else the mode of the family in its pose. With `tests`, those of the
         assembly document are run, too. Errors in settings are not raised, but part of the results.
@@ -145,10 +145,10 @@ class RobotFamily:
     def model(
         self, settings: Mapping[str, Any] | Variant, *, mode: str | None = None, visual: bool = True, floor: bool = False,
     ) -> mujoco.MjModel | NoModel:
-        """Return the compiled model of settings in a mode, a new object; `NoModel`, which is false, if they are refused.
+        """Return a new compiled model of settings in a mode, or `NoModel`, which is false, if they are refused.
 
-        Without `visual`, visual geometry is left out; with `floor`, the model includes the floor of its scene. Raises `UnknownChoice` for
-        an unknown mode.
+        Without `visual`, visual geometry is omitted. With `floor`, the model includes the floor of its scene. Raises `UnknownChoice` for an
+        unknown mode.
         """
         return next(self._of(mode, visual, floor).each([self._read(settings)], share=False))
 
@@ -179,7 +179,7 @@ class RobotFamily:
     def write(
         self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str], *, emit: Sequence[str] | str = (),
     ) -> tuple[Diagnostic, ...]:
-        """Write the build of these settings into `folder`, with the same bytes as `thingc build`; return the diagnostics.
+        """Write the build of these settings into `folder`, with the same bytes as `thingc build`, and return the diagnostics.
 
         Nothing is written if there are errors. `emit` are the targets, or a text as for `--emit`; by default, those of the variants
         document, else those of a build. Files computed without a compilation (for targets other than `hag`, `glb` and `html`) are not
@@ -225,7 +225,7 @@ class RobotFamily:
         return Modes.parse(described) if isinstance(described, bytes) else NoModel(settings=given, problems=problems)
 
     def adopt(self, settings: Mapping[str, Any] | Variant) -> tuple[Diagnostic, ...]:
-        """Write settings into the assembly document, as `thingc set` does; return the diagnostics.
+        """Write settings into the assembly document, as `thingc set` does, and return the diagnostics.
 
         Comments and layout are preserved, and values are in the units of the document. Nothing is written if there are errors. This family
         is not changed. Raises `OSError` if the document cannot be read.
@@ -266,7 +266,7 @@ class RobotFamily:
         return iter(self._plan or ())
 
     def explain(self, name: str, value: Any = None, *, mode: str | None = None) -> Explanation | NoModel:
-        """Explain how a number enters the models of a mode, by parameter or path.
+        """Explain how a number, given by its parameter or path, enters the models of a mode.
 
         This sets it to `value` (None: the value in the document) and to numbers near it. Returns `NoModel` if it cannot be set to `value`.
         """
@@ -292,7 +292,7 @@ class RobotFamily:
         return settings if isinstance(settings, Mapping) else {}, self._reader.read(settings)
 
     def _stated(self, name: str) -> Any:
-        """Return the value in the document [SI], an empty text if there is none."""
+        """Return the value in the document [SI], or an empty text if there is none."""
         kind = self._reader.kind(name)
         return kind.value if isinstance(kind, Quantity) else "" if kind is None else kind
 
@@ -343,7 +343,7 @@ class RobotFamily:
         return {name: unit_in(node.text) for name, node in nodes.items() if isinstance(node, ScalarNode) and not node.text.startswith("=")}
 
     def _bound(self, name: str, key: str) -> float | None:
-        """Return a bound of a parameter [SI], None if there is none."""
+        """Return a bound of a parameter [SI], or None."""
         entry = self._spec.parameters[name]
         raw: Any = getattr(entry, key) if isinstance(entry, ParameterSpec) else None
         if isinstance(raw, Expression):
@@ -355,7 +355,7 @@ class RobotFamily:
 
 
 def _planned(path: str, options: Options) -> Plan | None:
-    """Return the plan of a variants document; None for other documents. Raises `CompileError`."""
+    """Return the plan of a variants document, or None for other documents. Raises `CompileError`."""
     from thingc.batch.variants_document import read_plan
     from thingc.documents.workspace import Workspace
 
@@ -378,12 +378,12 @@ def _of_variants(path: str, workspace: Any) -> bool:
 
 
 def is_single(settings: Any) -> bool:
-    """Return whether this is one set of settings (or an invalid value), not several."""
+    """Return whether this is a single set of settings (or an invalid value)."""
     return isinstance(settings, (Mapping, str, bytes)) or not isinstance(settings, Iterable)
 
 
 def as_many(settings: Any) -> Iterable[Any]:
-    """Return settings as an iterable of several."""
+    """Return settings as an iterable of sets of settings."""
     return [settings] if is_single(settings) else settings
 
 

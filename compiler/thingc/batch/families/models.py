@@ -59,7 +59,7 @@ class ModelsOfMode:
         self._kept: OrderedDict[tuple[ParsedSettings, bool], mujoco.MjModel] = OrderedDict()
 
     def each(self, many: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
-        """Yield the models, in order; shared ones are lent until the next."""
+        """Yield the models in order. A shared model is valid until the next one is requested."""
         waiting: list[tuple[Item, NumericPlan[Any], tuple[float, ...]]] = []
         for item in many:
             planned = None if self._is_kept(item[1], share) else self.forms.planned(item[1], self.plan)
@@ -85,7 +85,7 @@ class ModelsOfMode:
         return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
 
     def plan(self, read: ParsedSettings, form: PlanCache[Arrays | ModelTemplate]) -> NumericPlan[Arrays | ModelTemplate] | None:
-        """Return a plan that gives the same models as compilations; None, with the reason in `form`, if there is none."""
+        """Return a plan that gives the same models as compilations, or None with the reason in `form`."""
         first = self._compiled(read)
         if isinstance(first, tuple):  # refused settings, which do not show that others have no plan
             return None
@@ -128,7 +128,7 @@ class ModelsOfMode:
             slower = f"a plan by arrays gave a different `{wrong}`"
 
     def _compared(self, plan: NumericPlan[Arrays | ModelTemplate], samples: Sequence[ParsedSettings], first: mujoco.MjModel) -> str:
-        """Return the first field in which models of a plan differ from compiled ones, empty if there is none.
+        """Return the first field in which a plan's models differ from compiled models, or an empty text.
 
         `first` is the compiled model of the first sample.
         """
@@ -171,7 +171,7 @@ class ModelsOfMode:
     def _kept_spec(
         self, template: ModelTemplate, text: str, outputs: tuple[float, ...], meshes: Sequence[str], model: mujoco.MjModel,
     ) -> RecompiledSpec | None:
-        """Return a spec that gives the same `model` as the text; None if there is none."""
+        """Return a spec that gives the same `model` as the text, or None."""
         try:
             spec = RecompiledSpec(template, self._asked(text), meshes, self._files)
             return None if different_fields(spec.model(outputs, meshes, self._files), model) else spec
@@ -211,7 +211,7 @@ class ModelsOfMode:
             yield model if share or prepared is None else copy.copy(model)
 
     def _right(self, read: ParsedSettings, plan: NumericPlan[Any], model: mujoco.MjModel) -> bool:
-        """Return whether the model of a plan equals the compiled one; if not, stop using plans for its settings."""
+        """Return whether the model of a plan equals the compiled model. If not, stop using plans for its settings."""
         whole = self._compiled(read)
         wrong = ["refused"] if isinstance(whole, tuple) else different_fields(model, whole)
         if wrong:
@@ -240,7 +240,7 @@ class ModelsOfMode:
     # --- through every pass ---------------------------------------------------------------------------------------------
 
     def _compiled(self, read: ParsedSettings) -> mujoco.MjModel | tuple[Diagnostic, ...]:
-        """Compile settings; return the model, or the diagnostics if there is none."""
+        """Compile settings, and return the model, or the diagnostics if there is none."""
         if read.report is not None:
             return tuple(read.report.ordered())
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
@@ -258,7 +258,7 @@ class ModelsOfMode:
             return tuple(report.ordered())
 
     def problems(self, read: ParsedSettings) -> tuple[Diagnostic, ...]:
-        """Return why there is no model of settings; empty if there is one."""
+        """Return why settings have no model, or nothing if they have one."""
         outcome = self._compiled(read)
         return outcome if isinstance(outcome, tuple) else ()
 

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 class Evaluated(OneLineRepr, FrozenStruct):
     """The results of one set of settings.
 
-    `results` are those in the table of a batch, SI: `mass`, `centre.x`, `reach`, `length.elbow`, `torque_margin`; empty if the settings are
-    refused. `problems` are all diagnostics, including warnings. `broken` is the violated rule of the variants document (None: none).
-    `tests` are the results of the tests in the assembly document, if requested.
+    `results` are as in the table of a batch, in SI units: `mass`, `centre.x`, `reach`, `length.elbow`, `torque_margin`; empty if the
+    settings are refused. `problems` are all diagnostics, including warnings. `broken` is the violated rule of the variants document, if
+    any. `tests` are the results of the tests in the assembly document, if requested.
     """
 
     settings: Mapping[str, Any]
@@ -50,7 +50,7 @@ class Evaluated(OneLineRepr, FrozenStruct):
 
 
 class NoModel(OneLineRepr, FrozenStruct):
-    """Settings without a model; `problems` are all diagnostics. It is false, while models are true."""
+    """The result for settings without a model. It is false, while models are true. `problems` are all diagnostics."""
 
     settings: Mapping[str, Any]
     problems: tuple[Diagnostic, ...]

@@ -31,7 +31,7 @@ class SpaceDimension(OneLineRepr, FrozenStruct):
 
     @property
     def bounded(self) -> bool:
-        """Whether values can be drawn."""
+        """Whether values can be sampled."""
         return bool(self.choices) or (self.low is not None and self.high is not None)
 
 

@@ -34,7 +34,7 @@ def plain_name(name: str, kind: str) -> str:
 def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier: Mapping[str, str] | None = None) -> dict[str, str]:
     """Return a unique name for each of `names`, also unique if case is ignored, and not in `taken`.
 
-    Names of an `earlier` import stay. A name that is valid stays unchanged, whatever the others are.
+    Names of an `earlier` import are kept. A valid name is not changed by other names.
     """
     used, wanted = {one.lower() for one in taken}, list(dict.fromkeys(names))
     words: dict[str, str] = {}
@@ -59,8 +59,8 @@ def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier
 class DocumentNaming:
     """The names of all elements in the document, by their names in the source.
 
-    `links` are components, `frames` are links that become mounts; `order` is the tree from the root on; `shown` are the exported mounts.
-    `meshes` maps the meshes of shapes to files. Elements of an `earlier` import keep their names.
+    `links` are components, and `frames` are links that become mounts. `order` is the tree from the root on, and `shown` are the exported
+    mounts. `meshes` maps the meshes of shapes to files. Elements of an `earlier` import keep their names.
     """
 
     def __init__(self, robot: SourceRobot, meshes: Mapping[str, str], earlier: PreviousImport | None) -> None:
@@ -113,7 +113,7 @@ class DocumentNaming:
         self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
 
     def _points(self, taken: Collection[str]) -> dict[str, str]:
-        """Return names of components for the masses of links that have shapes but no inertia."""
+        """Return the component names for the masses of links with shapes but without inertia."""
         named: dict[str, str] = {}
         for link in self.robot.links:
             if link.weight is not None and not any(map(any, link.weight.properties.inertia)) and any(map(self.is_shown, link.shapes)):
@@ -124,7 +124,7 @@ class DocumentNaming:
     def _added(self, drives: list[str]) -> dict[tuple[str, str], str]:
         """Return the names of elements added to the MuJoCo model, by section and name.
 
-        Names of actuators avoid `drives`, which are taken.
+        Names of actuators must differ from `drives`.
         """
         added: dict[tuple[str, str], str] = {}
         for element in self.robot.added:
@@ -144,7 +144,7 @@ class DocumentNaming:
         return {name: mount for name, mount in mounts.items() if wanted[mount] == 1 and mount.lower() not in RESERVED}
 
     def _placed(self, places: Mapping[str, tuple[str, Pose]], kind: str, taken: Iterable[str]) -> dict[str, str]:
-        """Return the mount for each place in a link: an existing one of a site or link with the same pose, else a new one."""
+        """Return the mount for each place in a link: an existing mount of a site or link with the same pose, or a new one."""
         there = {
             name: next((word for word, at in self._shown_on(link) if same_place(at, pose)), None) for name, (link, pose) in places.items()
         }
@@ -161,7 +161,7 @@ class DocumentNaming:
         return not (one.joints or link.weight or link.shapes or one.child in self.below)
 
     def in_files(self) -> dict[str, dict[str, str]]:
-        """Return the section `names` of the document: names of the source that differ from the default name in files, by kind.
+        """Return the section `names` of the document: names of the source that differ from the default names in files, per kind.
 
         If two elements would have the same name in files, the first one gets it, links before sites.
         """
@@ -259,7 +259,7 @@ class DocumentNaming:
                 yield shape, alone.pop(0)
 
     def is_shown(self, shape: SourceShape) -> bool:
-        """Return whether the shape is not a mesh that is left out."""
+        """Return whether a shape is imported, which is false only for omitted meshes."""
         return shape.mesh is None or shape.mesh in self.meshes
 
 

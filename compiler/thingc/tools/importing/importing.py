@@ -34,7 +34,7 @@ _METRES = "check the unit: lengths are in metres"
 
 
 def refuse_endless(robot: SourceRobot, report: Report) -> None:
-    """Report sizes, distances and masses above the limits, and masses that are not finite: a product of finite numbers can overflow."""
+    """Report sizes, distances and masses above the limits, and masses that are not finite, because products can overflow."""
     for link in robot.links:
         far = {shape.where: shape for shape in link.shapes if shape.kind != "mesh" and not max(map(abs, shape.size)) <= FARTHEST}
         for where, shape in far.items():
@@ -88,8 +88,8 @@ def import_robot(
     """Import the file at `path`. Returns None after errors, which are reported.
 
     Each of the links `roots` gets a mode. `repair` selects the method for links with invalid inertias. `packages` maps names of packages to
-    folders, `arguments` are those of a xacro file, `mesh_roots` are further folders of meshes. Without `meshes`, all meshes are left out.
-    `earlier` returns the previous import of a robot by name: its names stay and, for an `update`, its options apply again.
+    folders, `arguments` are those of a xacro file, `mesh_roots` are further folders of meshes. Without `meshes`, all meshes are omitted.
+    `earlier` returns the previous import of the robot with a given name: its names are kept and, for an `update`, its options apply again.
     """
     data = _content(path, report)
     path = os.path.abspath(path)
@@ -134,7 +134,7 @@ def import_robot(
 
 
 def _content(path: str, report: Report) -> bytes | None:
-    """Return the content of a file; None if the suffix is not supported or it cannot be read."""
+    """Return the content of a file, or None if its suffix is not supported or it cannot be read."""
     if not path.lower().endswith(ENDINGS):
         known = ", ".join(f"`{one}`" for one in ENDINGS)
         what = "a folder, not a file" if os.path.isdir(path) else "not of a supported format"

@@ -1,4 +1,4 @@
-"""Check the inertias of an imported robot, and repair those that no solid has.
+"""Check the inertias of an imported robot, and repair those that no solid can have.
 
 Links without joints between them form one body, and its total inertia is checked. Invalid inertias are errors, or are repaired link by
 link: `nearest` takes the nearest inertia of a solid of that mass, `shapes` computes the inertia of the shapes of the link.
@@ -70,7 +70,7 @@ def repaired(
 
 
 def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
-    """Return the bodies by the name of the first link: the links of each, with their poses in the first one."""
+    """Return a mapping of the first link of each body to all links of the body, with their poses in the first link."""
     links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
     bodies: dict[str, list[tuple[SourceLink, Pose]]] = {robot.root: [(links[robot.root], NO_POSE)]}
     waiting = [(robot.root, robot.root, NO_POSE)]
@@ -93,7 +93,7 @@ def _between(robot: SourceRobot) -> set[str]:
 
 
 def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
-    """Return why a body cannot be simulated if it moves; None if it can."""
+    """Return why a moving body cannot be simulated, or None if it can."""
     whole = _whole(members)
     if whole.mass <= LEAST_MASS:
         return "it has no mass"
@@ -139,7 +139,7 @@ def _with(one: RepairedLink) -> SourceLink:
 
 
 def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> RepairedLink | None:
-    """Return the repaired link; None if it cannot be repaired with this method."""
+    """Return the repaired link, or None if it cannot be repaired with this method."""
     old = MassProperties(mass=0.0) if link.weight is None else link.weight.properties
     if how is None:
         return None

@@ -129,7 +129,7 @@ def gathered(
 
 
 def _copy_libraries(uri: str, shape: SourceShape, packages: Packages, files: dict[str, bytes], lost: Losses) -> None:
-    """Add the `.mtl` files of an OBJ mesh to `files`, with the names in the mesh. Those that cannot be added are noted in `lost`."""
+    """Add the `.mtl` files of an OBJ mesh to `files`, with the names in the mesh. Files that cannot be added are listed in `lost`."""
     for name in libraries(packages.find(uri)):
         path = f"{FOLDER}/{name}"
         try:

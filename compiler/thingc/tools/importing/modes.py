@@ -1,4 +1,4 @@
-"""Write the sections of a document about use: poses, modes, simulation, sensors, tendons and drives."""
+"""Write the sections `poses`, `modes`, `simulation`, `sensors` and `tendons`, and the drives of a document."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
 
 
 def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
-    """Return the values of a pose. Zeros are left out if the robot has no loops: a joint without a value may move to close a loop."""
+    """Return the values of a pose. Zeros are omitted if the robot has no loops: a joint without a value may move to close a loop."""
     kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
     said: dict[str, str] = {}
     for name, value in state.q.items():

@@ -1,4 +1,4 @@
-"""Find the files that a robot's file names: `package://NAME/...`, `model://NAME/...`, `file://...`, or a path relative to it."""
+"""Find the files referred to by a robot's file: `package://NAME/...`, `model://NAME/...`, `file://...`, or a relative path."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NAME_OF = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
 
 
 class NotFound(Exception):
-    """A file is missing or must not be read; with the text of the error and a help text."""
+    """A file is missing or must not be read. Contains the error message and a help text."""
 
     def __init__(self, message: str, help: str | None = None) -> None:
         super().__init__(message)
@@ -33,9 +33,9 @@ class NotFound(Exception):
 class Packages:
     """Finds files for the robot's file at `source`, an absolute path.
 
-    `given` maps names of packages to folders, which go before all others. A file that is not where it is named is looked for below `given`,
-    `roots` and `meshes` (a folder relative to that of the source) by the end of its path. With symbolic links resolved, every file must be
-    below the robot's own folder, a known package, or one of `given` and `roots`.
+    `given` maps package names to folders, which have precedence. A missing file is searched for by the end of its path, below `given`,
+    `roots` and `meshes` (a folder relative to that of the source). With symbolic links resolved, every file must be below the robot's own
+    folder, a known package, or one of `given` and `roots`.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Packages:
         raise fault if slashed == uri else NotFound(str(fault), f"write `/` between folders: `{slashed}`")
 
     def read(self, uri: str) -> tuple[str, bytes]:
-        """Return that path, and what is in the file. Raises `NotFound`, also for a file that cannot be read."""
+        """Return the absolute path and the content of a file. Raises `NotFound`, also for a file that cannot be read."""
         path = self.find(uri)
         try:
             return path, beginning(path, MOST_BYTES)
@@ -112,12 +112,12 @@ class Packages:
         return map(str, (folder, *folder.parents))
 
     def readable(self) -> list[str]:
-        """Return the folders that expressions in the file may read: its own, known packages, and packages beside it or its parents."""
+        """Return the folders readable by expressions in the file: its own, known packages, and packages next to it or its parents."""
         beside = (found for folder in self._above() for found in glob(os.path.join(escape(folder), "*", MANIFEST)))
         return [*self.allowed, *map(os.path.dirname, beside)]
 
     def _places(self, name: str) -> Iterator[str]:
-        """Yield the places where a package may be, best first."""
+        """Yield the possible locations of a package, best first."""
         if name in self.given:
             yield self.given[name]
             return

@@ -37,7 +37,7 @@ def _format_decimal(value: Decimal) -> str:
 def scaled(value: float, power: int, beside: float = 0.0) -> str:
     """Format a number times a power of ten, digit by digit: `scaled(0.0388353, 3)` is `38.8353`.
 
-    A number computed together with a larger one, `beside`, has the rounding error of that.
+    A number computed together with a larger number `beside` has the rounding error of the larger one.
     """
     return _format_decimal(_short(float(value), ROUNDED * math.ulp(max(abs(value), abs(beside)))).scaleb(power))
 

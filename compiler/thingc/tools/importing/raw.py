@@ -14,7 +14,7 @@ from thingc.tools.importing.source_model import Raw, SourceAdded, SourceJoint, S
 
 
 def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
-    """Return the attributes to set in the MuJoCo model, by path. Those that all collision shapes share are set in their class."""
+    """Return a mapping of paths to attributes of the MuJoCo model. Attributes common to all collision shapes are set in their class."""
     robot, by_path = words.robot, dict[tuple[str, ...], str]()
 
     def lay(kind: str, name: str, raw: Raw) -> None:
@@ -77,7 +77,7 @@ def order_of(words: DocumentNaming, kind: str) -> dict[str, str]:
 
 
 def _says(shape: SourceShape, attribute: str) -> bool:
-    """Return whether the model sets an attribute of a shape already, because of its friction."""
+    """Return whether the model already sets an attribute of a shape because of its friction."""
     return {"friction": 0, "priority": 0, "condim": 1}.get(attribute, 3) < len(shape.friction)
 
 

@@ -268,7 +268,7 @@ class _Sdf:
         return [f"{key}_{number}" for number in range(len(kinds))] if len(kinds) > 1 else [key]
 
     def _hangings(self, key: str, frame: NamedFrame) -> Iterator[source_model.Attachment]:
-        """Yield the attachments of the child of a joint to its parent, with massless links between several axes. Errors are reported."""
+        """Yield the attachments for a joint, from parent to child, with massless links between several axes. Errors are reported."""
         element, kind = frame.element, self.values.word(frame.element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
         if kind is not None and kind not in KINDS:
@@ -304,7 +304,7 @@ class _Sdf:
             child = above
 
     def _end(self, frame: NamedFrame, side: str) -> str | None:
-        """Return the link, or the world, to which one side of a joint is attached; None after an error."""
+        """Return the link or the world to which one side of a joint is attached, or None after an error."""
         name = self.values.word(frame.element, side)
         if name is None or name == WORLD:
             return WORLD if name == WORLD and side == "parent" else None

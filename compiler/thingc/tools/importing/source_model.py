@@ -236,7 +236,7 @@ class Attachment(SourceThing):
 
 
 class SourceLoop(SourceThing):
-    """A constraint between a point, a frame, or an axis (z) of two links, each given in its link.
+    """A constraint between points, frames or axes (z) of two links, each given in its link.
 
     `equality` is its name in MJCF, if any.
     """
@@ -248,7 +248,7 @@ class SourceLoop(SourceThing):
 
 
 class SourceAdhesion(SourceThing):
-    """An adhesion: it pulls a link onto what it touches, with at most `force` [N]."""
+    """An adhesion, which pulls a link onto the touched surface with at most `force` [N]."""
 
     link: str
     force: float
@@ -303,7 +303,7 @@ class SourcePose(SourceThing):
 
 
 class SourceLoss(FrozenStruct):
-    """A loss: `what` of the source the document does not contain, and `why`."""
+    """A loss. `what` describes the part of the source that the document does not contain, and `why` gives the reason."""
 
     what: str
     why: str

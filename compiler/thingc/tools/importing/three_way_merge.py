@@ -1,8 +1,8 @@
 """Merge two versions of a document that derive from a common one, key by key, preserving text, layout and comments of `ours`.
 
-`base` is what an import wrote, `new` what it would write now, `ours` is `base` as edited by the user. Changes only in the source are
-applied, changes of the user stay. If both changed a value differently, this is a conflict, and the value of the user stays. Mappings are
-merged recursively, and so are lists of equally many mappings; everything else is one value.
+`base` is what an import wrote, `new` what it would write now, `ours` is `base` as edited by the user. Changes made only in the source are
+applied, and changes by the user are kept. If both changed a value differently, this is a conflict, and the value of the user is kept.
+Mappings are merged recursively, and so are lists of equally many mappings; everything else is one value.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Text(FrozenStruct):
 
 
 class Conflict(FrozenStruct):
-    """A value that both have changed: that of the user, and that of the source, on one line each."""
+    """A value changed both by the user and in the source, with each version on one line."""
 
     path: Path
     ours: str

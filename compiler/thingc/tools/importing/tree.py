@@ -79,7 +79,8 @@ def warn_of_depth(robot: SourceRobot, report: Report) -> None:
 def spanned(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tuple[Attachment, ...]]:
     """Split joints, which may be reversed and form loops, into those of a spanning tree, reversed if necessary, and those that close loops.
 
-    Joints that fit neither are in the first group, for `root_of` to report."""
+    Joints that fit neither group are in the first one, so that `root_of` reports them.
+    """
     tree: list[Attachment] = []
     closing: list[Attachment] = []
     below: set[str] = set()

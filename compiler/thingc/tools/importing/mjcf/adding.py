@@ -37,7 +37,7 @@ class Added:
         self.elements: list[SourceAdded] = []
 
     def _target(self, kind: Kind, number: int) -> SourceTarget | None:
-        """Return a reference to the element of that number; None if it is not imported."""
+        """Return a reference to the element with this number, or None if it is not imported."""
         return SourceTarget(kind=kind, name=self.original.names[kind][number]) if number in self.kept[kind] else None
 
     def _add(
@@ -113,7 +113,7 @@ class Added:
         return self._add("contact", "pair", number, (*ends, ("condim", numbers([model.pair_dim[place]])), *values))
 
     def sensor(self, number: int) -> bool:
-        """Add a sensor as written, if every element that it names is imported. Returns whether it was added."""
+        """Add a sensor as written if all elements it refers to are imported. Returns whether it was added."""
         model, element, attributes = self.model, self.original.element("sensor", number), list[tuple[str, str | SourceTarget | None]]()
         for name, value in element.attributes.items():
             if name.rstrip("12") in REFERRING:

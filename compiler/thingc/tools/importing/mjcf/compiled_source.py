@@ -33,8 +33,8 @@ OF_LOOP = re.compile(r":(parent|child|held)(_1)?")
 class CompiledSource:
     """A model: `spec` as written, `model` as compiled. Elements are identified by their number in the model.
 
-    All elements have a name, generated if the source has none. `geoms_of` and `sites_of` are by body. `frames_of` are the sites that equal
-    the frame of their body. `second_names` maps the name of a site to the names of its duplicates.
+    All elements have a name, generated if the source has none. `geoms_of` and `sites_of` are keyed by body. `frames_of` are the sites that
+    equal the frame of their body. `second_names` maps the name of a site to the names of its duplicates.
     """
 
     def __init__(self, flat: FlattenedSource, spec: Any, model: Any) -> None:
@@ -71,7 +71,7 @@ class CompiledSource:
                 self.losses.note(f"the number `{one.name}`", "documents cannot store custom data", self.flat.place(one.info))
 
     def _leave_out_doubles(self) -> None:
-        """Leave out redundant sites: duplicates get the name of the original."""
+        """Omit redundant sites. Duplicates get the name of the original."""
         poses = {site: pose_of(self.model.site_pos[site], self.model.site_quat[site]) for site in self.sites}
         second, frames, closed = _doubles(self.model, self.sites, self.bodies, poses)
         for site, other in second.items():

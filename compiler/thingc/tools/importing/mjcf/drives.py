@@ -82,7 +82,7 @@ class Actuators:
         self.adhesions = tuple(adhesions)
 
     def _driving(self, number: int, what: SourceTarget, target: int, drives: dict[int, SourceDrive], length: _Length) -> str:
-        """Add an actuator to `drives` by the number of its target. If documents cannot express it, return why, else an empty text."""
+        """Add an actuator to `drives` under the number of its target. Return why documents cannot express it, or an empty text."""
         if target in drives:
             return f"`{what.name}` is already driven by `{drives[target].name}`, and a {what.kind} in a document has one drive"
         drive = self._drive(number, length)
@@ -99,7 +99,7 @@ class Actuators:
                 self.original.lose("actuator", number, f"`{name}` of {what}", "documents have no such property")
 
     def _drive(self, number: int, length: _Length) -> SourceDrive | None:
-        """Return the drive of an actuator; None if documents have no such kind."""
+        """Return the drive of an actuator, or None if documents have no such kind."""
         model = self.model
         gain, *gains = floats(model.actuator_gainprm[number])
         constant, position, velocity, *others = floats(model.actuator_biasprm[number])
@@ -140,7 +140,7 @@ class Actuators:
         self, number: int, gain: float, gear: float, control: tuple[float, float] | None, force: tuple[float, float] | None,
         length: _Length,
     ) -> SourceDrive:
-        """Return a motor; its gain is multiplied into its gear, since motors of documents have no gain. The control range is unchanged."""
+        """Return a motor. Its gain becomes part of its gear, because motors in documents have no gain. The control range is unchanged."""
         original, ends = self.original, force
         if gain != 1.0:
             ends = None if force is None else (force[0] / gain, force[1] / gain)

@@ -51,7 +51,7 @@ class Equalities:
         return differing(wanted, otherwise)
 
     def _follow(self, number: int) -> str:
-        """Add an equality of joints to `follows`; if documents cannot express it, return why, else an empty text."""
+        """Add an equality of joints to `follows`. Return why documents cannot express it, or an empty text."""
         model, original = self.model, self.original
         one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
         a, b, *higher = floats(model.eq_data[number][:5])
@@ -87,7 +87,7 @@ class Equalities:
         )
 
     def _ends(self, number: int) -> Iterator[tuple[str, Pose]]:
-        """Yield the imported links that an equality joins, each with the pose of the connection in it."""
+        """Yield the imported links joined by an equality, each with the pose of the connection in the link."""
         model, data = self.model, floats(self.model.eq_data[number])
         kind = int(model.eq_type[number])
         for index, thing in enumerate((int(model.eq_obj1id[number]), int(model.eq_obj2id[number]))):

@@ -1,7 +1,7 @@
 """Convert an MJCF file with all included files to one text, with one tag per line, so that MuJoCo's line numbers lead to the source.
 
 MuJoCo would open every file that the source names. Instead, included files and meshes are read here, with limits, and passed in memory.
-Elements that a document cannot have, and those that would need unlimited memory, are left out and listed.
+Elements that documents do not support, and elements that would need unlimited memory, are omitted and listed.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class FlattenedSource(FrozenStruct):
     losses: tuple[SourceLoss, ...]
 
     def element(self, said: str) -> SourceElement:
-        """Return the element in a line that MuJoCo names (`line 7`), the root if it names none."""
+        """Return the element in the line that a MuJoCo message names (`line 7`), or the root if it names none."""
         number = [int(one) for one in re.findall(r"line\s*=?\s*(\d{1,9})\b", said)]
         return self.lines[number[-1] - 1] if number and 1 <= number[-1] <= len(self.lines) else self.root
 
@@ -74,7 +74,7 @@ class FlattenedSource(FrozenStruct):
 
 
 class Flattening:
-    """Flattens a file. Without `meshes`, unreadable meshes are replaced by a small solid."""
+    """Flatten a file. Without `meshes`, unreadable meshes are replaced by a small solid."""
 
     def __init__(self, root: SourceElement, packages: Packages, report: Report, meshes: bool) -> None:
         self.root, self.packages, self.report, self.with_meshes = root, packages, report, meshes
@@ -104,7 +104,7 @@ class Flattening:
         )
 
     def _file(self, root: SourceElement) -> str:
-        """Return the text of a file, after adding those of the models that it attaches. No two texts have a line of the same number."""
+        """Return the text of a file, after adding the texts of attached models. Line numbers are unique across all texts."""
         self._include(root)
         sections = [*self._children(root)]
         for model in (one for section in sections if section.tag == "asset" for one in self._children(section) if one.tag == "model"):
@@ -218,7 +218,7 @@ class Flattening:
         self._line(f"</{element.tag}>", element)
 
     def _look_at_numbers(self, element: SourceElement) -> None:
-        """Report numbers that are not finite: MuJoCo accepts them and computes more of them."""
+        """Report numbers that are not finite, because MuJoCo accepts them and they propagate."""
         for name, value in element.attributes.items():
             wrong = next((word for word in value.split() if word.lower().lstrip("+-") in NOT_FINITE), None)
             if wrong is not None and name != "name" and value not in self.names:

@@ -132,7 +132,7 @@ class _Reader:
         )
 
     def _lose_layout(self, root: int, hangings: Sequence[Attachment], posed: bool, sensed: set[str], added: Added) -> None:
-        """Record losses about indices in the arrays of `MjData` and, without keyframes, about joints that start at another value."""
+        """Record losses for changed indices in the arrays of `MjData` and, without keyframes, for joints with another start value."""
         for joint in (joint for one in hangings for joint in one.joints if not posed and joint.follows is None):
             if joint.begin is not None and abs(joint.begin - joint.start) > _ALIKE:
                 what = f"the start position of joint `{joint.name}`, {joint.start:g}"
@@ -167,7 +167,7 @@ class _Reader:
     def _hangings(
         self, body: int, on: dict[int, tuple[int, Pose]], between: list[SourceLink], drives: Actuators, couplings: Equalities,
     ) -> Iterator[Attachment]:
-        """Yield the attachments of a body to its parent: one per joint, with massless links, added to `between`, between them."""
+        """Yield the attachments of a body to its parent, one per joint. The massless links between them are added to `between`."""
         original, (parent, pose) = self.original, on[self.parents[body]]
         name, above, place, where = original.bodies[body], original.bodies[parent], pose @ self._pose(body), original.where("body", body)
         *inner, last = self.joints[body] or [-1]
@@ -225,7 +225,7 @@ class _Reader:
         return geoms + sites
 
     def _carriers(self, kept: set[int], root: int) -> dict[int, tuple[int, Pose]]:
-        """Return for each body its link and its pose in it.
+        """Return the link of each body, and the pose of the body in the link.
 
         A fixed body without mass and shapes, all of whose children are such bodies, is a mount of its parent.
         """

@@ -43,7 +43,7 @@ class _Place(FrozenStruct):
 
 
 class _Sensing:
-    """Reads sensors. `kept` are the imported bodies, `driven` the targets of drives by the number of the actuator, `root` the root body."""
+    """Read sensors. `kept` are the imported bodies, `driven` maps actuator numbers to driven targets, and `root` is the root body."""
 
     def __init__(self, original: CompiledSource, kept: set[int], added: Added, driven: Mapping[int, SourceTarget], root: int) -> None:
         import mujoco
@@ -54,7 +54,7 @@ class _Sensing:
         self.kinds: dict[int, str] = {int(value): name.removeprefix("mjSENS_").lower() for name, value in types}
 
     def all(self) -> tuple[SourceSensor, ...]:
-        """Return the sensors that documents support; those at the same place are combined. Others, and duplicates, are added or losses."""
+        """Return the supported sensors, combining sensors at the same place. Other sensors and duplicates are added or losses."""
         read: list[tuple[int, _Place, ReadingName]] = []
         placed_before: set[tuple[_Place, ReadingName] | None] = {None}
         for number in range(self.model.nsensor):
@@ -139,7 +139,7 @@ def sensors(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], kept: set[int], added: Added, driven: Mapping[int, SourceTarget],
     root: int,
 ) -> tuple[SourceSensor, ...]:
-    """Return the sensors that documents support, and cameras; others are added, or losses.
+    """Return the sensors that documents support, and cameras. Other sensors are added or losses.
 
     `driven` are the targets of drives by the number of the actuator, `root` is the root body.
     """

@@ -45,7 +45,7 @@ class Geoms:
         return tuple(shapes)
 
     def _shapes(self, geom: int) -> list[SourceShape]:
-        """Return the visual shape and the collision shape of a geom, as far as it is visible and touches."""
+        """Return the visual shape of a geom if it is visible, and its collision shape if it can collide."""
         model, where = self.model, self.original.where("geom", geom)
         kind = KINDS.get(int(model.geom_type[geom]))
         if kind is None:
@@ -64,7 +64,7 @@ class Geoms:
         return [one for one, there in ((visual, drawn), (touching, touches)) if there]
 
     def _color(self, geom: int) -> tuple[float, float, float, float] | None:
-        """Return the colour of a geom, of its material if it has none; None for MuJoCo's default."""
+        """Return the colour of a geom or else of its material, or None for MuJoCo's default."""
         material = int(self.model.geom_matid[geom])
         r, g, b, a = floats(self.model.geom_rgba[geom])
         if (r, g, b, a) == GREY and material >= 0:
@@ -74,7 +74,8 @@ class Geoms:
     def _mesh(self, geom: int, centred: Pose) -> tuple[Vector, Pose, str]:
         """Return the scale, pose and URI of a mesh.
 
-        MuJoCo moves a mesh to its principal axes; in the source it is where its file has it, `scale R^T (v - p)` with the reference pose.
+        MuJoCo moves a mesh to its principal axes. In the source its vertices are as in its file, `scale R^T (v - p)` with the reference
+        pose.
         """
         written = self.original.written["geom"][geom]
         mesh = self.original.spec.mesh(written.meshname)
@@ -103,7 +104,7 @@ class Geoms:
         return file
 
     def _friction(self, geom: int) -> tuple[float, ...]:
-        """Return the friction of a geom as far as contacts use it; empty for MuJoCo's defaults."""
+        """Return the friction of a geom that contacts use, or nothing for MuJoCo's defaults."""
         slide, torsion, roll = floats(self.model.geom_friction[geom])
         dimensions = int(self.model.geom_condim[geom])
         said = (slide, torsion, roll) if dimensions == 6 else (slide, torsion) if dimensions == 4 else (slide,)

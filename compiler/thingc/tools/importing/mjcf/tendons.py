@@ -44,11 +44,11 @@ class Tendons:
                 self.of[number] = self._tendon(number, wraps)
 
     def driven(self, drives: Mapping[int, SourceDrive]) -> tuple[SourceTendon, ...]:
-        """Return all tendons, with these drives by number."""
+        """Return all tendons with these drives, which are keyed by number."""
         return tuple(replace(one, drive=drives.get(number)) for number, one in self.of.items())
 
     def _unsaid(self, wrap: int) -> str:
-        """Return why a document cannot express a step of a path; empty if it can."""
+        """Return why a document cannot express a step of a path, or an empty text if it can."""
         model = self.model
         kind, thing, side = (int(one[wrap]) for one in (model.wrap_type, model.wrap_objid, model.wrap_prm))
         gone = "it uses elements that are not imported"
