@@ -1,1 +1,1 @@
-"""Resolve documents: names, units, expressions, repeats and defaults become an `AssemblyDefinition`."""
+"""Resolve documents: evaluate names, units, expressions, repeats and defaults to create an `AssemblyDefinition`."""

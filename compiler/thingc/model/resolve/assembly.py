@@ -34,14 +34,14 @@ from thingc.model.resolve.tests import tests
 from thingc.model.resolve.types import AssemblyDefinition, Component, LinkName
 
 MAX_DEFINITIONS = 2000
-"""Maximum number of resolved documents: two uses of each of thirty nested documents with different parameters would make 2^30."""
+"""Maximum number of resolved documents. Thirty levels of documents that nest the next one twice would make 2^30."""
 
 
 def resolved(
     context: ResolveRun, relative: str, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression],
     choices: chosen.Choices = (), *, top: bool = False,
 ) -> DocumentScope:
-    """Return the scope of a document, with its `definition`. Equal parameters and choices of a document give the same scope.
+    """Return the scope of a document, including its `definition`. Calls with equal parameters and choices return the same scope.
 
     Modes are only resolved for the `top` document, because a parent does not use them.
     """
@@ -136,7 +136,7 @@ def _definition(
 
 
 def _check_names(scope: Scope, spec: AssemblySpec) -> None:
-    """Check the names of everything that is not in a `repeat`."""
+    """Check all names outside `repeat`."""
     for name in spec.parameters:
         if name in CONSTANTS or name in FUNCTIONS:
             scope.error(

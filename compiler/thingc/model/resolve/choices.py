@@ -1,8 +1,8 @@
-"""Choices of `--set`, such as `components.foot.part` and a text. (Values by path are put into the tree by `substituting`.)
+"""Choices of `--set`: texts for paths such as `components.foot.part`. (For other values, see `set_values`.)
 
-A choice names a component by its path (`components.leg.components.foot.part`), or the default of a document's
-components (`defaults.component.material`). It replaces the value in the document, and is part of the identity of
-every definition that contains it. Files and documents are relative to the document that is compiled.
+The path of a choice refers to a component (`components.leg.components.foot.part`), or to a default for components
+(`defaults.component.material`). A choice replaces the value in the document, and is part of the identity of every definition that contains
+it. Files and documents are relative to the compiled document.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from thingc.model.resolve.parts import missing_hint
 from thingc.model.resolve.repeats import Unrolled
 
 Choices = tuple[tuple[str, str], ...]
-"""Paths from one document down, and the chosen texts; sorted."""
+"""Sorted pairs of a path, relative to one document, and the chosen text."""
 
 
 def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choices:
-    """Return the choices with valid paths; the others are reported."""
+    """Return the choices with valid paths. Report the others."""
     sound: dict[str, str] = {}
     for path, text in choices.items():
         if parse(path) is None and not is_value(path):
@@ -58,7 +58,7 @@ def _written(context: ResolveRun, relative: str, spec: AssemblySpec, path: str, 
 
 
 def _place(context: ResolveRun, relative: str, text: str) -> str:
-    """Return the path in the workspace of a file that a document names `text`."""
+    """Return the path in the workspace of a file that a document refers to as `text`."""
     import posixpath
 
     return posixpath.normpath(posixpath.join(posixpath.dirname(relative), text))
@@ -67,7 +67,7 @@ def _place(context: ResolveRun, relative: str, text: str) -> str:
 def below(choices: Choices, *names: str) -> Choices:
     """Return the choices inside the nested document of a component, with paths relative to it.
 
-    `names` are the names of the component; later ones are more specific and take precedence.
+    `names` are the names of the component. Later names are more specific and take precedence.
     """
     inside = [(through, text) for path, text in choices if (through := nested(path)) is not None]
     by_path = {path: text for name in names for (component, path), text in inside if component == name}
@@ -75,7 +75,7 @@ def below(choices: Choices, *names: str) -> Choices:
 
 
 def values(choices: Choices) -> dict[str, str]:
-    """Return the values that are set by path in the document itself."""
+    """Return the values set by path in the document itself."""
     return {path: text for path, text in choices if parse(path) is None and nested(path) is None}
 
 
@@ -88,7 +88,7 @@ def own(choices: Choices, *names: str) -> dict[str, str]:
 
 
 def with_default_material(context: ResolveRun, table: DocumentScope) -> AssemblySpec:
-    """Return the spec of the document with the material that was chosen as the default of components."""
+    """Return the spec of the document with the chosen default material of components."""
     spec = table.spec
     text = dict(table.choices).get(DEFAULT_MATERIAL)
     if text is None or not _known_material(context, table, text, DEFAULT_MATERIAL):
@@ -114,7 +114,7 @@ def check_names(context: ResolveRun, table: DocumentScope, items: Sequence[Unrol
 
 
 def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSpec]) -> tuple[ComponentSpec, frozenset[str]]:
-    """Return the spec of a component with its choices applied, and the chosen keys; invalid choices are reported."""
+    """Return the spec of a component with its choices applied, and the chosen keys. Report invalid choices."""
     spec = item.spec
     if not table.choices:
         return spec, frozenset()
@@ -153,7 +153,7 @@ def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSp
 
 
 def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> bool:
-    """Return whether a chosen part is available; otherwise report it."""
+    """Return whether a chosen part is available. Report it if not."""
     schema = context.schemas.get(reference)
     if schema is not None and not isinstance(schema, PartFailure):
         return True
@@ -188,12 +188,12 @@ def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: 
 
 
 def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str]]:
-    """Return the documents (as named by the top document) and the parts that choices refer to, which must be loaded first."""
+    """Return the documents and parts selected by choices, which must be loaded first. Documents are named as in the top document."""
     return _choice_names(choices, "assembly"), _choice_names(choices, "part")
 
 
 def chosen_files(choices: Mapping[str, str], document: str) -> list[str]:
-    """Return the absolute paths of part files that choices refer to, relative to the top document."""
+    """Return the absolute paths of part files selected by choices. Choices are relative to the top document."""
     paths = [named(text, os.path.abspath(document)) for text in _choice_names(choices, "file")]
     return [path for path in paths if path is not None]
 

@@ -23,14 +23,14 @@ from thingc.model.resolve.shapes import of_link
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Material
 
 MAX_NESTING = 120
-"""Maximum depth of nested documents: slightly above the limit of `load`, which normally reports it."""
+"""Maximum depth of nested documents. Slightly above the limit of `load`, which reports the error first."""
 
 Nest = Callable[[ResolveRun, str, AssemblySpec, Mapping[str, ExpressionValue], choose.Choices], DocumentScope]
-"""Resolves a nested document with values of its parameters, and the choices inside it."""
+"""Resolves a nested document with the values of its parameters and the choices inside it."""
 
 
 def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[ComponentSpec]], nest: Nest) -> None:
-    """Fill `table.nodes` with definitions, as far as they are valid, and count the occurrences."""
+    """Fill `table.nodes` with the valid definitions and count the occurrences."""
     items = tuple(items)
     if table.choices:
         choose.check_names(context, table, items)
@@ -59,7 +59,7 @@ def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[Co
 
 
 def _in_doubt(table: DocumentScope, node: ComponentScope) -> bool:
-    """Return whether validation left out something of a component, or of the defaults of components."""
+    """Return whether validation omitted entries of a component, or of the defaults for components."""
     return bool(table.doubts) and (table.doubts.touch(node.path) or table.doubts.touch(("defaults", "component")))
 
 
@@ -87,7 +87,7 @@ def _define(context: ResolveRun, table: DocumentScope, node: ComponentScope, nes
 
 
 def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefinition, axis: str) -> AssemblyDefinition | None:
-    """Return the mirror image of a nested assembly; None if a component in it is mirrored along another axis (reported)."""
+    """Return the mirror image of a nested assembly. Report it and return None if a component in it is mirrored along another axis."""
     other = other_axis(definition, axis)
     if other is not None:
         name, its = other
@@ -105,7 +105,7 @@ def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefin
 
 
 def _nested(context: ResolveRun, table: DocumentScope, node: ComponentScope, text: str, nest: Nest) -> DocumentScope | None:
-    """Return the table of a nested document; None if it could not be read or contains itself (both reported by `load`)."""
+    """Return the table of a nested document. Return None if it could not be read or contains itself (both reported by `load`)."""
     scope, path = node.scope, (*node.path, "assembly")
     chosen = "assembly" in node.chosen
     document = context.documents.named(context.documents.root if chosen else scope.document, text)
@@ -131,7 +131,7 @@ def _nested(context: ResolveRun, table: DocumentScope, node: ComponentScope, tex
 
 
 def _given(context: ResolveRun, node: ComponentScope, relative: str, spec: AssemblySpec) -> dict[str, ExpressionValue]:
-    """Return the parameters that the component sets for its nested document; invalid ones are reported and left out."""
+    """Return the parameters set by the component for its nested document. Report and omit invalid parameters."""
     scope, path = node.scope, (*node.path, "parameters")
     values: dict[str, ExpressionValue] = {}
     for name, raw in node.spec.parameters.items():
@@ -149,7 +149,7 @@ def _given(context: ResolveRun, node: ComponentScope, relative: str, spec: Assem
 def components(
     context: ResolveRun, table: DocumentScope, placements: dict[str, Attach | At | None], *, unreadable: bool,
 ) -> tuple[Component, ...]:
-    """Return the components in document order. Invalid ones have no definition, so that later passes skip them."""
+    """Return the components in document order. Invalid components have no definition, and later passes skip them."""
     defaults = table.spec.defaults.component if table.spec.defaults is not None else None
     below: tuple[tuple[object, Path], ...] = ((defaults, ("defaults", "component")),) if defaults is not None else ()
     unused = DefaultLayers(below)  # type: ignore[arg-type]

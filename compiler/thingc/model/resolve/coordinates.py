@@ -12,9 +12,9 @@ from thingc.base.source import Origin
 
 
 class Limit(OneLineRepr, FrozenStruct):
-    """Limits of a joint: `lower`, `upper` [rad or m]; `effort` [N m or N] and `velocity` [rad/s or m/s], if specified.
+    """Limits of a joint: `lower` and `upper` [rad or m], `effort` [N m or N] and `velocity` [rad/s or m/s], if specified.
 
-    For a ball, `cone` is the largest rotation angle [rad] from q = 0, about any axis.
+    For a ball joint, `cone` is the largest rotation angle [rad] from q = 0 about any axis.
     """
 
     lower: float | None = None
@@ -32,7 +32,7 @@ class Limit(OneLineRepr, FrozenStruct):
 class Dynamics(OneLineRepr, FrozenStruct):
     """Dynamics of a joint in SI, if specified.
 
-    Viscous `damping`, dry `friction`, reflected inertia `armature`, `stiffness` of a spring, and its rest position `rest`.
+    These are viscous `damping`, dry `friction`, reflected inertia `armature`, and the `stiffness` and rest position `rest` of a spring.
     """
 
     damping: float | None = None
@@ -54,7 +54,8 @@ class Dynamics(OneLineRepr, FrozenStruct):
 class CoordinateName(str):
     """Name of a coordinate in documents: `hand.wrist[0]`, or `hand.yaw` for a joint with one coordinate.
 
-    `joint` is the joint's name, `number` the index of the coordinate (None if there is only one), `path` its name in files: `hand/wrist_0`.
+    `joint` is the joint's name, `number` the index of the coordinate (None if there is only one). `path` is its name in files:
+    `hand/wrist_0`.
     """
 
     joint: str
@@ -62,7 +63,7 @@ class CoordinateName(str):
     path: str
 
     def __new__(cls, text: str) -> CoordinateName:
-        """Parse a name as in a document; a suffix that is not a number in brackets is part of the joint's name."""
+        """Parse a name in a document. A suffix that is not a number in brackets is part of the joint's name."""
         name = super().__new__(cls, text)
         numbered = _NUMBERED.fullmatch(text)
         name.joint, name.number = (numbered[1], int(numbered[2])) if numbered is not None else (text, None)
@@ -86,7 +87,7 @@ _NUMBERED = re.compile(r"(.*)\[(\d+)\]")
 class Mimic(OneLineRepr, FrozenStruct):
     """The polynomial q = offset + multiplier * x + higher[0] * x^2 + higher[1] * x^3 ... with x = q(joint), in SI.
 
-    `joint` is the name of a coordinate in the same document. `name` is that of the equality in files, if specified.
+    `joint` is the name of a coordinate in the same document. `name` is the name of the equality in files, if specified.
     """
 
     joint: CoordinateName
@@ -98,7 +99,7 @@ class Mimic(OneLineRepr, FrozenStruct):
 
     @property
     def polynomial(self) -> tuple[float, ...]:
-        """Coefficients of the powers of q(joint), starting with the 0th."""
+        """Coefficients of the powers of q(joint) in ascending order, starting with the constant."""
         return (self.offset, self.multiplier, *self.higher)
 
     def tangent(self, x: float) -> tuple[float, float]:

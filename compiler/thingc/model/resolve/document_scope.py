@@ -1,5 +1,4 @@
-"""State of resolving a document: the definition, and the names of invalid elements, so that an error is
-reported once and not at every reference.
+"""State of resolving a document: the definition, and the names of invalid elements, to report an error once and not at every reference.
 """
 
 from __future__ import annotations
@@ -40,8 +39,8 @@ Answer = TypeVar("Answer")
 class ComponentScope:
     """A component while its document is resolved. `table` is that of the nested document, None for parts and frames.
 
-    `unsound`: something that later passes need is invalid; `unplaced`: only its placement is invalid; `doubtful`: validation left
-    something out; `chosen` are the keys whose values are choices (see `choices`).
+    `unsound` means that a value needed by later passes is invalid, `unplaced` that only the placement is invalid, and `doubtful` that
+    validation omitted entries. `chosen` are the keys with values from `choices`.
     """
 
     name: str
@@ -63,7 +62,7 @@ class ComponentScope:
 
     @property
     def bare(self) -> str | None:
-        """`frame` or `link` for components whose only mounts are those of the document; None for others."""
+        """`frame` or `link` for components with mounts from the document only; None for others."""
         return "frame" if self.frame else "link" if self.spec.link is not None else None
 
 
@@ -72,9 +71,9 @@ class DocumentScope:
     """One document with one set of parameters. In `exports`, `joints` and `poses`, None stands for invalid elements.
 
     `parameters` include the `choices` inside it (see `thingc.model.resolve.choices`). `unbuilt` and `unbuilt_joints` are the prefixes
-    (`leg_`) of repeats that could not be unrolled; `occurrences` is the number of its parts, links and frames; `base` is the name of the
-    base component; `loose` are valid references of elements that were left out because of another, invalid one; `images` are the mirror
-    images of its definition, by axis.
+    (`leg_`) of repeats that could not be unrolled. `occurrences` is the number of its parts, links and frames. `base` is the name of the
+    base component. `loose` contains the valid references of elements that were omitted because another reference is invalid. `images`
+    contains the mirror images of its definition, keyed by axis.
     """
 
     document: Document
@@ -100,7 +99,7 @@ class DocumentScope:
 
     @property
     def doubts(self) -> InvalidEntries:
-        """Entries of the document that validation left out."""
+        """Entries of the document that were omitted by validation."""
         return self.scope.doubts
 
     @property
@@ -109,11 +108,11 @@ class DocumentScope:
         return self.document.relative, self.parameters
 
     def inner(self) -> Iterator[DocumentScope]:
-        """Tables of nested documents, each as often as it is nested."""
+        """Tables of nested documents. A table is repeated if its document is nested several times."""
         return (node.table for _, node in self.all_nodes() if node.table is not None)
 
     def all_joints(self) -> Iterator[tuple[CoordinateName, Joint | None]]:
-        """Yield every joint with its dotted path, nested ones after this document's own; None for invalid ones."""
+        """Yield every joint with its dotted path; None for an invalid joint. Joints of nested documents come last."""
         yield from self.joints.items()
         for node in self.nodes.values():
             if node.table is not None:
@@ -121,7 +120,7 @@ class DocumentScope:
                     yield CoordinateName(f"{node.name}.{path}"), joint
 
     def all_nodes(self) -> Iterator[tuple[str, ComponentScope]]:
-        """Yield every component with its dotted path, parents before their content."""
+        """Yield every component with its dotted path, parents before children."""
         for node in self.nodes.values():
             yield node.name, node
             if node.table is not None:
@@ -129,14 +128,14 @@ class DocumentScope:
                     yield f"{node.name}.{path}", inner
 
     def unsure_joints(self) -> bool:
-        """Return whether joints may be missing because of errors: patterns without a match are then not reported."""
+        """Return whether joints may be missing because of errors. If so, patterns without a match are not reported."""
         return bool(self.unbuilt or self.unbuilt_joints) or any(
             node.unsound or node.unplaced or (node.table is not None and node.table.unsure_joints()) for node in self.nodes.values()
         )
 
 
 class DeclaredParameters(FrozenStruct):
-    """Parameters of a document with nothing set: their values (without invalid ones), and the names of invalid ones."""
+    """Parameters of a document with their own values: the valid values, and the names of invalid parameters."""
 
     values: Mapping[str, ExpressionValue]
     broken: frozenset[str]
@@ -144,11 +143,11 @@ class DeclaredParameters(FrozenStruct):
 
 @dataclass(slots=True, kw_only=True)
 class ResolveRun:
-    """One run of `resolve`: its inputs, and what has been resolved or reported.
+    """One run of `resolve`: its inputs, its results, and the reported errors.
 
-    `tables` is keyed by document and canonical parameters (equal definitions are one object); `nesting` contains the
-    documents being resolved, outermost first, `route` the components that nest them; `said` is shared by all scopes; `overfull`: too many
-    occurrences were reported; `digest` returns the SHA-256 of a file; `quantities` are those of the `Settings`.
+    `tables` is keyed by document and canonical parameters, so equal definitions are one object. `nesting` contains the documents being
+    resolved, outermost first, and `route` the components that nest them. `said` is shared by all scopes. `overfull` means that too many
+    occurrences have been reported. `digest` returns the SHA-256 of a file. `quantities` are from the `Settings`.
     """
 
     documents: Documents
@@ -195,19 +194,19 @@ class ResolveRun:
         return known
 
     def values(self, scope: Scope, place: str, model: object) -> tuple[ExpressionValue | None, ...]:
-        """Return the values of all names that expressions in a section of a document use."""
+        """Return the values of the names used by expressions in a section of a document."""
         names = self.memo(("names", scope.document.relative, place), names_in, model)
         return tuple(scope.names.get(name) for name in names)
 
     def there(self, table: DocumentScope) -> list[tuple[object, ...]]:
-        """Return the components of a document, as far as references depend on them."""
+        """Return the properties of components in a document that affect references."""
         return [
             (node.name, node.spec, node.unsound, node.unplaced, node.definition if node.table is not None else node.definition is None)
             for node in table.nodes.values()
         ]
 
     def around(self, table: DocumentScope) -> tuple[object, ...]:
-        """Return what a valid section of a document can refer to in others, without numbers."""
+        """Return the elements of other sections that a valid section can refer to, without numbers."""
         return (
             self.there(table),
             [
@@ -218,7 +217,7 @@ class ResolveRun:
         )
 
     def sound(self, place: Hashable, inputs: tuple[object, ...], make: Callable[[], Answer]) -> Answer:
-        """Return the result of `make`, or the cached one of the last run for equal inputs; cached only if nothing was reported."""
+        """Return the result of `make`, or the cached result of the last run for equal inputs. Results with diagnostics are not cached."""
         known: Answer | None = self.memo.last(place, inputs)
         if known is None:
             known = make()
@@ -227,7 +226,7 @@ class ResolveRun:
         return known
 
     def same(self, what: str, document: str, made: Iterable[Named]) -> tuple[Named, ...]:
-        """Return elements made from a document's text, each replaced by the equal object of the last run, if any.
+        """Return elements created from a document, each replaced by the equal object of the last run, if any.
 
         This lets later passes use their caches.
         """
@@ -236,8 +235,8 @@ class ResolveRun:
     def remember(self, top: DocumentScope) -> None:
         """Cache the nested documents of this run for the next one, if nothing was reported.
 
-        If all diagnostics are in the top document, they are cached for other texts of it. (Failed parts and suppressed warnings prevent
-        caching, because they are reported only once.)
+        If all diagnostics are in the top document, nested documents are cached for other versions of it. (Failed parts and suppressed
+        warnings prevent caching, because they are reported only once.)
         """
         tables = {table.key: table for table in top.inner()}
         said = [diagnostic.span for diagnostic in self.report.diagnostics]
@@ -249,7 +248,7 @@ class ResolveRun:
         self.memo.keep("resolve", (self.specs, self.schemas), (tables, self.declared, self.materials))
 
     def from_top(self, path: str) -> str:
-        """Convert a path in the current document to one from the top document."""
+        """Convert a path in the current document to a path from the top document."""
         return ".".join((*(f"components.{name}" for name in self.route), path))
 
     def say_of_option(self, path: str, message: str, help: str | None) -> None:
@@ -261,12 +260,12 @@ class ResolveRun:
         return Scope(document=document, report=self.report, names=names, broken=broken, said=self.said, doubts=self.doubts(document))
 
     def doubts(self, document: Document) -> InvalidEntries:
-        """Return the entries of a document that validation left out."""
+        """Return the entries of a document that were omitted by validation."""
         return self.specs.doubts.get(document.relative, NO_DOUBTS)
 
 
 def names_in(*models: object) -> tuple[str, ...]:
-    """Return the names that expressions anywhere in these models use, their only external inputs."""
+    """Return the names used by expressions in these models. They are the only external inputs of the models."""
     names: set[str] = set()
     waiting = list(models)
     while waiting:

@@ -36,7 +36,7 @@ NO_DYNAMICS = Dynamics()
 
 
 def _said(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) -> tuple[Any, Path] | None:
-    """Return the value of a key. Defaults of the document for rotations do not apply to translations, and vice versa."""
+    """Return the value of a key. Default values for rotations do not apply to translations, and vice versa."""
     said = layers.pick(key)
     if said is not None and said[1][0] == "defaults":
         return None if _of_others(scope, *said, key, coordinate) else said
@@ -53,7 +53,7 @@ def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimensi
 def _values(
     scope: Scope, name: str, coordinate: Dimension, section: str, layers: DefaultLayers, keys: tuple[str, ...],
 ) -> dict[str, float | None]:
-    """Return the values of keys that must be at least 0; None if not specified, or invalid (reported)."""
+    """Return the values of keys that must be at least 0. Missing values, and invalid values (reported), are None."""
     of = dimensions_of(coordinate)
     values: dict[str, float | None] = {}
     for key in keys:
@@ -63,10 +63,10 @@ def _values(
 
 
 def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: Places) -> bool:
-    """Fill `table.joints` (without mimics) and record in `places` what each joint places.
+    """Fill `table.joints` (without mimics), and record in `places` the component placed by each joint.
 
-    A joint with an invalid kind or reference is None there, and its child, if any, is unplaced.
-    Returns whether the child of some joint could not be read.
+    If the kind or a reference of a joint is invalid, the joint is None and its child, if any, is unplaced.
+    Return whether any joint's child could not be read.
     """
     defaults = table.spec.defaults.joint if table.spec.defaults is not None else None
     below = ((defaults, ("defaults", "joint")),) if defaults is not None else ()
@@ -104,7 +104,7 @@ def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: P
 
 
 def _named(table: DocumentScope, scope: Scope, text: str) -> str | None:
-    """Return the component that an invalid reference begins with, if it exists."""
+    """Return the component at the beginning of an invalid reference, if it exists."""
     first = text.split(".")[0]
     if scope.index is not None:
         first = first.replace("${" + scope.index[0] + "}", scope.index[1]).replace("$" + scope.index[0], scope.index[1])
@@ -114,7 +114,7 @@ def _named(table: DocumentScope, scope: Scope, text: str) -> str | None:
 def _coordinates(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, parent: Reference, child: Reference, layers: DefaultLayers,
 ) -> tuple[Joint, ...]:
-    """Return the joint; if it has several coordinates, one joint for each."""
+    """Return the joint, or one joint per coordinate if it has several."""
     scope, path, count = item.scope, item.path, len(kind.twists)
     lead = _lead(scope, item.spec, kind, item.name, path)
     axis = _axis(scope, item.spec, kind, item.name, path)
@@ -146,7 +146,7 @@ def _ball(
 ) -> tuple[Joint, ...]:
     """Return the coordinates of a ball.
 
-    Limit and dynamics belong to all of them; each of up to three drives has its own axis, and is stored with one of the coordinates.
+    Limit and dynamics apply to all coordinates. Each of up to three drives has its own axis and is stored with one of the coordinates.
     """
     scope, spec, path, name = item.scope, item.spec, item.path, item.name
     for key in ("limit", "dynamics"):
@@ -177,7 +177,7 @@ def _ball(
 
 
 def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int, Drive]:
-    """Return the drives of a ball by index; invalid ones are reported and left out."""
+    """Return the drives of a ball joint by index. Report and omit invalid drives."""
     scope, written, path, name = item.scope, item.spec.drive, (*item.path, "drive"), item.name
     if written is None:
         return {}
@@ -211,7 +211,7 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
 
 
 def _direction(scope: Scope, written: Sequence[Any], place: Path, what: str, code: Code) -> Vector | None:
-    """Return the unit vector along a written vector; None if it is invalid (reported; a zero vector with `code`)."""
+    """Return the unit vector along a vector in the document. Report an invalid vector (a zero vector with `code`) and return None."""
     axis = scope.vector(written, place, NUMBER, what)
     size = 0.0 if axis is None else hypot(*axis)
     if axis is None or size > 0.0:
@@ -224,7 +224,7 @@ def _resolve_joint(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[Reference, Reference],
     layers: DefaultLayers, number: int | None,
 ) -> Joint:
-    """Return a joint, or with `number` one of its coordinates."""
+    """Return a joint, or the coordinate `number` of the joint."""
     scope, spec, path, name = item.scope, item.spec, item.path, CoordinateName(item.name)
     if number is not None:
         name = name.numbered(number)
@@ -269,7 +269,7 @@ def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | 
 
 
 def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> Vector | None:
-    """Return the unit vector that replaces z; None if it is not specified, or invalid (reported)."""
+    """Return the unit vector that replaces z. Return None if it is not specified or invalid (reported)."""
     if spec.axis is None:
         return None
     place = (*path, "axis")
@@ -285,7 +285,7 @@ def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
 
 
 def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> float | None:
-    """Return the advance per turn [m]; None if the joint has none, or it is invalid (reported)."""
+    """Return the advance per turn [m]. Return None if the joint has none or if it is invalid (reported)."""
     if spec.lead is None:
         if kind.leads and not scope.doubts.touch(path):
             scope.error(
@@ -310,7 +310,7 @@ def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
 
 
 def _nodes(table: DocumentScope, layers: DefaultLayers, number: int | None) -> dict[str, Node]:
-    """Return the nodes of the joint, or of a coordinate, by dotted key, with those of the document's defaults where the joint has none."""
+    """Return the nodes of a joint or coordinate by dotted key. Missing ones are from the document's defaults."""
     nodes: dict[str, Node] = {}
     for _, base in reversed(layers.items):
         _collect(node_at(table.document.tree, base), "", nodes, number)
@@ -375,7 +375,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
 
 
 def _cone(scope: Scope, name: str, layers: DefaultLayers) -> Limit:
-    """Return the limit of a ball."""
+    """Return the limit of a ball joint."""
     own = [(key, said[1]) for key in ("lower", "upper", "effort", "velocity") if (said := layers.pick(key)) and said[1][0] == "joints"]
     if own:
         scope.error(
@@ -387,7 +387,7 @@ def _cone(scope: Scope, name: str, layers: DefaultLayers) -> Limit:
 
 
 def _type(scope: Scope, item: Unrolled[JointSpec], said: tuple[Any, Path]) -> list[Note]:
-    """Return the note that shows why a value of a joint must have this dimension."""
+    """Return a note that explains why a value of a joint must have this dimension."""
     return scope.beside(f"the type of `{item.name}` is set here", (*item.path, "type"), said[1])
 
 
@@ -440,7 +440,7 @@ def _drive(table: DocumentScope, scope: Scope, name: str, coordinate: Dimension,
 
 
 def _driving_part(table: DocumentScope, scope: Scope, name: str, text: str, path: Path) -> Reference | None:
-    """Return the reference to the part whose actuator drives the joint `name`; None if it is not a part (reported)."""
+    """Return the reference to the part with the actuator of joint `name`. Report it and return None if it is not a part."""
     component = references.component(table, scope, text, path)
     if component is None:
         return None

@@ -28,9 +28,9 @@ NAMED = 3
 class LinkShape(OneLineRepr):
     """A shape of a link, in its frame.
 
-    `drawn` and `touches` enable display and collision. `pose` is that of a mesh file; primitives have their own. `material`, `color`
-    (`#rrggbb`) and `friction` (sliding, torsional, rolling) are specified for the shape itself; None: those of the link and its material.
-    `name` is its name in files.
+    `drawn` and `touches` enable display and collision. `pose` is the pose of a mesh file; primitives contain their own. `material`, `color`
+    (`#rrggbb`) and `friction` (sliding, torsional, rolling) override the values of the link and its material, unless they are None. `name`
+    is its name in files.
     """
 
     solid: Primitive | MeshFile
@@ -50,7 +50,7 @@ class LinkShape(OneLineRepr):
 
     @property
     def said(self) -> tuple[object, ...]:
-        """All of its properties as plain values."""
+        """All properties of the shape as plain values."""
         solid, material = self.solid, self.material.name if self.material is not None else None
         pose = self.pose if isinstance(solid, MeshFile) else solid.pose
         shape = (solid.path, *solid.content) if isinstance(solid, MeshFile) else (solid.shape, solid.size)
@@ -58,7 +58,7 @@ class LinkShape(OneLineRepr):
                 *([self.name] if self.name else []))
 
     def mirrored(self, mirror: Mirror) -> LinkShape:
-        """Return its mirror image: primitives are equal to their image in a mirrored frame; mesh files are read mirrored."""
+        """Return the mirror image of the shape. A primitive equals its image in a mirrored frame. Mesh files are mirrored on reading."""
         if isinstance(self.solid, MeshFile):
             return dataclasses.replace(self, solid=replace(self.solid, scale=mirror.vector(self.solid.scale)), pose=mirror.frame(self.pose))
         return dataclasses.replace(self, solid=replace(self.solid, pose=mirror.frame(self.solid.pose)))
@@ -68,7 +68,7 @@ class LinkDefinition(OneLineRepr, FrozenStruct):
     """The shapes of a link; equal definitions are one node of the HAG.
 
     `text` is `link-` and 12 hex digits of the SHA-256 of the list (`link` if it is empty), `label` the display name. For a mirror image,
-    `mirror` is the axis of its frame, and `plain` the original.
+    `mirror` is the axis in its frame, and `plain` the original definition.
     """
 
     shapes: tuple[LinkShape, ...]
@@ -78,7 +78,7 @@ class LinkDefinition(OneLineRepr, FrozenStruct):
     plain: LinkDefinition | None = None
 
     def mirrored(self, axis: str) -> LinkDefinition:
-        """Return the mirror image at the plane normal to `axis` (`x | y | z`) of the link's frame."""
+        """Return the mirror image at the plane through the link's origin that is normal to `axis` (`x | y | z`)."""
         mirror = Mirror(axis)
         return replace(
             self, shapes=tuple(shape.mirrored(mirror) for shape in self.shapes), text=with_mirror(self.text, axis),

@@ -1,4 +1,4 @@
-"""The materials in scope of a document: of material documents, inline, and from the bd_materials library."""
+"""The materials in scope of a document: from material documents, from the document itself, and from the bd_materials library."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.types import Material, Process
 
 _STAND_IN = 1000.0
-"""Placeholder density [kg/m^3] of a material with an invalid one (reported), so that no later pass reports it as missing.
+"""Placeholder [kg/m^3] for an invalid density (reported), to prevent later passes from reporting it as missing.
 
-It is never built: the report has an error.
+It never affects build outputs, because of the reported error.
 """
 
 BRIDGE_FLOWS = (0.1, 2.0)
@@ -28,7 +28,7 @@ BRIDGE_FLOWS = (0.1, 2.0)
 
 
 def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str, Material | None]:
-    """Return every material by name; None for names that must not be reported (their document is invalid)."""
+    """Return all materials by name. The value is None for materials of invalid documents, which must not be reported as unknown."""
     if isinstance(spec.materials, Mapping):
         return _resolve_materials(scope, spec.materials)
     materials: dict[str, Material | None] = {}
@@ -52,7 +52,7 @@ def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str,
 
 
 def unreadable(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> bool:
-    """Return whether a material document of this one could not be read: unknown names are then not reported."""
+    """Return whether a material document could not be read. If so, unknown names are not reported."""
     if scope.doubts.lacks("materials"):
         return True
     if isinstance(spec.materials, Mapping):
@@ -65,7 +65,7 @@ def unreadable(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> bool:
 
 
 def of_document(context: ResolveRun, document: Document) -> dict[str, Material | None]:
-    """Return the materials of a `materials/1` document by name, computed once per run; empty if the document is invalid."""
+    """Return the materials of a `materials/1` document by name, cached for one run. Empty if the document is invalid."""
     materials = context.materials.get(document.relative)
     if materials is None:
         materials = context.materials[document.relative] = {}
@@ -77,7 +77,7 @@ def of_document(context: ResolveRun, document: Document) -> dict[str, Material |
 
 
 def _resolve_materials(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[str, Material | None]:
-    """Return the materials of one document; those that validation left out get a placeholder density."""
+    """Return the materials of one document. Materials omitted by validation get a placeholder density."""
     materials: dict[str, Material | None] = {name: material(scope, name, entry, ("materials", name)) for name, entry in specs.items()}
     for name in scope.doubts.names("materials"):
         materials.setdefault(name, Material(name=name, density=_STAND_IN, origin=scope.origin(("materials", name), key=True)))
@@ -85,7 +85,7 @@ def _resolve_materials(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[
 
 
 def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Material:
-    """Resolve one material, with values from the library; invalid values are reported and left out."""
+    """Resolve one material, including values from the library. Report and omit invalid values."""
     library = None if spec.base is None else _library(scope, spec.base, (*path, "base"))
     density, base_color = library or (None, None)
     wrong = scope.doubts.touch(path) or spec.base is not None and library is None
@@ -103,7 +103,7 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
 
 
 def friction(scope: Scope, spec: FrictionSpec | None, path: Path) -> tuple[float | None, float | None, float | None]:
-    """Return sliding, torsional and rolling friction; None if not specified, or invalid (reported)."""
+    """Return sliding, torsional and rolling friction. Missing values, and invalid values (reported), are None."""
     if spec is None:
         return None, None, None
     slide = scope.number(spec.slide, (*path, "slide"), NUMBER, "sliding friction", least=0.0)
@@ -115,7 +115,7 @@ def friction(scope: Scope, spec: FrictionSpec | None, path: Path) -> tuple[float
 
 
 def process(scope: Scope, layers: DefaultLayers) -> Process:
-    """Resolve a process, key by key from the layers; invalid keys are reported and left out."""
+    """Resolve each key of a process from the layers. Report and omit invalid keys."""
 
     origins: dict[str, Origin] = {}
 
@@ -163,7 +163,7 @@ _BASE = re.compile(r"bd_materials:(.*)")
 
 
 def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | None:
-    """Return density [kg/m^3] and colour of `bd_materials:NAME`; None if there is none (reported). Imports the library."""
+    """Return the density [kg/m^3] and colour of `bd_materials:NAME`. Report an unknown name and return None. Imports the library."""
     match = _BASE.fullmatch(text.strip())
     if match is None:
         scope.error(

@@ -1,14 +1,14 @@
 """The mirror image of a nested document: every part is mirrored, and every placement and motion is reflected.
 
-With S the reflection in the frame of each component, D that in the frame of each mount (see `thingc.base.pose`), the relative pose of
-components mated by mounts A and B becomes
+Let S be the reflection in the frame of each component, and D the reflection in the frame of each mount (see `thingc.base.pose`). The
+relative pose of components mated by mounts A and B becomes
 
     X'_PC = S X_PC S = (S X_PA D) (D Rz(turn) Tz(gap) X_J(q + offset) M D) inv(S X_CB D)
 
-and the middle is `Rz(pi - turn) Tz(gap) Rx(pi) X_J'(q + offset) Rx(pi) M`, with X_J' being X_J with negated slides. So turns are unchanged,
-about the axes of a frame that is upside down, and a joint at the same q is the mirror image. (Mounts that coincide are mated without M:
-then the middle is the same motion about -D axis, with slides along D axis.) Limits, poses, drives, mimics and loops are unchanged. A
-component `at` X in a frame is at `D X D`.
+and the middle is `Rz(pi - turn) Tz(gap) Rx(pi) X_J'(q + offset) Rx(pi) M`, where X_J' is X_J with negated slides. Rotations are therefore
+unchanged, about the axes of an inverted frame, and a joint with the same q is the mirror image. (Coincident mounts are mated without M. The
+middle is then the same motion about -D axis, with slides along D axis.) Limits, poses, drives, mimics and loops are unchanged. A component
+`at` X in a frame moves to `D X D`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ AT_MOUNT = Mirror("y")
 
 
 def mirrored(definition: AssemblyDefinition, axis: str) -> AssemblyDefinition:
-    """Return the mirror image of an assembly at the plane normal to `axis` of its frame; for a mirror image along this axis, the original.
+    """Return the mirror image of an assembly along `axis` of its frame. For a mirror image along this axis, return the original.
 
     Nothing in the assembly may be mirrored along another axis (see `other_axis`).
     """
@@ -35,7 +35,7 @@ def mirrored(definition: AssemblyDefinition, axis: str) -> AssemblyDefinition:
 
 
 def other_axis(definition: AssemblyDefinition, axis: str) -> tuple[str, str] | None:
-    """Return a component (its dotted path) that is mirrored along another axis, and that axis; None if there is none."""
+    """Return the dotted path and the axis of a component mirrored along another axis; None if there is none."""
     for component in definition.components:
         inner = component.definition
         if inner is None:
@@ -49,7 +49,7 @@ def other_axis(definition: AssemblyDefinition, axis: str) -> tuple[str, str] | N
 
 
 def _mirrored(definition: AssemblyDefinition, axis: str, met: dict[int, AssemblyDefinition]) -> AssemblyDefinition:
-    """Return the mirror image; `met` caches results, so that equal definitions are one object."""
+    """Return the mirror image. `met` caches results, so equal definitions remain one object."""
     if definition.plain is not None:
         return definition.plain
     if id(definition) not in met:
@@ -108,6 +108,6 @@ def _mirror_joint(joint: Joint) -> Joint:
 
 
 def _turned(axis: Vector) -> Vector:
-    """Return the axis about which the image of a mount turns by the same angle: `-D axis`."""
+    """Return `-D axis`, the rotation axis of a mount's image for the same angle."""
     x, y, z = AT_MOUNT.vector(axis)
     return (-x + 0.0, -y + 0.0, -z + 0.0)

@@ -28,7 +28,7 @@ from thingc.model.resolve.types import Cut, Hold, Mode, Reference, Standing
 
 
 def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Hold, ...]:
-    """Return the holds of a mode, key by key over the modes that it extends. Invalid ones are reported and left out."""
+    """Return the holds of a mode, merged per key with those of the modes that it extends. Report and omit invalid holds."""
     merged: dict[str, tuple[object, Path]] = {}
     for model, path in reversed(layers.items):
         for text, said in (getattr(model, "hold", None) or {}).items():
@@ -48,7 +48,7 @@ def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Ho
 
 
 def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut, ...]:
-    """Return the joints at which a mode should cut loops, in the order written; fixed joints only if they close a loop.
+    """Return the joints at which a mode should cut loops, in written order. A fixed joint must close a loop.
 
     Invalid ones are reported and left out.
     """
@@ -81,9 +81,9 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
 
 
 def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers, base: BaseType) -> Standing | None:
-    """Return the mounts under `standing_on`, each once, and their friction, if stated; None if there are none.
+    """Return the mounts in `standing_on` without duplicates, and their friction, if specified. Return None if there are none.
 
-    Invalid ones are reported.
+    Report invalid mounts.
     """
     said = layers.pick("standing_on")
     if said is None or said[0] == []:
@@ -109,7 +109,7 @@ def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayer
 
 
 def mounts_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) -> list[Reference]:
-    """Return the mounts that match a name or pattern: exported mounts of the document by name, else `components.mount`."""
+    """Return the mounts that match a pattern or a name, which is an exported mount of the document or `component.mount`."""
     if not GLOB.search(text):
         reference = references.shown_mount(table, scope, text, path)
         return [reference] if reference is not None else []
@@ -128,11 +128,11 @@ MAX_EXTENDED = 20
 MAX_EXCLUDED = 100_000
 
 GRAVITY: Mapping[StandsOn, Vector] = {"floor": (0.0, 0.0, -9.81), "wall": (-9.81, 0.0, 0.0), "ceiling": (0.0, 0.0, 9.81)}
-"""Gravity [m/s^2] in the world frame, by what the robot stands on, clings to or hangs from."""
+"""Gravity [m/s^2] in the world frame, keyed by the surface that supports the robot."""
 
 
 def modes(table: DocumentScope, scope: Scope) -> tuple[Mode, ...]:
-    """Return the modes of the document, or the default mode if it has none. Invalid ones are reported and left out."""
+    """Return the modes of the document, or the default mode if it has none. Report and omit invalid modes."""
     spec = table.spec
     if not spec.modes:
         if table.base is None or any(doubt[:1] == ("modes",) for doubt in scope.doubts.paths):
@@ -154,7 +154,7 @@ def modes(table: DocumentScope, scope: Scope) -> tuple[Mode, ...]:
 
 
 def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
-    """Return the modes that extend themselves; each cycle is reported once."""
+    """Return the modes that extend themselves. Report each cycle once."""
     circular: set[str] = set()
     for circle in find_cycles(specs, lambda name: specs[name].extends if name in specs else None):
         circular.update(circle)
@@ -169,7 +169,7 @@ def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
 
 
 def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[str]) -> DefaultLayers | None:
-    """Return the layers of a mode and the modes that it extends; None if they cannot be determined (reported)."""
+    """Return the layers of a mode and of the modes that it extends. Return None if this fails (reported)."""
     items: list[tuple[ModeSpec, Path]] = []
     step: str | None = name
     while step is not None:
@@ -247,7 +247,7 @@ def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: Base
 
 
 def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
-    """Return the placement of the root, and whether its height is computed: `on: floor`, unless a nearer `xyz` has a height."""
+    """Return the placement of the root, and whether its height is computed (`on: floor`, unless a more specific `xyz` has a height)."""
     at = layers.sub("at")
     if not at:
         return NO_POSE, False
@@ -286,7 +286,7 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: 
 
 
 def _gravity(scope: Scope, layers: DefaultLayers) -> tuple[Vector, Origin]:
-    """Return gravity, and where it is written in numbers (else empty)."""
+    """Return the gravity, and the origin of numeric gravity (empty for a keyword)."""
     said = layers.pick("gravity")
     if said is None:
         return GRAVITY["floor"], ()
@@ -331,7 +331,7 @@ def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tup
 
 
 def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> tuple[str, ...]:
-    """Return the paths (with `/`) of the driven joints that match names and patterns, in document order; `patterns` have their places."""
+    """Return the paths (with `/`) of driven joints that match names and patterns, in document order. `patterns` include locations."""
     joints = dict(table.all_joints())
     known = [name for name, joint in joints.items() if joint is not None and joint.drive is not None]
     chosen: set[str] = set()
@@ -387,7 +387,7 @@ def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path
 
 
 def _adhesion(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, float], ...]:
-    """Return the force [N] per mount, key by key over the modes that it extends."""
+    """Return the force [N] per mount, merged per key with the modes that it extends."""
     merged: dict[str, tuple[object, Path]] = {}
     for model, path in reversed(contacts.items):
         for text, raw in getattr(model, "adhesion", {}).items():
@@ -415,6 +415,6 @@ def simulation(scope: Scope, layers: DefaultLayers) -> dict[str, float | str]:
 
 
 def step_origin(scope: Scope, layers: DefaultLayers) -> Origin:
-    """Return where `timestep` is written, or an empty origin."""
+    """Return the origin of `timestep`; empty if it is not specified."""
     said = layers.pick("timestep")
     return scope.origin(said[1]) if said is not None else ()

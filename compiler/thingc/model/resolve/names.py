@@ -15,7 +15,7 @@ from thingc.model.resolve.types import NamedKind, NameInFiles
 
 
 def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
-    """Yield the names that the document specifies, in order. Names of unknown elements and duplicates are reported and left out."""
+    """Yield the names in the document in order. Report and omit duplicates and names of unknown elements."""
     spec = table.spec.names
     if spec is None:
         return

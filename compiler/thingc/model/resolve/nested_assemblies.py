@@ -9,7 +9,7 @@ from thingc.model.resolve.types import AssemblyDefinition
 
 
 def assemblies_of(model: AssemblyDefinition) -> Iterator[AssemblyDefinition]:
-    """Yield the model and the definitions nested in it, each once, the top first."""
+    """Yield the model, then its nested definitions without duplicates."""
     waiting, met = [model], {id(model)}
     for definition in waiting:
         yield definition
@@ -21,7 +21,7 @@ def assemblies_of(model: AssemblyDefinition) -> Iterator[AssemblyDefinition]:
 
 
 def decomposed(model: AssemblyDefinition) -> frozenset[str]:
-    """Return the texts of the part definitions that some component uses with `collision: decompose`."""
+    """Return the texts of part definitions with a component that sets `collision: decompose`."""
     return frozenset(
         one.definition.text for definition in assemblies_of(model) for one in definition.components
         if isinstance(one.definition, PartDefinition) and one.overrides.collision == "decompose"
@@ -29,7 +29,7 @@ def decomposed(model: AssemblyDefinition) -> frozenset[str]:
 
 
 def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:
-    """Return every part definition of a model once, in document order (nested documents at their first use)."""
+    """Return the part definitions of a model without duplicates, in document order (nested documents at their first use)."""
     definitions: dict[PartDefinition, None] = {}
     seen: set[tuple[str, object, str | None]] = set()
     waiting = [iter(model.components)]

@@ -22,11 +22,11 @@ NONE_SAID = Overrides()
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 _OF_PARTS = ("material", "mass", "com", "inertia", "collision", "visual", "process", "print", "bom")
-"""Keys that are only valid for a part or a frame."""
+"""Keys that are valid only for a part or a frame."""
 
 
 def refuse_on_assembly(node: ComponentScope) -> None:
-    """Report overrides on a nested assembly: it is not clear to which of its components they apply."""
+    """Report overrides on a nested assembly, because they could apply to any of its components."""
     for key in _OF_PARTS:
         if key in node.spec.model_fields_set and getattr(node.spec, key) is not None:
             node.scope.error(
@@ -37,7 +37,7 @@ def refuse_on_assembly(node: ComponentScope) -> None:
 
 
 def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
-    """Return all overrides except material and BOM, key by key from the layers; invalid keys are reported and left out."""
+    """Return the overrides except material and BOM, merged per key from the layers. Report and omit invalid keys."""
     mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
     collision, visual = layers.pick("collision"), layers.pick("visual")
     made, up = layers.sub("process"), _up(scope, layers)
@@ -106,7 +106,7 @@ def bom(layers: DefaultLayers) -> BomEntry:
 
 
 def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | None], *, unreadable: bool) -> Material | None:
-    """Return the material that the document names, or None; an unknown one is reported unless a material document was unreadable."""
+    """Return the specified material, or None. Report an unknown material, unless a material document could not be read."""
     said = layers.pick("material")
     if said is None:
         return None
@@ -123,10 +123,10 @@ def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | No
 
 
 def extra_mounts(node: ComponentScope) -> dict[str, ExtraMount]:
-    """Return the mounts that the document adds.
+    """Return the mounts added by the document.
 
-    A mount with an invalid pose is reported, and put at the component's origin; one with a reserved name is reported, and kept so that
-    references to it are valid.
+    Report a mount with an invalid pose and place it at the component's origin. Report a mount with a reserved name but keep it, so that
+    references to it remain valid.
     """
     scope = node.scope
     path: Path = (*node.path, "mounts")

@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 Complain = Callable[..., None]
-"""`complain(name, code, message, help=None, notes=())`: reports an error where a value is set."""
+"""`complain(name, code, message, help=None, notes=())` reports an error at the location where a value is set."""
 
 
 def declared(context: ResolveRun, document: Document, spec: AssemblySpec) -> DeclaredParameters:
-    """Return the document's own values, computed once per run, with errors reported."""
+    """Return the document's own values, cached for one run. Report errors."""
     known = context.declared.get(document.relative)
     if known is None:
         values, broken = worked_out(document, spec, {}, context.report, context.doubts(document))
@@ -44,9 +44,9 @@ def declared(context: ResolveRun, document: Document, spec: AssemblySpec) -> Dec
 def worked_out(
     document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression], report: Report, doubts: InvalidEntries,
 ) -> tuple[dict[str, ExpressionValue], set[str]]:
-    """Return the value of every parameter, where `given` overrides the document's own, and the names of invalid ones.
+    """Return the values of all parameters, with overrides from `given`, and the names of invalid parameters.
 
-    Expressions may use each other in any order; a cycle is reported as its chain, with a place for each step.
+    Expressions may refer to each other in any order. A cycle is reported as a chain, with the location of each step.
     """
     values: dict[str, ExpressionValue] = {}
     broken: set[str] = {name for name in spec.parameters if name not in given and doubts.touch(("parameters", name))}
@@ -90,7 +90,7 @@ def worked_out(
 
 
 def _used(raw: Any, spec: AssemblySpec) -> Iterator[str]:
-    """Yield the parameters that a value refers to."""
+    """Yield the parameters used by a value."""
     return iter([use.name for use in raw.names if use.name in spec.parameters] if isinstance(raw, Expression) else [])
 
 
@@ -117,9 +117,9 @@ def fitting(
     context: ResolveRun, document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue], what: str, complain: Complain,
     names: Collection[str] = (),
 ) -> dict[str, ExpressionValue]:
-    """Return the given values that are valid for their parameters: known, of the same dimension, within the bounds.
+    """Return the valid values in `given`: those of known parameters, with the right dimension, and within the bounds.
 
-    `names` are those that an expression may use where they are set.
+    `names` are the names available to expressions at the location where the values are set.
     """
     table = declared(context, document, spec)
     scope = context.scope(document, table.values, table.broken)
@@ -149,7 +149,7 @@ def fitting(
 class AssemblyParameters:
     """The parameters of an assembly, for external callers.
 
-    The `name` of the assembly, and its own `values` (without invalid ones, which are reported when the assembly is resolved).
+    `name` is the name of the assembly, and `values` its own valid values. Invalid values are reported when the assembly is resolved.
     """
 
     def __init__(self, documents: Documents, specs: Specs, workspace: Workspace) -> None:
@@ -161,14 +161,14 @@ class AssemblyParameters:
         self.values = declared(self._context, documents.root, spec).values
 
     def given(self, texts: Mapping[str, str]) -> dict[str, ExpressionValue]:
-        """Return the values of all parameters if some are set by texts, as with `-p`; without invalid ones."""
+        """Return the valid values of all parameters, with some of them set by texts as with `-p`."""
         root, context = self._context.documents.root, replace(self._context, report=Report())
         sound = from_command_line(context, root, self._spec, texts)
         values, _ = worked_out(root, self._spec, sound, Report(), context.doubts(root))
         return {name: value for name, value in values.items() if name in sound or name not in texts}
 
     def fitting(self, name: str, value: ExpressionValue, complain: Complain) -> ExpressionValue | None:
-        """Return a value for a parameter; None if it is not valid (reported with `complain`), or if the assembly's own value is invalid."""
+        """Return a value for a parameter. Return None if it (reported by `complain`) or the assembly's own value is invalid."""
         return fitting(self._context, self._context.documents.root, self._spec, {name: value}, f"`{self.name}`", complain).get(name)
 
 
@@ -226,9 +226,9 @@ def _beyond(key: str, value: Quantity, bound: Quantity) -> bool:
 
 
 def check_bounds(scope: Scope, spec: AssemblySpec, names: Iterable[str]) -> set[str]:
-    """Report invalid bounds, and the document's own values (given in `scope`) that exceed them.
+    """Report invalid bounds, and the document's own values (in `scope`) that are out of bounds.
 
-    Return the names of those values; expressions that use them need not be checked.
+    Return the names of values that are out of bounds. Expressions that depend on them need no check.
     """
     outside: set[str] = set()
     for name in names:
@@ -293,7 +293,7 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionVa
 def from_command_line(
     context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str],
 ) -> dict[str, ExpressionValue | Expression]:
-    """Return the values of `-p NAME=VALUE`, parsed as in the document. Errors have no place in a document, but name the parameter."""
+    """Return the values of `-p NAME=VALUE`, parsed as in the document. Errors include the parameter, but no location."""
     report = context.report
 
     def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: object = ()) -> None:
@@ -325,7 +325,7 @@ def from_command_line(
 def _as_written(
     context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str], complain: Complain,
 ) -> tuple[dict[str, ExpressionValue], dict[str, Expression]]:
-    """Parse texts of the command line as values and as expressions; invalid ones are reported."""
+    """Parse texts of the command line as values and as expressions. Report invalid texts."""
     table = declared(context, document, spec)
     given: dict[str, ExpressionValue] = {}
     expressions: dict[str, Expression] = {}

@@ -39,7 +39,7 @@ _FAILURES: Mapping[FailureKind, Code] = {
 
 
 def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDefinition | None:
-    """Return the definition of a component with `part:`; None if it is invalid (reported once per reference)."""
+    """Return the definition of a component with `part:`. Return None if it is invalid (reported once per reference)."""
     schema = context.schemas.get(reference)
     if schema is None:
         return None
@@ -66,7 +66,7 @@ def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDe
 
 
 def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
-    """Return the canonical parameters that the document sets; None if one is unknown, invalid or missing (all are reported)."""
+    """Return the canonical parameters in the document. Report unknown, invalid and missing parameters, and return None if there are any."""
     scope, path = node.scope, (*node.path, "params")
     by_name = {parameter.name: parameter for parameter in schema.parameters}
     values: dict[str, Value] = {}
@@ -100,7 +100,7 @@ def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
 
 
 def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, path: Path) -> Value | None:
-    """Return the canonical value of a parameter; None if it does not match its schema (reported)."""
+    """Return the canonical value of a parameter. Report it and return None if it does not match its schema."""
     what = f"parameter `{parameter.name}` of `{schema.reference}`"
     written = scope.written(path)
     literal = written is not None and not written.lstrip().startswith("=")
@@ -171,7 +171,7 @@ def _declared_at(schema: PartSchema) -> list[Note]:
 
 
 USES_SHOWN = 3
-"""Maximum number of places shown for parts that cannot be loaded because of one error."""
+"""Maximum number of locations that are shown for one error that prevents loading of parts."""
 
 
 def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, failure: PartFailure) -> None:
@@ -213,7 +213,7 @@ def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, f
 
 
 def _report_unloaded(context: ResolveRun, where: Span, reference: str, failure: PartFailure, file: str, line: int) -> None:
-    """Report an error at a line of a part file once, even if several parts cannot be loaded because of it. `where` is a use of the part."""
+    """Report an error in a part file once, even if it prevents loading of several parts. `where` is a use of the part."""
     from thingc.documents.spec.validation import part_references
 
     uses = {reference: where}
@@ -250,7 +250,7 @@ def _reference_hint(context: ResolveRun, text: str) -> str:
 
 
 def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> str:
-    """Return a hint for an unknown part: the class of this name in another module, else a name in the same module."""
+    """Return a hint for an unknown part: the class with this name in another module, otherwise a similar name in the same module."""
     classes = [one for one in failure.candidates if ":" in one]
     namesakes = [one for one in classes if one.partition(":")[2] == reference.rpartition(":")[2]]
     if namesakes:
@@ -261,7 +261,7 @@ def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> s
 
 
 def _module_hint(context: ResolveRun, reference: str, known: Collection[str]) -> str:
-    """Return a hint for an unknown module: a similar name, or where modules are."""
+    """Return a hint for an unknown module: a similar name, or the location of modules."""
     module, _, name = reference.partition(":")
     close = near_hint(module, known)
     if close is not None:
@@ -281,9 +281,9 @@ FEWEST_FACES = 4
 
 
 def of_file(context: ResolveRun, node: ComponentScope, text: str) -> PartDefinition | None:
-    """Return the definition of a component with `file:`, with its `faces` and its unit if it is not mm.
+    """Return the definition of a component with `file:`, including its `faces`, and its unit if this is not mm.
 
-    None if the file cannot be used (reported by `load`, unless it was chosen).
+    Return None if the file cannot be used. `load` reports this, unless the file was set by a choice.
     """
     beside = context.documents.root.path if "file" in node.chosen else node.scope.document.path
     absolute = named(text, beside)

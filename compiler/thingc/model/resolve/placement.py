@@ -1,4 +1,4 @@
-"""Check placements: every component except the base is placed by exactly one `attach`, `at`, or joint of which it is the child."""
+"""Check placements: exactly one `attach`, `at` or parent joint must place every component except the base."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, R
 from thingc.model.resolve.types import At, Attach, Joint
 
 Places = dict[str, list[tuple[str, Span]]]
-"""By component name: how it is placed (`` `attach` ``, `` joint `yaw` ``) and where this is written."""
+"""Placements (`` `attach` ``, `` joint `yaw` ``) and their locations, keyed by component name."""
 
 
 def own_placements(context: ResolveRun, table: DocumentScope, places: Places) -> dict[str, Attach | At | None]:
-    """Return the placements that components specify; invalid ones are reported, and leave the component unplaced."""
+    """Return the placements specified by components. Report invalid placements. Their components remain unplaced."""
     placements: dict[str, Attach | At | None] = {}
     there = context.there(table)
     for node in table.nodes.values():
@@ -95,10 +95,11 @@ def _at(table: DocumentScope, node: ComponentScope) -> At | None:
 
 
 def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
-    """Report components that are placed twice, and a missing base or several; find the base.
+    """Find the base. Report components that are placed twice, and missing or multiple bases.
 
-    Components that are placed twice, or are a second base, become unplaced; those with a doubtful placement are not reported.
-    `unsure`: a joint whose child could not be read may place any component, so that missing placements are not reported.
+    Components that are placed twice, and additional bases, become unplaced. Components with a doubtful placement are not reported. `unsure`
+    means that the child of some joint could not be read. Missing placements are then not reported, because this joint may place any
+    component.
     """
     vague = {
         node.name for node in table.nodes.values()
@@ -149,13 +150,13 @@ def _report_no_base(table: DocumentScope, places: Places) -> None:
 
 
 def _perhaps_swapped(table: DocumentScope, free: list[str]) -> dict[str, Joint]:
-    """Return joints by child whose parent is not placed: parent and child may have been swapped."""
+    """Return joints with an unplaced parent, keyed by child. Their parent and child may be swapped."""
     joints = [joint for joint in table.joints.values() if joint is not None and not joint.loop]
     return {joint.child.path[0]: joint for joint in joints if joint.parent.path and joint.parent.path[0] in free[1:]}
 
 
 def _closes(way: str) -> str:
-    """Return a hint for joints that may be meant to close a loop."""
+    """Return a hint for joints that are probably intended to close a loop."""
     return f"; if {way} closes a loop, add `loop: true` to it" if way.startswith("joint ") else ""
 
 

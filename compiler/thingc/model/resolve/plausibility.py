@@ -16,14 +16,14 @@ SMALLEST, LARGEST = 1e-3, 10.0
 """Range of plausible sizes of parts [m]: the longest side of the bounding box."""
 
 LIKELY_UNITS = ("mm", "m", "in", "cm", "um")
-"""Likely units of files that do not specify one, most likely first."""
+"""Likely units of files without a specified unit, most likely first."""
 
 _STEP = 1000.0
 """Ratio of kg/m^3 and g/cm^3, and of kg and g."""
 
 
 class Implausible(FrozenStruct):
-    """An implausible value: a phrase that follows its owner, and the probably intended value in SI (None if unknown)."""
+    """An implausible value: a phrase that follows the owner's name, and the probably intended value in SI units (None if unknown)."""
 
     words: str
     meant: float | None
@@ -57,12 +57,12 @@ def density_cure(doubt: Implausible) -> str | None:
 
 
 def said_by_file(definition: PartDefinition) -> bool:
-    """Return whether a part is a file whose format specifies the unit."""
+    """Return whether a part is from a file with a format that specifies the unit."""
     return definition.reference.lower().endswith(SUFFIXES_WITH_UNIT)
 
 
 def unit_meant(definition: object, size: float) -> str:
-    """Return a hint for a part of an implausible size [m]: for a file without a unit, the unit with a plausible size."""
+    """Return a hint for a part with an implausible size [m]. For a file without a unit, suggest a unit for which the size is plausible."""
     if isinstance(definition, LinkDefinition):
         return "check the units of the shapes; for a `mesh`, set `unit`, for example `unit: m`"
     if not isinstance(definition, PartDefinition) or definition.kind != "file":
@@ -101,10 +101,10 @@ def length_words(length: float, digits: int = 6) -> str:
 
 
 def times_words(ratio: float) -> str:
-    """Format a ratio, with three digits."""
+    """Format a ratio with three digits."""
     return f"{ratio:.3g}" if ratio < 1000.0 else f"{ratio:.0f}"
 
 
 def _format_number(value: float) -> str:
-    """Format a number without an exponent, with separated thousands."""
+    """Format a number without an exponent and with separated thousands."""
     return f"{value:,.0f}".replace(",", " ") if value >= 1000.0 else f"{value:.3g}"

@@ -1,7 +1,7 @@
 """Resolve poses: names and patterns of joints, values, and poses of nested documents.
 
-If several keys match a joint, an exact joint name takes precedence over a pattern, and a pattern over a nested document's pose;
-among equals the last one takes precedence.
+If several keys match a joint, an exact joint name takes precedence over a pattern, and a pattern takes precedence over a nested document's
+pose. Among keys of the same kind, the last one takes precedence.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from thingc.model.resolve.types import Joint, NamedPose
 
 Joints = dict[CoordinateName, Joint | None]
 Settings = dict[str, tuple[float, Origin]]
-"""By joint path (with `/`): q, and where it is written."""
+"""q and its location, keyed by joint path (with `/`)."""
 
 
 def poses(table: DocumentScope, scope: Scope) -> None:
-    """Fill `table.poses`; invalid keys are reported and left out."""
+    """Fill `table.poses`. Report and omit invalid keys."""
     if not table.spec.poses:
         return
     joints: Joints = dict(table.all_joints())
@@ -61,7 +61,7 @@ def poses(table: DocumentScope, scope: Scope) -> None:
 
 
 def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName], raw: Any, path: Path, into: Settings) -> None:
-    """Set the coordinates `names` of a joint from a list, or from a mapping by index."""
+    """Set the coordinates `names` of a joint from a list or from a mapping keyed by index."""
     ball = known[names[0]] if names else None
     if ball is not None and ball.kind.at_once:
         _turn_ball(scope, key, names, ball, raw, path, into)
@@ -84,7 +84,7 @@ def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName],
 
 
 def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint, raw: Any, path: Path, into: Settings) -> None:
-    """Set a ball from the rotation of its child relative to q = 0."""
+    """Set the coordinates of a ball joint from the rotation of its child relative to q = 0."""
     if not isinstance(raw, TurnSpec):
         scope.error(
             Code.POSE, f"joint `{key}` is a ball: its value in a pose must be `rpy` or `quat`", path, key=True,
@@ -108,9 +108,10 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
 
 
 def _stand_ins(known: Joints, origin: Origin) -> Settings:
-    """Return placeholder values for joints whose limits exclude 0, for poses with errors, which have been reported.
+    """Return placeholder values for joints with limits that exclude 0, for poses with reported errors.
 
-    The intended values may be missing, and reporting that these joints are not at 0 would be misleading. They are never built.
+    The intended values may be missing because of the error, so reporting that 0 is out of the limits would be misleading. The placeholders
+    never affect build outputs.
     """
     settings: Settings = {}
     for name, joint in known.items():
@@ -161,7 +162,7 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
 
 
 def _joint_notes(name: str, joint: Joint) -> list[Note]:
-    """Return the note that shows where a joint is written."""
+    """Return a note with the location of a joint."""
     return [Note(message=f"`{name}` is defined here", span=joint.origin[0])]
 
 
@@ -194,7 +195,7 @@ def _pattern(table: DocumentScope, scope: Scope, known: Joints, key: str, raw: A
 
 
 def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
-    """Set the coordinates of every joint with several coordinates that matches a pattern, from a list or a mapping by index."""
+    """Set the coordinates of joints that match a pattern and have several coordinates, from a list or a mapping keyed by index."""
     coordinates: dict[str, list[CoordinateName]] = {}
     for name in known:
         if name.number is not None and fnmatchcase(name.joint, key):
@@ -209,7 +210,7 @@ def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: P
 
 
 def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, into: Settings) -> None:
-    """Apply `leg_*: folded`: the pose `folded` of the documents nested as `leg_0`, `leg_1`, ..."""
+    """Apply `leg_*: folded`, the pose `folded` of the nested documents `leg_0`, `leg_1`, ..."""
     matched = references.matching(table, key)
     assemblies = [(name, node) for name, node in matched if node.spec.assembly is not None]
     if not assemblies:

@@ -1,5 +1,5 @@
-"""Raw attributes, which are passed to one target unchanged, with their place; and elements that are added to
-MuJoCo's model (`raw: {mjcf: {add: ...}}`).
+"""Raw attributes, which are passed to one target unchanged, and raw elements, which are added to MuJoCo's model (`raw: {mjcf: {add:
+...}}`).
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import RawAttribute, RawElement
 
 ADD, INSIDE = "add", "in"
-"""The key of added elements, and the key of the children of an element."""
+"""The key of added elements, and the key of an element's children."""
 
 ORDER, ORDERED = "order", ("actuator", "sensor")
-"""The key of the order of elements in MuJoCo's model, and the kinds of elements that can be listed."""
+"""The key for the order of elements in MuJoCo's model, and the kinds of elements that can be ordered."""
 IN_ORDER = "[order]"
-"""Last key of internal attributes that specify the order of an element; documents cannot contain it."""
+"""Last key of internal attributes for the order of an element. Documents cannot contain this key."""
 
 SECTIONS = ("contact", "custom", "tendon", "equality", "actuator", "sensor")
-"""Sections of MJCF to which elements can be added; elements can refer to those in preceding sections."""
+"""Sections of MJCF to which elements can be added. Elements can refer to elements in preceding sections."""
 
 _KINDS = {
     **dict.fromkeys(("joint", "joint1", "joint2", "jointinparent"), "joint"),
@@ -32,19 +32,19 @@ _KINDS = {
     **dict.fromkeys(("body", "body1", "body2", "subtree1", "subtree2"), "body"), **dict.fromkeys(("geom", "geom1", "geom2"), "geom"),
     **dict.fromkeys(("tendon", "tendon1", "tendon2"), "tendon"), "actuator": "actuator", "camera": "camera",
 }
-"""Attributes that refer to another element, with the kind of that element."""
+"""Attributes that refer to another element, and the kind of that element."""
 
 _OBJECTS = {"objname": "objtype", "refname": "reftype"}
-"""Attributes that refer to an element whose kind is in another attribute."""
+"""Attributes that refer to an element, and the attribute that specifies the element's kind."""
 
 KINDS = frozenset(_KINDS.values())
-"""The kinds of elements that can be referred to."""
+"""The kinds of elements that references can point to."""
 
 _EXAMPLE = "`- fixed: {name: grip, in: [{joint: {joint: left, coef: 1}}]}`"
 
 
 def added(scope: Scope, written: Mapping[str, Any]) -> tuple[RawElement, ...]:
-    """Return every element under `raw: mjcf: add:`, section by section; anything else is reported."""
+    """Return every element under `raw: mjcf: add:`, section by section. Report anything else."""
     under = written.get("mjcf")
     sections = under.get(ADD) if isinstance(under, Mapping) else None
     if sections is None:
@@ -124,7 +124,7 @@ IN_PLACE = {"ros": "write them under `urdf`: the URDF in the ROS package contain
 
 
 def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
-    """Return every attribute under `raw:`, in document order; unknown targets and protected attributes are reported."""
+    """Return every attribute under `raw:` in document order. Report unknown targets and protected attributes."""
     flattened: list[RawAttribute] = []
     for target, attributes in written.items():
         path: Path = ("raw", target)
@@ -147,7 +147,7 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
 
 
 def _ordered(scope: Scope, written: Any, path: Path) -> Iterator[RawAttribute]:
-    """Yield the position of each element in `raw: {mjcf: {order: ...}}`; anything else is reported."""
+    """Yield the position of each element in `raw: {mjcf: {order: ...}}`. Report anything else."""
     for kind, names in written.items() if isinstance(written, Mapping) else [("", written)]:
         if kind not in ORDERED or not isinstance(names, list) or any(isinstance(one, (Mapping, list)) for one in names):
             message = f"`{ORDER}` must list the names of {' or '.join(f'`{one}`' for one in ORDERED)} elements"

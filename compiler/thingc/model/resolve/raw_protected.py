@@ -1,6 +1,6 @@
-"""Attributes that `raw` cannot set: those that identify an element or refer to one, and those on which other values depend.
+"""Attributes that `raw` cannot set, because they identify an element, refer to an element, or determine other values.
 
-Documents have their own keys for these, for all modes at once; `modes.json`, keyframes and poses rely on them.
+Documents have their own keys for these values, which apply to all modes. `modes.json`, keyframes and poses depend on them.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ REFERRING = frozenset({
     "joint1", "joint2", "jointinparent", "material", "mesh", "objname", "objtype", "plugin", "refname", "refsite", "reftype", "site",
     "site1", "site2", "slidersite", "subtree1", "subtree2", "target", "tendon", "tendon1", "tendon2", "texture",
 })
-"""Attributes whose value is the name of another element or of a file, or the kind of a referenced element."""
+"""Attributes with the name of another element or a file, or the kind of a referenced element."""
 
 NAMING = REFERRING - {"file", "instance", "material", "mesh", "objtype", "plugin", "reftype", "texture"} | {"name", "sidesite"}
 """Attributes of added elements that contain a name of an element in the document."""
@@ -34,7 +34,7 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
         "strippath": "the build decides where meshes are",
     },
 }
-"""Attributes of sections on which names, files and units of the whole model depend, and what to use instead."""
+"""Attributes that affect names, files and units of the whole model, and their replacements."""
 
 SAID_BY: Mapping[str, str] = {
     "actuator": "drives are named after their joints: write `drive:` there",
@@ -51,7 +51,7 @@ SAID_BY: Mapping[str, str] = {
     "site": "sites are mounts: rename them under `mounts:`",
     "tendon": "define the tendon under `tendons:`",
 }
-"""Where a document specifies names and references of elements, by kind of element."""
+"""Where to specify names and references of elements in a document, keyed by the kind of element."""
 
 
 EVERYWHERE: Mapping[str, str] = {
@@ -62,7 +62,7 @@ EVERYWHERE: Mapping[str, str] = {
     "inertial": "set `mass:` and `inertia:` of the component",
     "screw_thread_pitch": "set `lead:` of the joint", "geometry": "set `visual:` or `collision:` of the component",
 }
-"""Properties of a robot that are part of every format, by element or attribute of URDF and SDF, and what to use instead."""
+"""Replacements for elements and attributes of URDF and SDF that are properties of the robot in every format."""
 
 _MASS, _MOUNTS = EVERYWHERE["inertial"], EVERYWHERE["axis"]
 
@@ -72,18 +72,18 @@ EVERYWHERE_IN_USD: Mapping[str, str] = {
     **dict.fromkeys(("jointEnabled", "excludeFromArticulation"), EVERYWHERE["type"]),
     **dict.fromkeys(("rigidBodyEnabled", "kinematicEnabled"), "set `base:` of the mode"),
 }
-"""The same for attributes of USD, without their `physics:`."""
+"""Replacements for attributes of USD (without the prefix `physics:`) that are properties of the robot in every format."""
 
 BEGINNINGS_IN_USD: Mapping[str, str] = {
     "xformOp": EVERYWHERE["pose"], "newton:mimic": EVERYWHERE["mimic"], "physxMimicJoint:": EVERYWHERE["mimic"],
 }
-"""The same for attributes of USD with these prefixes."""
+"""Replacements for attributes of USD with these prefixes."""
 
 
 def fixed_in_all(target: str, path: tuple[str, ...]) -> tuple[str, str] | None:
-    """Return why `raw` cannot set an attribute of URDF, SDF or USD, as in `fixed`: the robot would differ from that in other formats.
+    """Return why `raw` cannot set an attribute of URDF, SDF or USD: the robot would differ between formats. See `fixed`.
 
-    In SDF, an `axis` also contains values that are not geometric; in USD, a type may precede the name.
+    In SDF, an `axis` also contains non-geometric values. In USD, a type may precede the name.
     """
     for key in path[-1:] if target == "usd" else path[2:]:
         name = key.rpartition(" ")[2]
@@ -94,16 +94,16 @@ def fixed_in_all(target: str, path: tuple[str, ...]) -> tuple[str, str] | None:
 
 
 def _instead_in_usd(name: str) -> str | None:
-    """Return what to use instead of an attribute of USD, or None."""
+    """Return the replacement for an attribute of USD, or None."""
     if name.startswith("physics:"):
         return EVERYWHERE_IN_USD.get(name.removeprefix("physics:"))
     return next((instead for beginning, instead in BEGINNINGS_IN_USD.items() if name.startswith(beginning)), None)
 
 
 def fixed(path: tuple[str, ...]) -> tuple[str, str] | None:
-    """Return why `raw` cannot set an attribute of MJCF, and what to use instead; None if it can.
+    """Return why `raw` cannot set an attribute of MJCF, and what to use instead. Return None if it can.
 
-    The path is below the target (`("body", "arm", "name")`).
+    The path starts below the target (`("body", "arm", "name")`).
     """
     kind, attribute = path[0] if path else "", path[-1] if path else ""
     if len(path) == 2 and kind in SECTIONS:

@@ -59,7 +59,7 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
 
 
 def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
-    """Return where the items of the enclosing `repeat` are counted, if the text uses its index.
+    """Return the origin of the enclosing `repeat`'s count, if the text uses its index.
 
     Empty for the first item, which always exists.
     """
@@ -152,7 +152,7 @@ def component(table: DocumentScope, scope: Scope, text: str, path: Path, *, key:
 
 
 def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """Return the reference to a component, a mount, or an exported mount of this document.
+    """Return the reference to a component, a mount of a component, or an exported mount of this document.
 
     None if it is invalid (reported now or before).
     """
@@ -194,7 +194,7 @@ def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool
 
 
 def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentScope]]:
-    """Return the components whose path matches a pattern level by level, in document order; an exact name only matches itself."""
+    """Return the components with a path that matches a pattern level by level, in document order. An exact name matches only itself."""
     steps = pattern.split(".")
     level: list[tuple[str, ComponentScope]] = []
     inside: list[tuple[str, DocumentScope]] = [("", table)]
@@ -210,7 +210,7 @@ def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentSco
 
 
 def suggested(name: str, names: Iterable[str], *, what: str) -> str:
-    """Return `did_you_mean` for the first names only: comparing with 100 000 names would take seconds per error."""
+    """Return `did_you_mean` for the first names only, because a comparison with 100 000 names takes seconds per error."""
     return did_you_mean(name, islice(names, MAX_SUGGESTED), what=what)
 
 
@@ -220,9 +220,9 @@ _UNKNOWN = {"joint": Code.UNKNOWN_JOINT, "mode": Code.UNKNOWN_MODE, "pose": Code
 def report_unmatched(
     scope: Scope, text: str, known: Iterable[str], path: Path, what: str, *, fits: str = "", pattern: bool = False,
 ) -> None:
-    """Report a name without a matching `what` (`joint`, `mode`, `pose`), or a pattern without a match.
+    """Report a name or pattern that matches no `what` (`joint`, `mode`, `pose`).
 
-    `fits` if patterns match only some.
+    `fits` means that patterns match some elements only.
     """
     help = suggested(text, known, what=f"{fits or what}s")
     if pattern or GLOB.search(text):
@@ -236,7 +236,7 @@ def _unbuilt(prefixes: list[str], name: str) -> bool:
 
 
 def _descend(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> ComponentScope | None:
-    """Return the component at a path; None if there is none (reported now or before)."""
+    """Return the component at a path. Return None if it does not exist (reported now or before)."""
     node: ComponentScope | None = None
     inner: DocumentScope | None = table
     for depth, part in enumerate(parts):
@@ -255,7 +255,7 @@ def _descend(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: P
 
 
 def _mount_below(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> bool:
-    """Return whether `component...mount` exists, as far as known from documents; errors are reported."""
+    """Return whether `component...mount` exists, as far as this is known from documents. Report errors."""
     node = table.nodes.get(parts[0])
     if node is None:
         _report_component(table, table, scope, parts, 0, path, key)
@@ -310,17 +310,17 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
 
 
 def declared(node: ComponentScope) -> list[Note]:
-    """Return the note that shows where a component is written."""
+    """Return a note with the location of a component."""
     return [Note(message=f"`{node.name}` is written here", span=node.scope.span(node.path, key=True))]
 
 
 def defined(table: DocumentScope) -> list[Note]:
-    """Return the note that shows where the assembly of a nested document is written."""
+    """Return a note with the location of a nested document's assembly."""
     return [Note(message=f"`{table.spec.name}` is defined here", span=table.document.span(("name",)))]
 
 
 def _repeated(scope: Scope, path: Path, key: bool) -> list[Note]:
-    """Return the note that shows the count of the `repeat` of an indexed reference, which may be the cause."""
+    """Return a note with the `repeat` count of an indexed reference, a possible cause of the error."""
     return scope.beside(COUNTED, (*path[:2], "repeat", "count"), path) if counted(scope, path, key=key) else []
 
 
@@ -389,7 +389,7 @@ def _report_component(
 
 
 def _shows(node: ComponentScope, mount: str) -> bool:
-    """Return whether a component has a mount of this name, as far as known from documents; mounts of parts are not known."""
+    """Return whether a component has a mount with this name, as far as this is known from documents. Mounts of parts are not known."""
     return mount in node.mounts or (node.table is not None and mount in node.table.exports)
 
 

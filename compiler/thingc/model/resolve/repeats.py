@@ -31,11 +31,11 @@ class Unrolled(FrozenStruct, Generic[Spec], kw_only=False):
 
 
 def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Unrolled[Spec]], list[str]]:
-    """Return the items of `components` or `joints` in document order, and the prefixes of those that are invalid or too many.
+    """Return the items of `components` or `joints` in document order, and the prefixes of items that are invalid or over the limit.
 
-    A prefix is such as `leg_`; an empty one is for all.
+    An example of a prefix is `leg_`. An empty prefix matches all items.
 
-    Duplicate names are reported, and the first one is used.
+    Report duplicate names and use the first one.
     """
     unbuilt: list[str] = []
     in_doubt: list[str] = [name for name in specs if scope.doubts.touch((section, name, "repeat"))]
@@ -70,7 +70,7 @@ def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: 
 
 
 def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> dict[str, int | None] | None:
-    """Return the count of each repeated spec, None for invalid ones; None instead of the mapping if there are too many."""
+    """Return the count of each repeated spec (None if it is invalid). Return None if there are too many items."""
     counts: dict[str, int | None] = {}
     total = 0
     for name, spec in specs.items():
@@ -101,7 +101,7 @@ def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: I
 
 
 def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserved: bool = True) -> None:
-    """Report reserved names, duplicates, and names that differ only in case; each comes with its path and kind."""
+    """Report reserved names, duplicates, and names that differ only in case. Each name is given with its path and kind."""
     seen: dict[str, tuple[str, Path, str]] = {}
     said: set[tuple[Path, Path]] = set()
     for name, path, what in names:

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 class Settings(FrozenStruct):
     """Settings of one compilation.
 
-    `parameters` are texts as for `-p` (`{"reach": "120 mm"}`), `choices` texts by dotted path in the root document
-    (`{"components.foot.part": "feet:Wide"}`). `quantities` replace the texts of some of these paths by values.
+    `parameters` maps names to texts as for `-p` (`{"reach": "120 mm"}`). `choices` maps dotted paths in the root document to texts
+    (`{"components.foot.part": "feet:Wide"}`). `quantities` replaces the texts of some of these paths by values.
     """
 
     parameters: Mapping[str, str] = {}
@@ -35,8 +35,8 @@ class Settings(FrozenStruct):
 
 
 class Sources(FrozenStruct):
-    """Documents, their models (or their valid rest) by path in the workspace, the schemas of the parts that they name, and a function that
-    returns the SHA-256 of a file.
+    """Documents, their models (or the valid entries) by path in the workspace, the schemas of referenced parts, and a function that returns
+    the SHA-256 of a file.
     """
 
     workspace: Workspace
@@ -49,10 +49,10 @@ class Sources(FrozenStruct):
 def resolve(
     sources: Sources, settings: Settings, report: Report, memo: Memo | None = None, of_any_text: Memo | None = None,
 ) -> AssemblyDefinition | None:
-    """Resolve the root document of `sources` with these settings; `sources` must include what choices name.
+    """Resolve the root document of `sources` with these settings; `sources` must include the documents and parts of choices.
 
-    All errors are reported; whatever depends on them is left out of the model. Return None if the root document is invalid as a whole.
-    `memo` caches results for this text of the documents, `of_any_text` those of unchanged nested documents.
+    All errors are reported. Elements that depend on invalid ones are omitted from the model. Return None if the root document is invalid as
+    a whole. `memo` caches results for these documents. `of_any_text` caches results of unchanged nested documents.
     """
     from thingc.documents.spec.assembly import AssemblySpec
     from thingc.model.resolve import choices as choose
@@ -86,7 +86,7 @@ def resolve(
 
 
 def resolve_materials(sources: Sources, report: Report) -> None:
-    """Report errors and suspicious values of a `materials/1` document that is checked by itself."""
+    """Report errors and suspicious values of a separately checked `materials/1` document."""
     from thingc.model.resolve.document_scope import ResolveRun
     from thingc.model.resolve.materials import of_document
     from thingc.model.resolve.plausibility import density_cure, density_doubt

@@ -1,4 +1,4 @@
-"""Evaluate values of one document: expressions over its parameters, dimensions, bounds and places; and layers of defaults."""
+"""Evaluate the values of one document, including expressions, dimensions, bounds and layers of defaults."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from thingc.documents.spec.poses import PoseSpec
 
 NOTHING: frozenset[str] = frozenset()
 UNIT = 1e-3
-"""Tolerance of the length of a written quaternion, which should be 1."""
+"""Tolerance for the length of a quaternion in a document, which should be 1."""
 
 _EXPRESSION_CODES = {"dimension": Code.DIMENSION, "unit": Code.DIMENSION, "value": Code.OUT_OF_RANGE}
 
@@ -35,11 +35,11 @@ class TooManyErrors(Exception):
 
 
 class Scope(FrozenStruct):
-    """The names that expressions of a document (or of an item of a `repeat`) can use, and where to report.
+    """The names available to expressions of a document (or of an item of a `repeat`), and the report.
 
-    `broken` are invalid names that have been reported: expressions that use them are invalid without a message. `index` is the name
-    of the repeat's index and its value in references (`$i`). `said`, shared by a whole run, prevents reporting the same
-    error for every item of a repeat and every use of a nested document. `doubts` are places of errors that validation has reported.
+    `broken` contains invalid names that have been reported. Expressions with these names are invalid, without another message. `index` is
+    the name of the repeat's index and its value in references (`$i`). `said`, shared by a whole run, prevents reporting the same error for
+    every item of a repeat and every use of a nested document. `doubts` are locations of errors reported by validation.
     """
 
     document: Document
@@ -70,7 +70,7 @@ class Scope(FrozenStruct):
         return node.text if isinstance(node, ScalarNode) else None
 
     def works_out(self, path: Path) -> bool:
-        """Return whether there is an expression anywhere in the value at `path`."""
+        """Return whether the value at `path` contains an expression."""
         node = node_at(self.document.tree, path)
         return node is not None and any(isinstance(inner, ScalarNode) and str(inner.value).startswith("=") for _, inner in walk(node))
 
@@ -78,7 +78,7 @@ class Scope(FrozenStruct):
         self, code: Code, message: str, path: Path, *, help: str | None = None, notes: Iterable[Note] = (), key: bool = False,
         span: Span | None = None,
     ) -> None:
-        """Report once at the value (with `key` the key) at `path`; `span` may narrow the place. Places in doubt are not reported."""
+        """Report an error once, at the value (or `key`) at `path` or a narrower `span`. Skip locations in `doubts`."""
         if self.doubts.touch(path):
             return
         known = (self.document.relative, code, path, key)
@@ -90,7 +90,7 @@ class Scope(FrozenStruct):
         self.report.add(code, message, span or self.document.span(path, key=key), help=help, notes=notes, path=dotted(path))
 
     def beside(self, message: str, path: Path, of: Path, *, key: bool = False) -> list[Note]:
-        """Return a note on a second place `path` of an error at `of`; empty if both are on one line, which is shown anyway."""
+        """Return a note with a second location `path` of an error at `of`. Empty if both are on the same line."""
         second, first = self.document.span(path, key=key), self.document.span(of)
         return [] if second.line == first.line else [Note(message=message, span=second)]
 
@@ -164,7 +164,7 @@ class Scope(FrozenStruct):
         return value
 
     def count(self, raw: Any, path: Path, what: str, *, least: int = 0) -> int | None:
-        """Return the value of a field that is a count; None if it is invalid (reported)."""
+        """Return the value of a count field. Return None if it is invalid (reported)."""
         value = self.number(raw, path, NUMBER, what, least=float(least))
         if value is None:
             return None
@@ -174,7 +174,7 @@ class Scope(FrozenStruct):
         return int(value)
 
     def vector(self, raw: Any, path: Path, dimension: Dimension, what: str) -> Vector | None:
-        """Return three SI values of one dimension, lengths up to `FARTHEST`; None if one is invalid (reported)."""
+        """Return three SI values of one dimension, limited to `FARTHEST` for lengths. Return None if one is invalid (reported)."""
         least, most = (-FARTHEST, FARTHEST) if dimension == LENGTH else (None, None)
         x, y, z = (self.number(part, (*path, index), dimension, what, least=least, most=most) for index, part in enumerate(raw))
         return None if x is None or y is None or z is None else (x, y, z)
@@ -212,7 +212,7 @@ class Scope(FrozenStruct):
     def wrong_dimension(
         self, value: ExpressionValue, expected: tuple[Dimension, ...], what: str, path: Path, notes: Iterable[Note] = (),
     ) -> None:
-        """Report a value of the wrong dimension, naming both."""
+        """Report a value of the wrong dimension. The message contains both dimensions."""
         message, help = dimension_message(value, expected, what, self.written(path), self.names)
         self.error(Code.DIMENSION, message, path, help=help, notes=notes)
 
@@ -220,7 +220,7 @@ class Scope(FrozenStruct):
 def dimension_message(
     value: ExpressionValue, expected: tuple[Dimension, ...], what: str, written: str | None, names: Collection[str] = (),
 ) -> tuple[str, str | None]:
-    """Return the message and the help for a value of the wrong dimension; `names` are those that an expression can use there."""
+    """Return the message and the help for a value of the wrong dimension. `names` are the names available to an expression there."""
     wanted = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
     text = shortened((written if written is not None else words_of(value)).strip())
     help: str | None = expression_hint(value, names) if isinstance(value, str) else None
@@ -235,7 +235,7 @@ def dimension_message(
 
 
 def _converted(text: str, found: Dimension, wanted: Dimension) -> str | None:
-    """Return the help for an expression that differs from the expected dimension by a unit.
+    """Return the help for an expression with a dimension that differs from the expected one by a unit.
 
     For example `=pinion / 1 rad`, `=count * 1 mm`, `=width / 1 mm`.
     """
@@ -253,19 +253,19 @@ def _bound(value: float, dimension: Dimension) -> str:
 
 
 def numbered(written: list[Any] | dict[str, Any], number: int) -> tuple[Any, int | str] | None:
-    """Return the element of a list, or of a mapping by index, and its key there; None if there is none."""
+    """Return an element of a list or of a mapping keyed by index, and its key. Return None if it does not exist."""
     if isinstance(written, dict):
         return (written[str(number)], str(number)) if str(number) in written else None
     return (written[number], number) if number < len(written) else None
 
 
 class DefaultLayers(FrozenStruct, kw_only=False):
-    """Models of one kind with the paths of their keys, the most specific first."""
+    """Models of one kind with the paths of their keys, most specific first."""
 
     items: tuple[tuple[BaseModel, Path], ...]
 
     def pick(self, key: str, number: int | None = None) -> tuple[Any, Path] | None:
-        """Return the value of `key` (for a list or a mapping by index, of the element `number`), and its path; None if no layer has it."""
+        """Return the value of `key` (or of its element `number`) and its path. Return None if no layer has it."""
         return next(self._written(key, number), None)
 
     def sub(self, key: str, number: int | None = None) -> DefaultLayers:

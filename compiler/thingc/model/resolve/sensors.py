@@ -1,4 +1,4 @@
-"""Resolve sensors: their mounts, and the joints, tendons, drives and links that they measure."""
+"""Resolve sensors: their mounts and the measured joints, tendons, drives and links."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FOVY = numeric.radians(45.0)
 
 
 def sensors(table: DocumentScope, scope: Scope, tendons: Sequence[Tendon]) -> Iterator[Sensor]:
-    """Yield the sensors of the document, which has these `tendons`, in order. Invalid ones are reported and left out."""
+    """Yield the sensors of a document with these `tendons`, in order. Report and omit invalid sensors."""
     by_name = {one.name: one for one in tendons}
     for name, spec in table.spec.sensors.items():
         sensor = _Reader(table, scope, name, spec).sensor(by_name)
@@ -36,7 +36,7 @@ def sensors(table: DocumentScope, scope: Scope, tendons: Sequence[Tendon]) -> It
 
 
 class _Reader:
-    """Resolves one sensor; `sound` until an error has been reported."""
+    """Resolves one sensor. `sound` is True until an error is reported."""
 
     def __init__(self, table: DocumentScope, scope: Scope, name: str, spec: SensorSpec) -> None:
         self.table, self.scope, self.name, self.spec = table, scope, name, spec
@@ -93,7 +93,7 @@ class _Reader:
         return () if named is None else (named[0],)
 
     def _numbers(self, key: Literal["noise", "cutoff"], written: Any, of: Dimension | None) -> dict[str, float]:
-        """Return noise or cutoff by reading [SI]; a single value applies to the only reading that can have it."""
+        """Return noise or cutoff [SI] keyed by reading. A single value requires that only one reading accepts it."""
         if written is None:
             return {}
         able: dict[ReadingName, Dimension] = {}
@@ -159,9 +159,9 @@ class _Reader:
         )
 
     def _joint(self) -> Joint | None:
-        """Return the coordinate that a sensor measures, or whose drive it measures.
+        """Return the coordinate measured by a sensor, or the coordinate of the measured drive.
 
-        It is that in `joint`, else the one with the sensor's name.
+        It is specified by `joint`, or has the same name as the sensor.
         """
         spec, unnamed = self.spec, self.spec.joint is None
         wanted = CoordinateName(spec.joint if spec.joint is not None else self.name)

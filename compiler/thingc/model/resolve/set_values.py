@@ -1,8 +1,8 @@
-"""Put values that are set by path (`joints.elbow.limit.upper` and a text) into a document.
+"""Insert values set by path (`joints.elbow.limit.upper` and a text) into a document.
 
-The text is put into the document's tree as if it were written there, including a mapping or a list on one line (`{on: floor}`), and the
-tree is validated again, so that the rules of documents apply. Its place is the option (`source.option_span`), so that errors, here or in
-a later pass, are reported at the option and not in the document.
+The text is parsed as if it were in the document; it may be a mapping or a list on one line (`{on: floor}`). The resulting tree is validated
+again, so the rules of documents apply. The location of the value is the option (`source.option_span`). Errors of this and later passes
+therefore refer to the option and not to the document.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ FIXED = {
 
 
 class PathNotFound(FrozenStruct, kw_only=False):
-    """Why a text cannot be set at a path, and a help."""
+    """The reason why a text cannot be set at a path, and the help."""
 
     message: str
     help: str | None
 
 
 def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, values: Mapping[str, str]) -> tuple[Document, AssemblySpec]:
-    """Return the document and its model with the texts `values` at their paths.
+    """Return the document and its model after inserting the texts `values` at their paths.
 
     Both are unchanged if one of the values is invalid (reported), or if the document itself has errors (reported).
     """
@@ -81,7 +81,7 @@ def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, val
 
 
 def _parse_setting(path: str, text: str, place: Span) -> Node | PathNotFound:
-    """Parse a text for a path, with one place for all its nodes."""
+    """Parse a text for a path. All nodes have the same location."""
     if (bad := forbidden(text)) is not None:
         return PathNotFound(f"`{path}`: {bad[1]}", "remove it")
     if is_flow(text):

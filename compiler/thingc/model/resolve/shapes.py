@@ -1,4 +1,4 @@
-"""Resolve links, whose geometry is listed shape by shape."""
+"""Resolve links, which list their geometry as shapes."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
 
 
 def primitive(scope: Scope, spec: ShapeSpec | VolumeSpec, path: Path, pose: Pose) -> Primitive | None:
-    """Return the primitive, converted from whole lengths; None if one of them is invalid (reported)."""
+    """Return the primitive, converted from full lengths. Return None if a length is invalid (reported)."""
     at: Path = (*path, spec.kind)
     written = getattr(spec, spec.kind)
     sides: list[float | None]

@@ -21,7 +21,7 @@ from thingc.model.resolve.types import Drive, PathStep, Tendon
 
 
 def tendons(table: DocumentScope, scope: Scope) -> Iterator[Tendon]:
-    """Yield the tendons of the document, in order. Invalid ones are reported and left out."""
+    """Yield the tendons of the document in order. Report and omit invalid tendons."""
     for name, spec in table.spec.tendons.items():
         path: Path = ("tendons", name)
         if spec.path is not None:
@@ -42,7 +42,7 @@ def tendons(table: DocumentScope, scope: Scope) -> Iterator[Tendon]:
 def _steps(
     table: DocumentScope, scope: Scope, name: str, written: Sequence[str | AroundSpec | PulleySpec], path: Path,
 ) -> Iterator[PathStep]:
-    """Yield the valid steps of a path; invalid ones are reported."""
+    """Yield the valid steps of a path. Report invalid steps."""
     for number, one in enumerate(written):
         place: Path = (*path, number)
         if isinstance(one, str):
@@ -84,7 +84,7 @@ def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bo
 def _terms(
     table: DocumentScope, scope: Scope, name: str, spec: TendonSpec, path: Path,
 ) -> tuple[Dimension, tuple[tuple[CoordinateName, float], ...]] | None:
-    """Return the dimension of the length, from the first term, and the factors by coordinate."""
+    """Return the dimension of the length, taken from the first term, and the factors keyed by coordinate."""
     moves: list[tuple[CoordinateName, float]] = []
     length: Dimension | None = None
     for text, raw in (spec.joints or {}).items():

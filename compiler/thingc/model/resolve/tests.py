@@ -25,11 +25,11 @@ from thingc.model.resolve.types import Joint, JointRange, Mode, Reference, Test
 ALL = "all"
 
 Key = str | Path
-"""Place in a test: a key, or a path."""
+"""Location in a test: a key or a path."""
 
 
 def tests(context: ResolveRun, table: DocumentScope, scope: Scope, modes: Sequence[Mode]) -> Iterator[Test]:
-    """Yield the tests of the document, in order. Invalid ones are reported and left out."""
+    """Yield the tests of the document in order. Report and omit invalid tests."""
     around = context.around(table)
     by_name = {mode.name: mode for mode in modes}
     for name, written in table.spec.tests.items():
@@ -59,10 +59,10 @@ def _test(table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], name: s
 
 
 class Reader:
-    """Reads the specification of one test; the `read` of its kind requests values by key.
+    """Reads the specification of one test. The `read` function of the test's kind requests values by key.
 
-    `modes` are those of the document by name, `chosen_modes` and `chosen_poses` those of the test (`every_pose`: all keyframes of the
-    mode). `sound` becomes False when an error is reported.
+    `modes` contains the modes of the document by name. `chosen_modes` and `chosen_poses` are the modes and poses of the test. `every_pose`
+    means all keyframes of the mode. `sound` becomes False when an error is reported.
     """
 
     def __init__(self, table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], path: Path) -> None:
@@ -80,11 +80,11 @@ class Reader:
         return (*self.path, key) if isinstance(key, str) else (*self.path, *key)
 
     def origin(self, key: Key) -> Origin:
-        """Return where a value is written."""
+        """Return the origin of a value."""
         return self.scope.origin(self.at(key))
 
     def error(self, code: Code, message: str, key: Key, *, help: str | None = None, on_key: bool = False) -> None:
-        """Report an error at a value, or at its key (`on_key`); the test is left out."""
+        """Report an error at a value, or at its key if `on_key`. The test is then omitted."""
         self.sound = False
         self.scope.error(code, message, self.at(key), help=help, key=on_key)
 
@@ -94,7 +94,7 @@ class Reader:
         self, raw: Any, key: Key, dimension: Dimension, what: str | None = None, *, above: float | None = None,
         least: float | None = None, most: float | None = None,
     ) -> float:
-        """Return the SI value; NaN, with which all comparisons are false, if it is invalid (reported).
+        """Return the SI value. If it is invalid (reported), return NaN, so that all comparisons are false.
 
         `what` is its name in messages, by default its key.
         """
@@ -125,7 +125,7 @@ class Reader:
         return low, high
 
     def bounds(self, low: Any, high: Any, dimension: Dimension, what: str) -> tuple[float | None, float | None]:
-        """Return `min` and `max`, as far as specified."""
+        """Return `min` and `max`, if specified."""
         least = None if low is None else self.number(low, "min", dimension, f"`min` of {what}", least=0.0)
         most = None if high is None else self.number(high, "max", dimension, f"`max` of {what}", least=0.0)
         if least is not None and most is not None and least > most:
@@ -161,14 +161,14 @@ class Reader:
         return paths
 
     def choose(self, written: Any) -> None:
-        """Set the modes and poses in which a test runs, if any."""
+        """Set the modes and poses of a test, if any."""
         if hasattr(written, "mode"):
             self.chosen_modes = self._modes(written.mode)
         if hasattr(written, "pose"):
             self.chosen_poses, self.every_pose = self._poses(written.pose)
 
     def _modes(self, said: str | list[str] | None) -> tuple[str, ...]:
-        """Return the specified modes, else the first."""
+        """Return the specified modes, or the first mode by default."""
         if not self.modes:
             self.sound = False
             return ()
@@ -177,7 +177,7 @@ class Reader:
         return self._named(said, self.at("mode"), list(self.modes), "mode")
 
     def _poses(self, said: str | list[str] | None) -> tuple[tuple[str | None, ...], bool]:
-        """Return the specified poses, and whether all keyframes of the mode are meant."""
+        """Return the specified poses, and whether the test runs in all keyframes of the mode."""
         if said is None:
             return (None,), False
         if said == ALL and ALL not in self.table.poses:
@@ -185,7 +185,7 @@ class Reader:
         return self._named(said, self.at("pose"), list(self.table.poses), "pose"), False
 
     def _named(self, said: str | list[str], path: Path, known: Sequence[str], what: str) -> tuple[str, ...]:
-        """Return the names of modes or poses (`what`: one of them) that match names and patterns, in the order of `known`."""
+        """Return the modes or poses that match names and patterns, in the order of `known`. `what` is `mode` or `pose`."""
         section = f"{what}s"
         names: set[str] = set()
         for text, at in _each(said, path):
@@ -229,7 +229,7 @@ class Reader:
                 yield self._range(name, joint, *chosen[name])
 
     def _range(self, name: CoordinateName, joint: Joint, said: Any, key: Path) -> JointRange:
-        """Return the range of a joint: as specified, within its limits, or one turn without limits."""
+        """Return the specified range of a joint. The default is its limits, or one turn without limits."""
         twist = joint.twist
         endless = numeric.pi if twist is not None and twist.turns else numeric.inf
         low = joint.limit.lower if joint.limit.lower is not None else -endless
@@ -250,7 +250,7 @@ class Reader:
 
 
 def _each(said: str | list[str], path: Path) -> list[tuple[str, Path]]:
-    """Return one text, or those of a list, each with its place."""
+    """Yield one text or the texts of a list, with their locations."""
     return [(said, path)] if isinstance(said, str) else [(text, (*path, index)) for index, text in enumerate(said)]
 
 

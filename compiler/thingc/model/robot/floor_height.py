@@ -1,7 +1,7 @@
 """Compute the height of modes with `on: floor`, so that their lowest point touches z = 0 of the world.
 
 The lowest point is that of the collision shapes, so that a simulation starts with the robot touching the floor without
-penetration. The height of a mode is that of its start pose; with a `free` base, each pose has its own, for its keyframes.
+penetration. The height of a mode is computed for its start pose. If the base is `free`, each keyframe has its own height.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ MeshVertices = Callable[[Mesh], Sequence[Vector]]
 """Returns the vertices [m] of a mesh in the store."""
 
 DECIMALS = 7
-"""Decimals of heights [m]: vertices of meshes have single precision, and 0.05825 would be 0.05825000014901161."""
+"""Decimals of heights [m]. Vertices of meshes have single precision, so 0.05825 would become 0.05825000014901161."""
 
 ROUNDING = 1e-6
 """Tolerance [m] by which a mesh may exceed its part's box because of rounding."""
 
 
 def stand(assembly: Assembly, mesh_vertices: MeshVertices | None, report: Report, memo: Memo | None = None) -> Assembly:
-    """Return the assembly with the heights of its modes with `on: floor`, in their `at` and `at_in`.
+    """Return the assembly with computed heights in `at` and `at_in` of modes with `on: floor`.
 
     Without `mesh_vertices`, bounding boxes of parts are used, which is accurate enough where meshes are not needed. A robot without
     collision shapes is reported. `memo` caches results.
@@ -70,7 +70,7 @@ def _raised(at: Pose, height: float) -> Pose:
 
 
 def _height(assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_vertices: MeshVertices | None, memo: Memo) -> float | None:
-    """Return the z [m] of the mode's `at` in a pose (None: every joint at 0); None if there are no collision shapes."""
+    """Return the z [m] of the mode's `at` for a pose (None: all joints at 0). Return None without collision shapes."""
     start = assembly.link_of[mode.root.occurrence]
     on_plane = root_pose(assembly, replace(mode, at=_raised(mode.at, 0.0)))
     bodies = bodies_from(assembly, start, spanning(assembly, mode), on_plane, memo)
@@ -88,7 +88,7 @@ def _lowest(
 ) -> float:
     """Return the lowest z [m] of collision shapes, infinite if there are none.
 
-    Meshes are examined in the order of the lowest point of their boxes, until no other can be lower.
+    Meshes are examined in the order of their boxes' lowest points, until the remaining meshes cannot be lower.
     """
     lowest = inf
     meshes: list[tuple[float, int, int, Mesh, Pose]] = []

@@ -1,5 +1,4 @@
-"""Kinematics of a robot with a root: poses of its bodies and parts at given coordinates, its mass, and
-the paths of its tendons.
+"""Kinematics of a robot with a root: poses of bodies and parts, mass properties, and paths of tendons at given coordinates.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from thingc.model.robot.types import Body, Robot, TreeJoint
 
 
 def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
-    """Return the pose of a body whose tree parent is at `parent`; `q` [rad or m] of every joint by path."""
+    """Return the pose of a body, given the pose `parent` of its tree parent and `q` [rad or m] of every joint by path."""
     pose = parent @ body.X_PL
     if body.at_once:
         return pose @ moved(body.twists, tuple(q[joint.path] for joint in body.joints), at_once=True)
@@ -28,9 +27,9 @@ def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
 
 
 def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[TreeJoint, Twist]]:
-    """Yield the coordinates of a body in its tree parent, the last first, each with its twist in the world (or the frame of `pose`).
+    """Yield the coordinates of a body in reverse order, with their twists in the world (or the frame of `pose`).
 
-    `q` has the coordinates [rad or m] of every joint by path.
+    `q` contains the coordinates [rad or m] of every joint by path.
     """
     values = tuple(q[joint.path] for joint in body.joints)
     for number, twist in velocities(body.twists, values, pose, at_once=body.at_once):
@@ -38,9 +37,9 @@ def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[T
 
 
 def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:
-    """Return the pose of every body in the world, in body order; the root is at its pose in the mode by default.
+    """Return the poses of all bodies in the world, in body order. By default, the root has its pose in the mode.
 
-    `q` [rad or m] is by joint path; joints that it does not contain follow the joint that they mimic, or are at 0.
+    `q` [rad or m] is keyed by joint path. Missing values are computed from mimics, or are 0.
     """
     full = coordinates(joints_of(robot.assembly), q)
     return placed_bodies(robot.bodies, full, robot.bodies[0].X_PL if root is None else root)
@@ -62,7 +61,7 @@ def occurrence_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = N
 
 
 def mass_properties(robot: Robot, q: Mapping[str, float]) -> MassProperties:
-    """Return mass [kg], centre [m] and inertia [kg m^2] about it of the whole robot at `q`, in the frame of its root link."""
+    """Return the total mass [kg], the centre of mass [m] and the inertia about it [kg m^2] at `q`, in the root link's frame."""
     links = robot.assembly.links
     placed = body_poses(robot, q, NO_POSE)
     return total(links[body.link].properties.seen_from(pose) for body, pose in zip(robot.bodies, placed))
@@ -80,10 +79,10 @@ def course_of(robot: Robot, tendon: LinkedTendon, bodies: Sequence[Pose]) -> Ten
 
 
 def rates(robot: Robot, tendon: LinkedTendon, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[str, float]:
-    """Return the change of a tendon's length per unit of each coordinate of the tree [m/rad or 1], at `q` (every joint by path).
+    """Return the derivative of a tendon's length [m/rad or 1] by each coordinate of the tree at `q` (all joints by path).
 
-    `bodies` are the poses of bodies in the world. For a tendon over joints these are its factors, for one along a path the sum over its
-    straight segments. On shapes the tendon slides, so that it pulls there as its adjacent segments do.
+    `bodies` are the poses of bodies in the world. For a tendon over joints, the derivatives are its factors. For a tendon along a path,
+    they are sums over its straight segments. The tendon slides on shapes, so it pulls there with the force of its adjacent segments.
     """
     if not tendon.steps:
         return dict(tendon.moves)

@@ -1,4 +1,4 @@
-"""Find the loops of a mode, and close them in its poses."""
+"""Find the loops of a mode and close them in its poses."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from thingc.model.robot.tree import bodies_from, cut_closures, in_link, placing,
 from thingc.model.robot.types import Body, Closure, Keyframe, Unclosed, residual_words
 
 MET = 1e-12
-"""Poses whose loops are closed within this tolerance [m, rad] are used as written."""
+"""Poses with loops that are closed within this tolerance [m, rad] are used as written."""
 
 STILL = 1e-9
-"""Joints that move by less [rad or m] while closing count as unmoved."""
+"""Joints that move less than this [rad or m] during loop closure count as unmoved."""
 
 FAR = radians(30.0)
-"""Largest movement of a joint while closing [rad; proportional for slides] for which the pose keeps its name (the mode's
-start pose always does).
+"""Largest movement of a joint during loop closure [rad; proportional for slides] for a pose to keep its name. The mode's start pose always
+keeps its name.
 """
 
 STARTS = 8
@@ -41,7 +41,7 @@ Taken = Collection[int]
 def closures_of(
     assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], taken: Taken, report: Report, memo: Memo,
 ) -> tuple[Closure, ...] | None:
-    """Return the closures of a mode: its holds, then the joints that its tree does not contain. None if one is invalid (reported).
+    """Return the closures of a mode: its holds, then the joints outside its tree. Return None if one is invalid (reported).
 
     `memo` caches results.
     """
@@ -73,7 +73,7 @@ def closures_of(
 
 
 def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Report) -> bool:
-    """Return whether each joint in `cut` is cut; one that is on no loop, or on a loop that is cut elsewhere, is reported."""
+    """Return whether all joints in `cut` are cut. Report joints that are not on a loop, or on a loop that is cut elsewhere."""
     joints = {mate.name: number for number, mate in enumerate(assembly.mates) if mate.name is not None}
     wrong = [one for one in mode.cut if joints.get(one.joint) in taken]
     for one in wrong:
@@ -97,7 +97,7 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Repo
 
 
 def _target(hold: LinkedHold, where: Mapping[int, Pose] | None, body: int, X_LM: Pose) -> Pose:
-    """Return the target of a hold's mount in the world: mated to the hold's pose, as a root to `at`; or its current pose (`here`)."""
+    """Return the target pose of a hold's mount: mated to the hold's pose like a root to `at`, or its current pose (`here`)."""
     if hold.pose is not None:
         return hold.pose if hold.mount.of_component else hold.pose @ MATE
     return (where or {})[body] @ X_LM
@@ -110,7 +110,7 @@ def _at_own_pose(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...],
 
 
 def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -> dict[str, float]:
-    """Return q [rad or m] of every joint in a pose (None: all at 0), with the loops of joints closed as far as possible.
+    """Return q [rad or m] of every joint in a pose (None: all at 0), with joint loops closed as far as possible.
 
     `memo` caches results.
     """
@@ -123,7 +123,7 @@ def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -
 
 
 def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
-    """Return the loops of joints relative to the tree of placements, which is the same in every mode."""
+    """Return the joint loops relative to the placement tree, which is the same in every mode."""
     taken = placing(assembly)
     if not any(mate.loop is not None for mate in assembly.mates):
         return None
@@ -136,8 +136,8 @@ def keyframes_of(
 ) -> tuple[tuple[Keyframe, ...], tuple[Unclosed, ...]] | None:
     """Return the mode's poses in order, with q of every joint and closed loops, and the poses that do not close.
 
-    Joints that a pose does not name move first; others only if that is not enough; a free base moves before them. Return None
-    if the mode's own pose does not close, or no tried state does (reported). `memo` caches results.
+    Joints that are not in the pose move first, then a free base. Joints in the pose move only if this is not enough. Return None if the
+    mode's own pose does not close, or if no pose closes (reported). `memo` caches results.
     """
     joints = joints_of(assembly)
     by_name = {pose.name: pose for pose in assembly.poses}
@@ -190,7 +190,7 @@ def _least(loops: Loops, failed: list[Solution], base_moves: bool) -> Solution |
 
 
 def _report(mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution | None, keyframes: list[Keyframe], report: Report) -> None:
-    """Report that the loops do not close (`best` is the best solution), or not from the mode's own pose (`own`)."""
+    """Report loops that do not close (`best` is the best solution), or that do not close from the mode's own pose (`own`)."""
     where = ""
     if best is None:
         if own is None:
@@ -219,14 +219,14 @@ def _joint_names(pose: NamedPose | None) -> frozenset[str]:
 def _moved(loops: Loops, start: SolverState, solution: Solution, following: Collection[str]) -> dict[str, float]:
     """Return the movement [rad or m] of each independent joint from its value in the pose.
 
-    Joints on loops that the pose does not name (`following`) are left out.
+    Joints on loops are omitted if they are not in the pose (`following`).
     """
     moved = {c.path: solution.state.q[c.path] - start.q[c.path] for c in loops.coordinates if c.path not in following}
     return {path: by for path, by in moved.items() if abs(by) > STILL}
 
 
 def _closed(loops: Loops, start: SolverState, named: Collection[str], base_moves: bool) -> Solution:
-    """Close the loops from a pose; the best solution found if they do not close.
+    """Close the loops from a pose. Return the best solution if they do not close.
 
     Coordinates without a given value (not in `named`) move first. If that is not enough, the result is the closed state nearest to
     the given values.
@@ -253,9 +253,9 @@ def _closed(loops: Loops, start: SolverState, named: Collection[str], base_moves
 
 
 def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
-    """Yield other start states: all joints at 0, at the middle, and spread between their limits.
+    """Yield alternative start states: all joints at 0, at the middle, and distributed between their limits.
 
-    They are spread by multiples of the golden ratio, modulo 1: the same in every run.
+    The distribution uses multiples of the golden ratio, modulo 1, and is the same in every run.
     """
     for number in range(STARTS):
         q = coordinates(loops.joints.values(), {})

@@ -22,7 +22,7 @@ class CutPriority(NamedTuple):
     earlier: int
 
     def over(self, other: CutPriority) -> str:
-        """Describe why this mate stays in the tree, and `other` is cut."""
+        """Describe why this mate stays in the tree and `other` is cut."""
         first = next((name for name, mine, theirs in zip(CutPriority._fields, self, other, strict=True) if mine != theirs), "earlier")
         return _WORDS[first]
 
@@ -42,7 +42,7 @@ _WORDS: Mapping[str, str] = {
 def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
     """Return the indices of the mates in a mode's tree: all joints, if there are no loops.
 
-    Otherwise it is Kruskal's maximum spanning tree by `CutPriority`: of each loop, the joint with the lowest priority is left out.
+    Otherwise, use Kruskal's maximum spanning tree by `CutPriority`, which omits the joint with the lowest priority of each loop.
     """
     worth = dict(worths(assembly, mode))
     groups = DisjointSets(len(assembly.links))
@@ -51,7 +51,7 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
 
 
 def closing(assembly: Assembly, taken: Collection[int], number: int) -> list[Mate]:
-    """Return the mates that close loops through a mate (by index) of the tree `taken`; empty if it is on no loop."""
+    """Return the mates that close loops through a mate (by index) of the tree `taken`. Empty if it is not on a loop."""
     groups = DisjointSets(len(assembly.links))
     for other in taken:
         if other != number:
@@ -65,7 +65,7 @@ def _ends(assembly: Assembly, mate: Mate) -> tuple[int, int]:
 
 
 def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPriority]]:
-    """Yield the cut priority of each mate that moves, with its index."""
+    """Yield the index and cut priority of each movable mate."""
     cut = {one.joint: rank for rank, one in enumerate(mode.cut)}
     mates = [(number, mate) for number, mate in enumerate(assembly.mates) if mate.joints]
     followed = {joint.mimic.joint.path for _, mate in mates for joint in mate.joints if joint.mimic is not None}
@@ -83,9 +83,10 @@ def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPrior
 
 
 def _unclosable(mate: Mate) -> int:
-    """Return how well targets can close a loop that is cut here.
+    """Rate how widely targets support a cut at this joint, from 0 (best) to 2.
 
-    Revolute and ball joints (0): all targets that support loops; a universal joint (1): by a tendon in MuJoCo; others (2): not all.
+    Revolute and ball joints (0) are supported by all targets with loops. Universal joints (1) need a tendon in MuJoCo. Other joints (2) are
+    not supported by all targets.
     """
     first = mate.joints[0]
     if first.kind.at_once or len(mate.joints) == 1 and first.twist.turns and not first.twist.pitch:

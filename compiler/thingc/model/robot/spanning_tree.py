@@ -20,8 +20,8 @@ from thingc.model.robot.types import Robot, Site
 def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None = None) -> Robot | None:
     """Return the robot of `mode`; None if a link cannot be reached from its root, or a loop does not close (reported).
 
-    Frames of bodies are those of their links, independent of the root; only which end of a joint
-    is the parent depends on it. Coordinates keep their meaning: q is the document's child relative to its parent. `memo` caches results.
+    Frames of bodies are the frames of their links and do not depend on the root. The root only determines which end of a joint is the
+    parent. Coordinates keep their meaning: q is the document's child relative to its parent. `memo` caches results.
     """
     memo = memo or Memo()
     taken = spanning(assembly, mode)
@@ -51,7 +51,7 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
 
 
 def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[Site]:
-    """Yield the sites, each name once.
+    """Yield the sites without duplicate names.
 
     These are exported mounts at every level, frames, links that are part of another, roots, holds and feet of every mode, and mounts of
     sensors and tendons.
@@ -80,8 +80,8 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
 def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> tuple[tuple[int, int], ...]:
     """Return the pairs of bodies without collisions.
 
-    First come neighbours through a joint (including loop closures), in joint order, then the mode's own. The order within pairs and among
-    pairs is that of the links, the same in every mode.
+    Pairs of neighbours through a joint (including loop closures) come first, in joint order. The mode's own pairs follow. Bodies in pairs
+    are in link order, which is the same in every mode.
     """
     pairs: dict[tuple[int, int], None] = {}
     for one, other in (*neighbouring_links(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):
@@ -90,7 +90,7 @@ def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> 
 
 
 def _present(assembly: Assembly, mode: LinkedMode) -> tuple[str, ...]:
-    """Return the joints whose actuators this mode has, in joint order."""
+    """Return the joints with actuators in this mode, in joint order."""
     chosen = None if mode.actuators is None else set(mode.actuators)
     driven = (joint.path for joint in joints_of(assembly) if joint.actuator is not None)
     return tuple(path for path in driven if chosen is None or path in chosen)

@@ -1,1 +1,1 @@
-"""Statics: the efforts of drives that hold a robot still, relative to their limits."""
+"""Statics: the drive efforts that hold a robot still, relative to their limits."""
