@@ -136,7 +136,7 @@ def keyframes_of(
 ) -> tuple[tuple[Keyframe, ...], tuple[Unclosed, ...]] | None:
     """Return the mode's poses in order, with q of every joint and closed loops, and the poses that do not close.
 
-    Joints that are not in the pose move first, then a free base. Joints in the pose move only if this is not enough. Return None if the
+    A free base moves first, then joints that are not in the pose. Joints in the pose move only if this is not enough. Return None if the
     mode's own pose does not close, or if no pose closes (reported). `memo` caches results.
     """
     joints = joints_of(assembly)
