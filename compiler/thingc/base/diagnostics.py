@@ -1,4 +1,4 @@
-"""Diagnostics: a closed set of codes, with the place, the expected value and a help.
+"""Diagnostics: a fixed set of codes. Each diagnostic has a location, a message and a help.
 
 Passes never raise for bad input: they add to a `Report`, so that one run reports all errors.
 """
@@ -40,7 +40,7 @@ class Stage(str, Enum):
 class Code(Enum):
     """All diagnostic codes: `NAME = ("code", "title", "fix")`. Codes are never reused or renumbered.
 
-    A code that may be a warning about an assembly document has a fourth value, the command that reports it. Such warnings can be suppressed
+    If a code can be a warning about an assembly document, its fourth value is the command that reports it. Such warnings can be suppressed
     where they occur (`allow: {TC407: reason}`), and so can export losses.
     TC1xx reading, TC2xx one document, TC3xx names and values across documents, TC4xx parts, TC5xx the assembly,
     TC6xx modes (TC65x tests), TC7xx targets, TC8xx folders and files, TC9xx variants (TC95x import).
@@ -274,7 +274,7 @@ class Code(Enum):
 
 
 class Note(OneLineRepr, FrozenStruct):
-    """A second place or more information, such as "mount declared here". The message is shortened as in `Diagnostic`."""
+    """A second location or more information, such as "mount declared here". The message is shortened as in `Diagnostic`."""
 
     message: str
     span: Span | None = None
@@ -284,7 +284,7 @@ class Note(OneLineRepr, FrozenStruct):
 
 
 def noted(message: str, origin: Origin) -> tuple[Note, ...]:
-    """Return a note at the innermost place of `origin`; empty if `origin` is empty."""
+    """Return a note at the innermost location of `origin`. Empty if `origin` is empty."""
     return (Note(message=message, span=origin[0]),) if origin else ()
 
 
@@ -312,10 +312,10 @@ class Diagnostic(OneLineRepr, FrozenStruct):
 
 
 class Allowance(FrozenStruct, eq=False):
-    """A line of `allow:`, which suppresses warnings of `code` that show a place in one of `nodes`.
+    """An entry of `allow:`, which suppresses warnings of `code` with a location in one of `nodes`.
 
-    `nodes` are the mapping that contains the line and, for a mode, those that are merged over it, each with the span of its key. `where` is
-    the place of the line, `path` that of its mapping in the document.
+    `nodes` contains the mapping with the entry and, for a mode, the mappings merged over it, each with the span of its key. `where` is the
+    location of the entry, and `path` the path of its mapping in the document.
     """
 
     code: Code
@@ -325,7 +325,7 @@ class Allowance(FrozenStruct, eq=False):
     nodes: tuple[tuple[Span, Node], ...]
 
     def covers(self, code: Code, places: Collection[Span]) -> bool:
-        """Return whether this suppresses a warning of `code`: one of `places` is in the mapping."""
+        """Return whether this suppresses a warning of `code`, which requires one of `places` in the mapping."""
         return code is self.code and any(key.holds(place) or stands_in(node, place) for key, node in self.nodes for place in places)
 
 
@@ -336,10 +336,10 @@ def allow_hint(code: Code) -> str:
 
 @dataclass(slots=True)
 class Report:
-    """Collects the diagnostics of all passes; the only mutable object that passes share.
+    """Collects the diagnostics of all passes. It is the only mutable object shared by passes.
 
-    Warnings that one of the `allowances` covers are suppressed: `needed` are the allowances that were used, `allowed` is the number of
-    suppressed warnings.
+    Warnings covered by one of the `allowances` are suppressed. `needed` contains the allowances that were used, and `allowed` is the number
+    of suppressed warnings.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -352,7 +352,7 @@ class Report:
         self, code: Code, message: str, where: Span | Origin | None, *, help: str | None = None, path: str | None = None,
         notes: Iterable[Note] = (), severity: Severity = Severity.ERROR, detail: str | None = None,
     ) -> bool:
-        """Add a diagnostic. The place is `where`, or the innermost span of an `Origin`, whose other spans become notes.
+        """Add a diagnostic. The location is `where`, or the innermost span of an `Origin`. The other spans of the `Origin` become notes.
 
         An unambiguous `Suggestion` as message or help adds a fix. Return False if the warning is suppressed.
         """
@@ -381,7 +381,7 @@ class Report:
         return True
 
     def allows(self, code: Code, places: Collection[Span]) -> bool:
-        """Return whether a warning that shows these places is suppressed; if so, mark the allowances as needed."""
+        """Return whether a warning with these locations is suppressed. If so, mark the allowances as needed."""
         covering = [allowance for allowance in self.allowances if allowance.covers(code, places)]
         self.needed.update(covering)
         self.allowed += bool(covering)
@@ -434,7 +434,7 @@ class Report:
 
 
 def _of_option(diagnostic: Diagnostic) -> Diagnostic:
-    """Replace places in values of `--set` by the option, since there is no file to show."""
+    """Replace locations in values of `--set` with the option, because there is no file to show."""
     notes = tuple(
         Note(message=f"{note.message}: `{note.span.option}`") if note.span is not None and note.span.option is not None else note
         for note in diagnostic.notes

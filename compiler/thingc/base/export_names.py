@@ -1,4 +1,4 @@
-"""Names in exported files: which fields of records contain paths that files may rename, and which texts are valid names.
+"""Names in exported files: types of record fields with paths that files can rename, and the rules for valid names.
 
 The type of such a field specifies what the path refers to, for `targets/custom_names.py`. Type checkers see `str`.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Annotated, TypeAlias
 
 LinkPath: TypeAlias = Annotated[str, "components"]
-"""Path of the component after which a link is named (`hand/cap`)."""
+"""Path of the component that gives a link its name (`hand/cap`)."""
 SitePath: TypeAlias = Annotated[str, "mounts"]
 """Path of an exported mount (`hand/tip`), or of a component (its frame)."""
 JointPath: TypeAlias = Annotated[str, "joints"]

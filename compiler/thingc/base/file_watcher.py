@@ -41,9 +41,9 @@ def looks(look: Callable[[], Seen], stop: threading.Event, pause: float) -> Iter
 
 
 class FileWatcher:
-    """Watches files and folders, existing or not, for changes since the last call of `changed`.
+    """Watches files and folders for changes since the last call of `changed`. They need not exist.
 
-    If `content` is given (a function from a path to a value that is equal for equal contents), only changes of it count.
+    If `content` is given, only changes of its result count. It maps a path to a value that is equal for equal contents.
     """
 
     def __init__(self, paths: Iterable[str] = (), content: Callable[[str], object] | None = None) -> None:

@@ -13,7 +13,7 @@ from io import BufferedReader
 from typing import Any
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""System errors of writing to an open file that have no file name: the disk is full, or a quota or a limit is reached."""
+"""System errors without a file name when writing to an open file: the disk is full, or a quota or limit is reached."""
 
 
 class NotARegularFile(OSError):
@@ -25,7 +25,7 @@ class BadPath(OSError, ValueError):
 
 
 def hash_name(text: str, digits: int = 64) -> str:
-    """Return a hash (by default a SHA-256) that was read from a file and is to be part of a path. Raises `BadPath` if it is not one."""
+    """Validate a hash from a file (by default a SHA-256) for use in a path, and return it. Raises `BadPath` if it is invalid."""
     if re.fullmatch(f"[0-9a-f]{{{digits}}}", str(text)) is None:
         raise BadPath(f"expected a hash of {digits} hex digits, found {str(text)[:100]!r}")
     return text

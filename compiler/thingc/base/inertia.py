@@ -24,7 +24,7 @@ class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
     inertia: Matrix = ZERO
 
     def seen_from(self, pose: Pose) -> MassProperties:
-        """Transform properties in frame B to frame A; `pose` is `X_AB`."""
+        """Transform properties from frame B to frame A; `pose` is `X_AB`."""
         r = pose.rotation
         turned = multiply(multiply(r, self.inertia), transpose(r))
         return MassProperties(mass=self.mass, centre=pose.apply(self.centre), inertia=symmetric(turned))
@@ -128,9 +128,9 @@ def _principal_axes(
 LEAST_MOMENT = 1e-14
 """Smallest principal moment [kg m^2] that MuJoCo accepts for a body (mjEPS, in the reader of `fullinertia`)."""
 HEAVIEST = 1e12
-"""Largest mass [kg] that is accepted: products and sums of larger ones may overflow."""
+"""Largest accepted mass [kg]. Products and sums of larger masses may overflow."""
 LARGEST_MOMENT, DENSEST = 1e24, 1e12
-"""Largest moments and products of inertia [kg m^2], and largest density [kg/m^3], that are accepted."""
+"""Largest accepted moments and products of inertia [kg m^2], and largest accepted density [kg/m^3]."""
 LEAST_MASS = 1e-15
 """MuJoCo does not accept masses [kg] of moving bodies up to this value (mjMINVAL)."""
 

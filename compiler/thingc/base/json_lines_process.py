@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from typing import Any
 
 FAREWELL = 5.0
-"""Time [s] that a process may take to end after its input was closed."""
+"""Time [s] for a process to exit after its input is closed."""
 KEPT = 10_000
 """Number of bytes at the end of standard error that are read."""
 
@@ -24,7 +24,7 @@ Lines = queue.SimpleQueue["tuple[JsonLinesProcess, Any]"]
 
 
 class ProcessLost(Exception):
-    """A process died or does not answer (`hung`); `words` is the cause."""
+    """A process died, or it does not answer (`hung`). `words` describes the cause."""
 
     def __init__(self, words: str, *, hung: bool = False) -> None:
         super().__init__(words)

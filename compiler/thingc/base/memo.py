@@ -1,4 +1,4 @@
-"""A cache with one entry per place: the last result of a pure function."""
+"""A cache for pure functions that keeps the last result per key."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PLACES = 100_000
 
 
 class Memo:
-    """A cache with one result per place (`("geom", "hand/cap")`), the last one, with its inputs.
+    """A cache that keeps the last result and its inputs per key (`("geom", "hand/cap")`).
 
     Compiling a document again changes few of the inputs, so that keeping the last result is enough, and the cache does not grow with the
     number of compilations. Functions must depend on their inputs alone. Inputs and results are shared and must not be modified. Inputs are
@@ -25,7 +25,7 @@ class Memo:
         self._kept: dict[Hashable, tuple[tuple[Any, ...], Any]] = {}
 
     def __call__(self, place: Hashable, function: Callable[..., Answer], *inputs: Any) -> Answer:
-        """Return `function(*inputs)`; the cached object if the last inputs at this place were equal."""
+        """Return `function(*inputs)`, or the cached object if the last inputs for this key were equal."""
         known = self._kept.get(place)
         if known is not None and known[0] == inputs:
             kept: Answer = known[1]
@@ -35,11 +35,11 @@ class Memo:
         return answer
 
     def apart(self) -> Memo:
-        """Return an empty memo, for results that are valid in one run only."""
+        """Return an empty memo for results that are valid in one run only."""
         return Memo()
 
     def last(self, place: Hashable, inputs: tuple[Any, ...]) -> Any | None:
-        """Return the result at this place if its inputs were equal, else None; for results stored with `keep`."""
+        """Return a result stored with `keep` if its inputs were equal, otherwise None."""
         known = self._kept.get(place)
         return known[1] if known is not None and known[0] == inputs else None
 
@@ -50,7 +50,7 @@ class Memo:
         self._kept[place] = (inputs, answer)
 
     def same(self, place: Hashable, value: Answer) -> Answer:
-        """Return the last object at this place if it equals `value`, else `value`, so that later comparisons are quick."""
+        """Return the last object for this key if it equals `value`, otherwise `value`. This makes later comparisons fast."""
         kept: Answer | None = self.last(place, (value,))
         if kept is not None:
             return kept

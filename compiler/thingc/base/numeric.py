@@ -1,4 +1,4 @@
-"""Numeric operations of the passes, with the same results in every Python version, also for recorded numbers."""
+"""Numeric operations with the same results in every Python version. They also accept recorded numbers."""
 
 from __future__ import annotations
 

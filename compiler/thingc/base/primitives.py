@@ -86,7 +86,7 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
         return MassProperties(mass=volume, inertia=inertia).seen_from(self.pose)
 
     def lowest(self, down: Vector) -> float:
-        """Return the minimum [m] of the dot product of `down` (a unit vector in the part's frame) and x over all points x.
+        """Return the minimum [m] over all points x of the dot product of x and `down`, a unit vector in the part's frame.
 
         This is the negated support function of the opposite direction.
         """

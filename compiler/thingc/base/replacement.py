@@ -57,8 +57,8 @@ def replace_files(changes: Mapping[str, Change]) -> None:
 def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, Change]], None]]:
     """Write temporary contents, with the folders they need, for a check of other files.
 
-    On exit they are restored, except files that were changed meanwhile, unless the callback was called: it also replaces the
-    other files. Both raise `ReplacementRefused`.
+    On exit, the old contents are restored, except in files that have changed in the meantime. The yielded callback replaces the other
+    files, too; after it is called, nothing is restored. Both raise `ReplacementRefused`.
     """
     folders = list(dict.fromkeys(folder for path in files for folder in _missing(os.path.dirname(path))))
     kept = False
@@ -84,7 +84,7 @@ def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, 
 
 
 def _missing(folder: str) -> list[str]:
-    """Return the folder and its parents that do not exist, outermost first."""
+    """Return the folder and its parents, outermost first, if they do not exist."""
     return [] if os.path.isdir(folder or ".") else [*_missing(os.path.dirname(folder)), folder]
 
 

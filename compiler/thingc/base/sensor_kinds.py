@@ -21,13 +21,13 @@ ReadingName = Literal[
     "accelerometer", "gyro", "quat", "force", "torque", "position", "velocity", "effort", "magnetometer", "distance", "contact", "linear",
     "angular", "momentum", "length", "time", "potential", "kinetic",
 ]
-"""Names of the readings of sensors."""
+"""Names of sensor readings."""
 
 SensorKey = Literal["at", "in", "joint", "tendon", "of", "with", "volume", "range", "fovy", "noise", "cutoff"]
 """Other keys of a sensor in documents."""
 
 CoordinateKey = Literal["lower", "velocity", "effort"]
-"""In place of a dimension: that of this value of the measured coordinate."""
+"""Placeholders for a dimension: the dimension of this value of the measured coordinate."""
 
 
 class SensorReading(FrozenStruct):

@@ -1,7 +1,7 @@
 """Positions in documents: spans, origins and the node tree that `load` produces.
 
-All values in documents keep their position. A `Span` is one place; an `Origin` is the chain of places that created
-an element (innermost first: the component, then the line of the parent document that nests it, and so on).
+All values in documents keep their position. A `Span` is one location; an `Origin` is the chain of locations that created an element
+(innermost first: the component, then the line of the parent document that nests it, and so on).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ SET = "--set "
 
 
 def option_span(path: str, text: str) -> Span:
-    """Return the span of a value that `--set` assigns to a path of a document."""
+    """Return the span of a value assigned by `--set` to a path of a document."""
     return line_of(f"{SET}{path}={text}")
 
 
@@ -141,7 +141,7 @@ def dotted(path: Path) -> str:
 
 
 def closest(paths: Iterable[str], place: str) -> str:
-    """Return the path in `paths` that shares most leading keys with `place`."""
+    """Return the path in `paths` that shares the most leading keys with `place`."""
     return max(paths, key=lambda path: len(os.path.commonprefix([path.split("."), place.split(".")])))
 
 

@@ -1,4 +1,4 @@
-"""Find the intended name for a typo, and format suggestions."""
+"""Find the intended name of a misspelled one, and format suggestions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from thingc.base.safe_text import quoted
 
 
 def closest_name(name: str, candidates: Iterable[str]) -> str | None:
-    """Return the only candidate of which `name` can be a typo, or None if there is none or more than one.
+    """Return the candidate if `name` can be a typo of exactly one candidate, otherwise None.
 
     A typo is an extra, missing or swapped letter, another case, or (in names of five letters or more) a wrong letter. Digits are never
     typos: `foot_1` is not a misspelt `foot_0`.

@@ -21,7 +21,7 @@ Exponent = Union[int, "Fraction"]
 
 
 class UnitError(ValueError):
-    """Text that is not a quantity, or a quantity of the wrong dimension.
+    """Text that is not a quantity or has the wrong dimension.
 
     `kind` is `unit` (a unit is missing or unknown), `dimension` (another dimension is expected) or `quantity` (anything
     else). `offset` and `end` are the range of invalid characters in the text, None for all of it.
@@ -439,7 +439,7 @@ def _separated(text: str) -> str | None:
 
 
 def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Quantity:
-    """Return the quantity if it has one of the expected dimensions (a bare 0 has all of them).
+    """Return the quantity if it has one of the expected dimensions. A bare 0 has any dimension.
 
     `text` is its spelling. Raises UnitError: `unit` if only the unit is missing, else `dimension`, which names both.
     """
@@ -470,7 +470,7 @@ def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Q
 def suggested_units(dimension: Dimension, numbers: str) -> tuple[str, ...]:
     """Return likely units for `numbers` without a unit, most likely first.
 
-    They are those of drawings, or, for small fractions (`1.57`, `0 0 0.12`), the SI units of URDF and MJCF.
+    They are the units of drawings. For small fractions (`1.57`, `0 0 0.12`), they are the SI units of URDF and MJCF.
     """
     drawn, si, most = _SUGGESTED.get(dimension, (dimension.example.partition(" ")[2], "", 0.0))
     if not si:
@@ -484,13 +484,13 @@ _SUGGESTED: dict[Dimension, tuple[str, str, float]] = {
     LENGTH: ("mm", "m", 2.0), ANGLE: ("deg", "rad", 6.3), MASS: ("g", "kg", 10.0), TIME: ("s", "ms", 0.0),
     ANGULAR_VELOCITY: ("rpm", "rad/s", 0.0),
 }
-"""By dimension: the unit of drawings and data sheets, an alternative (SI) unit, and the bound below which fractions suggest the latter."""
+"""Unit in drawings and data sheets, alternative (SI) unit, and the bound below which fractions suggest the SI unit, keyed by dimension."""
 
 _SURELY: dict[Dimension, float] = {
     DENSITY: 100.0,
     **dict.fromkeys((FORCE, ACCELERATION, ANGULAR_STIFFNESS, LINEAR_STIFFNESS, ANGULAR_DAMPING, LINEAR_DAMPING), -math.inf),
 }
-"""Dimensions with one plausible unit for values from this one [SI] on: no material has 100 g/cm^3."""
+"""Dimensions with only one plausible unit for values from this bound [SI]: no material has 100 g/cm^3."""
 
 
 def shortened(text: str, limit: int = 60) -> str:

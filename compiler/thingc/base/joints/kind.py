@@ -16,7 +16,7 @@ JointType = Literal["fixed", "revolute", "continuous", "prismatic", "cylindrical
 """Values of a joint's `type:`, the names of all kinds (`kinds.KINDS`)."""
 
 Limits = Literal["required", "optional", "none", "cone"]
-"""Whether `limit.lower` and `limit.upper` are required, optional or not allowed; or whether `limit.cone` is allowed."""
+"""Whether `limit.lower` and `limit.upper` are required, optional or not allowed, or whether `limit.cone` is allowed."""
 
 
 class JointKind(FrozenStruct):
@@ -52,7 +52,7 @@ class JointKind(FrozenStruct):
 
     @property
     def moves(self) -> bool:
-        """Whether the joint has a coordinate; if not, it joins its components into one link."""
+        """Whether the joint has a coordinate. If not, its components are one link."""
         return bool(self.twists)
 
     @property

@@ -27,7 +27,7 @@ KINDS: Mapping[str, JointKind] = {kind.name: kind for kind in (
     # A turn about the parent mount's z that also slides along it by `lead` in every turn. q is the turn.
     JointKind(name="screw", twists=(Twist(angular=Z),), limits="optional", leads=True),
 )}
-"""Every kind by its `type:`, in the order of `JointType`."""
+"""All kinds, keyed by `type:`, in the order of `JointType`."""
 
 
 def coordinates_of(kind: JointType) -> range:

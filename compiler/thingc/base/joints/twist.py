@@ -119,7 +119,7 @@ class Twist(FrozenStruct, kw_only=False):
         return (x + v[0], y + v[1], z + v[2]), w
 
     def seen_from(self, X_AB: Pose) -> Twist:
-        """Return this twist, given in frame B, in frame A."""
+        """Transform this twist from frame B to frame A."""
         turn = X_AB.rotation
         return Twist(rotate(turn, self.angular), rotate(turn, self.linear), X_AB.apply(self.anchor))
 
@@ -133,7 +133,7 @@ _PLAIN = {X: turned_x, Y: turned_y, Z: turned_z}
 
 
 def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = False) -> Pose:
-    """Return the pose of a frame that twists move by coordinates `q` (one per twist).
+    """Return the pose of a frame moved by twists with coordinates `q` (one per twist).
 
     Twists are applied in sequence, each in the frame that those before it have moved; or, with `at_once`, as exponential coordinates:
     rotations about axes through one point, by the rotation vector that they add up to.
@@ -183,7 +183,7 @@ def rotation_vector(twists: tuple[Twist, ...], q: tuple[float, ...]) -> Vector:
 
 
 def _right_jacobian(w: Vector, v: Vector) -> Vector:
-    """Return the angular velocity, in body axes, of a body rotated by the rotation vector w while w changes by v.
+    """Return the angular velocity in body axes for a rotation vector w with the time derivative v.
 
     This is `v - b w x v + c w x (w x v)` with b = (1 - cos a) / a^2, c = (a - sin a) / a^3, a = |w| (Chirikjian, Stochastic Models,
     Information Theory, and Lie Groups 2, 2012, section 10.3.3); near 0, b and c are computed by their series.
