@@ -361,7 +361,7 @@ def test_a_document_that_is_wrong_already_stays(document: Path, capsys: pytest.C
                         else TOML_TEXT + '\n[modes]\na = {extends = "b"}\nb = {extends = "a"}\n')
     before = document.read_text()
     assert main(["add", "mode", "x", "--to", document.name]) == 1
-    assert "modes extend each other in a circle" in capsys.readouterr().out and document.read_text() == before
+    assert "modes extend each other in a cycle" in capsys.readouterr().out and document.read_text() == before
 
 
 def test_a_document_is_checked_once(document: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -139,7 +139,7 @@ def test_a_part_folder_that_nobody_names_may_not_be_a_link_out_of_the_workspace(
 
 @pytest.mark.parametrize(("text", "code", "message", "help", "place"), [
     ("parts = []\n", Code.HEADER, "the key `thingc`, which specifies kind and version, is missing",
-     'begin with `thingc = "workspace/1"`', (1, 1)),
+     'start the document with `thingc = "workspace/1"`', (1, 1)),
     ('thingc = "workspace/2"\n', Code.HEADER, "unknown version `2` of `workspace`", 'write `thingc = "workspace/1"`', (1, 10)),
     ('thingc = "assembly/1"\n', Code.WRONG_KIND, "expected a document of kind `workspace`, found `assembly`",
      'write `thingc = "workspace/1"`', (1, 10)),

@@ -401,7 +401,7 @@ def test_expressions_that_are_whole(text: str) -> None:
      "a string with `: ` in it needs quotes; a nested mapping starts on its own line", (1, 10, 1, 11)),
     ("a: 1\nwords\nb: 2\n", "expected `key: value`, found `words`", "write `: ` after a key", (2, 1, 2, 6)),
     ("a: @x\n", "a value cannot start with `@`", "quote the value", (1, 4, 1, 5)),
-    ("a: a value cannot start with `x`\n", "```", "quote the value", (1, 4, 1, 5)),
+    ("a: `x`\n", "a value cannot start with ```", "quote the value", (1, 4, 1, 5)),
     ("a: %x\n", "a value cannot start with `%`", "quote the value", (1, 4, 1, 5)),
     ("poses: {?_knee: 3 deg}\n", "a name cannot start with `?` here", "quote the name", (1, 9, 1, 10)),
     ("poses: [?_knee]\n", "a name cannot start with `?` here", "quote the name", (1, 9, 1, 10)),

@@ -66,7 +66,7 @@ def test_a_field_that_takes_a_mapping_is_told_by_the_mapping() -> None:
     assert limit["anyOf"][0] == {"$ref": "#/$defs/LimitSpec"} and limit["title"] == "Limit"
     defaults = schema["$defs"]["AssemblySpec" if "AssemblySpec" in schema["$defs"] else "DefaultsSpec"]["properties"]["joint"]
     assert defaults["$ref"] == "#/$defs/JointDefaults"
-    assert defaults["description"].startswith("What every joint has")
+    assert defaults["description"] == "Defaults of joints."
     assert schema["$defs"]["DriveSpec"]["properties"]["kind"]["examples"] == ["position", "velocity", "motor"]
 
 

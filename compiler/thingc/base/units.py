@@ -378,7 +378,7 @@ def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -
     if scan_number(text, at) is not None or text[at] in "+-*/(),":
         raise UnitError(
             f"expected a unit after `{number}`, found `{shortened(text[at:])}`", offset=at, end=len(text),
-            help=f"an expression starts with `=`: `={text.strip()}`" if text[at] in "+-*/()" else None,
+            help=f"an expression begins with `=`: `={text.strip()}`" if text[at] in "+-*/()" else None,
         )
     if text[at] == "_" and begin == at:
         raise UnitError(f"expected a number, found `{shortened(text.strip())}`", help="remove `_` from the number")
@@ -387,7 +387,7 @@ def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -
         product = meant_unit(text[at:], wanted)
         raise UnitError(
             f"expected the end after `{text[:end].strip()}`, found `{shortened(text[end:].strip())}`", offset=end, end=len(text),
-            help=f"write `{number} {product}`" if product else "an expression starts with `=`" if re.search(r"[-+(]", text[end:]) else None,
+            help=f"write `{number} {product}`" if product else "an expression begins with `=`" if re.search(r"[-+(]", text[end:]) else None,
         )
     return Quantity(converted(number, unit), unit[2])
 

@@ -221,7 +221,7 @@ class _Parser:
         least, most = FUNCTIONS[name]
         if not least <= len(arguments) <= most:
             count = f"{least}" if least == most else f"{least} to {most}"
-            raise ExpressionError(f"`{name}` needs {count} argument{'' if count == '1' else 's'}, found {len(arguments)}", offset, self.at)
+            raise ExpressionError(f"`{name}` expects {count} argument{'' if count == '1' else 's'}, found {len(arguments)}", offset, self.at)
         return Call(function=name, arguments=tuple(arguments), offset=offset, end=self.at)
 
 
