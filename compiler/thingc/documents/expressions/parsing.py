@@ -221,7 +221,8 @@ class _Parser:
         least, most = FUNCTIONS[name]
         if not least <= len(arguments) <= most:
             count = f"{least}" if least == most else f"{least} to {most}"
-            raise ExpressionError(f"`{name}` expects {count} argument{'' if count == '1' else 's'}, found {len(arguments)}", offset, self.at)
+            arity = f"{count} argument{'' if count == '1' else 's'}"
+            raise ExpressionError(f"`{name}` expects {arity}, found {len(arguments)}", offset, self.at)
         return Call(function=name, arguments=tuple(arguments), offset=offset, end=self.at)
 
 

@@ -167,7 +167,7 @@ def _declared_at(schema: PartSchema) -> list[Note]:
     if not schema.file or schema.line < 1:
         return []
     place = Span(file=schema.file, line=schema.line, column=1, end_line=schema.line, end_column=2)
-    return [Note(message=f"`{schema.reference}` is used here", span=place)]
+    return [Note(message=f"`{schema.reference}` is defined here", span=place)]
 
 
 USES_SHOWN = 3

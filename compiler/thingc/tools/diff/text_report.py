@@ -218,7 +218,7 @@ def _change_text(change: Change) -> str:
         where = "renamed to" if change.change == "renamed" else "moved to"
         perhaps = f"{PERHAPS}, " if PERHAPS in change.because else ""
         reason = f" ({perhaps}{change.reason})" if change.reason else ""
-        return f" {where} {change.new_path} now{reason}"
+        return f" {where} {change.new_path}{reason}"
     old, new = change.words or (_value(change.field or "", change.old), _value(change.field or "", change.new))
     field = change.field or ""
     if field == "surface":
