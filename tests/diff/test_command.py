@@ -128,7 +128,7 @@ def test_a_side_that_does_not_compile(repository: Path, capsys: pytest.CaptureFi
     (["main", "longer", "HEAD"], "expected two states, found 3 arguments", "write the documents to compare after `--`"),
     (["main", "--", "crane.yaml", "--format"], "there is no document `--format` in main or working tree", "known documents:"),
     ([".", "crane.yaml"], "the folder `.` is not a build folder: it has no manifest.json", "use a build folder or a document"),
-    (["crane.yaml", "cabin.yaml", "--", "crane.yaml"], "documents behind `--` are those of revisions", "thingc diff OLD.yaml NEW.yaml"),
+    (["crane.yaml", "cabin.yaml", "--", "crane.yaml"], "documents after `--` require two revisions", "thingc diff OLD.yaml NEW.yaml"),
 ])
 def test_words_that_are_no_sides(
     repository: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str, hint: str,

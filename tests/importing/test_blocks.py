@@ -68,7 +68,7 @@ def test_what_is_lost_has_its_line_and_its_reason(imported: Imported) -> None:
         (45, "`<plugin>` of `<gazebo>`", "it is a Gazebo plugin"),
         (49, "`<mechanicalReduction>` -50", "drives are specified at the joint"),
         (52, "`<hardware>` of `<ros2_control>`", "it is a ROS plugin"),
-        (53, "the  command interface of joint `wrist`position", "the controller defines the gains; the joint gets a motor"),
+        (53, "the position command interface of joint `wrist`", "the controller defines the gains; the joint gets a motor"),
         (54, "the command limits of joint `wrist`", "its own limits apply"),
     ]
 
@@ -106,7 +106,7 @@ def test_a_joint_that_mimics_none_moves_by_itself_and_is_a_warning(tmp_path: Pat
     imported = import_robot(str(path), report)
     assert imported is not None and [(one.code.code, one.span.line) for one in report.diagnostics if one.span] == [("TC955", line)]
     assert "it moves independently" in report.diagnostics[0].message and "did you mean" in (report.diagnostics[0].help or "")
-    assert [loss.why for loss in imported.losses if "mimics" in loss.what] == ["there is no such moving joint: it moves independently"]
+    assert [loss.why for loss in imported.losses if "mimic of" in loss.what] == ["it moves independently: there is no such moving joint"]
     alone = [joint for one in imported.robot.hangings for joint in one.joints if joint.follows is None]
     assert len(alone) == len([joint for one in imported.robot.hangings for joint in one.joints]) - text.count("<mimic") + 1
 
@@ -125,6 +125,6 @@ def test_what_drives_a_joint_that_is_not_there_is_a_warning_and_a_loss(block: st
         assert imported is not None
         (joint,) = (joint for one in imported.robot.hangings for joint in one.joints)
         warned = [(one.message, one.help, one.span and one.span.line) for one in report.diagnostics]
-        found.append((joint.drive is not None, warned, [loss.what for loss in imported.losses if "drives" in loss.what]))
+        found.append((joint.drive is not None, warned, [loss.what for loss in imported.losses if "drive of" in loss.what]))
     said = ("this drives joint `yah`, which does not exist", "did you mean `yaw`?", 2)
     assert found == [(True, [], []), (False, [said], ["the drive of joint `yah`"])]

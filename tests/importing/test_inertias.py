@@ -113,8 +113,8 @@ def test_what_stands_still_may_weigh_nothing_but_not_just_anything(tmp_path: Pat
     path, report = written(tmp_path, links, joints), Report()
     assert import_robot(str(path), report) is None
     assert [d.message for d in report.ordered()] == [
-        "link `a` does not move, but its largest principal moment 0.03 kg m^2 is above the sum of the other two (0.01 + 0.01), which no "
-        "solid can have",
+        "link `a` does not move, but its largest principal moment 0.03 kg m^2 is above the sum of the other two (0.01 + 0.01), which is "
+        "impossible for a solid",
     ]
     imported, said = repaired(path, "nearest")
     assert imported is not None and said == [] and [one.link.name for one in imported.repaired] == ["a", "plate"]

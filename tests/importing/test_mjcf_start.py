@@ -93,7 +93,7 @@ def test_a_free_base_keeps_its_name_its_dynamics_and_its_place_in_keyframes(tmp_
 def test_indices_that_change_are_losses_with_their_mapping(tmp_path: Path) -> None:
     imported = imported_from(FLOATING, tmp_path)
     said = {loss.what: loss.why.partition(": ")[2] for loss in imported.losses}
-    assert said["the indices of `data.ctrl`"] == "[1:2] is [0:1] in its models"
-    assert said["the indices of `data.qpos`"] == "[8:17] is [0:9] in its models"
-    assert said["the indices of `data.qvel`"] == "[7:15] is [0:8] in its models"
+    assert said["the indices of `data.ctrl`"] == "[1:2] is [0:1]"
+    assert said["the indices of `data.qpos`"] == "[8:17] is [0:9]"
+    assert said["the indices of `data.qvel`"] == "[7:15] is [0:8]"
     assert "a mass of -1" in said and "the name of exclude `apart`" in said and "the indices of `data.sensordata`" not in said

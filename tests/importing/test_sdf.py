@@ -311,7 +311,7 @@ def test_what_is_built_of_screws_and_universal_joints_comes_in_again(tmp_path: P
     (sdf(CHAIN, "2.0"), "TC952", 1, "`version` of `<sdf>`: expected 1.4 to 1.12, found `2.0`"),
     ("<sdf version='1.9'>\n</sdf>", "TC953", 1, "expected one model that is not static, found none"),
     ("<sdf version='1.9'><model name='a'/>\n<model name='b'/></sdf>", "TC953", 2, "expected one model that is not static, found `a`, `b`"),
-    (sdf(CHAIN + "<include merge='1'><uri>m.sdf</uri></include>"), "TC952", 9, "`merge` is not read"),
+    (sdf(CHAIN + "<include merge='1'><uri>m.sdf</uri></include>"), "TC952", 9, "`merge` is not supported"),
     (sdf(CHAIN + "<include><uri>m.sdf</uri>\n<name>n</name></include>"), "TC952", 9,
      "the file includes more than 100 models, or one that includes itself"),
     (sdf(CHAIN + "<include><uri>none.sdf</uri></include>"), "TC956", 9, "there is no file `none.sdf`"),

@@ -119,9 +119,9 @@ def test_what_both_have_changed_is_said_with_both_values(lamp: Path, capsys: Sai
     first = capsys.readouterr().err
     assert main(["import", "lamp.urdf", "--update"]) == 1
     said = capsys.readouterr().err
-    assert "error[TC957]: `components.foot.mass` is 2.5 kg here, but now 3 kg in the source: your value as it is here\n" in said
+    assert "error[TC957]: `components.foot.mass` is 2.5 kg here, but now 3 kg in the source: your value is kept\n" in said
     assert "--> lamp/lamp.yaml:8:11\n" in said and said == first
-    assert "`joints.lift.limit.velocity` is nothing here, and 7 rad/s in the source now" in said
+    assert "`joints.lift.limit.velocity` is missing here, but now 7 rad/s in the source" in said
     text = lamp.read_text()
     assert "mass: 2.5 kg" in text and "lower: -0.5 rad" in text
     assert main(["import", "lamp.urdf", "--update"]) == 0, "a conflict is said once: it is what the person has written since"
@@ -168,7 +168,7 @@ def test_what_would_be_wrong_is_not_written(lamp: Path, capsys: Said) -> None:
     assert main(["import", "lamp.urdf", "--update"]) == 1
     said = capsys.readouterr().err
     assert lamp.read_text() == text
-    assert "error[TC957]: `components.foot` is nothing here" in said and "error[TC302]" in said
+    assert "error[TC957]: `components.foot` is missing here" in said and "error[TC302]" in said
 
 
 def test_names_stay(lamp: Path) -> None:
@@ -244,5 +244,5 @@ def test_halves_of_two_axes_are_no_axis() -> None:
 
 def test_what_is_used_elsewhere_is_not_merged() -> None:
     texts = [read_text("/d.yaml", text, Report()) for text in ("a: 1\nb: 1", "a: 2\nb: 1", "a: &one 1\nb: *one\nc: 1")]
-    with pytest.raises(MergeConflict, match="`b` would not be what it should"):
+    with pytest.raises(MergeConflict, match="`b` uses an anchor or an unusual form, so it cannot be changed separately"):
         Merge(*texts).merged()

@@ -193,7 +193,7 @@ def test_diff_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert fixed(tmp_path, slip, "--diff") == (0, slip)
     said = capsys.readouterr().out
     assert "\n-  pusher: {frame: true, mass: 12 g, com: 0 0 1 mm, colision: hull, " in said and "\n+  pusher: " in said
-    assert said.endswith("1 placewould fix , 0 diagnostics would remain\n")
+    assert said.endswith("would fix 1 place, 0 diagnostics would remain\n")
     assert main(["check", "--format", "json", "robot.yaml"]) == 1
     (diagnostic,) = json.loads(capsys.readouterr().out)["diagnostics"]
     assert diagnostic["fixes"] == [{

@@ -52,17 +52,17 @@ def said(analysis: Analysis, text: str, marked: str) -> str:
     ("120│ deg}", "`120 deg` = 2.0944 rad"),
     ("mass: 1 k│g", "Mass, instead of the mass from the part and its material."),
     ("child: finger_$i.s│eat",
-     "**finger_0.seat**: Shown by `finger.yaml`: `bone.seat`.\n\nAt (0, 0, 0) mm, z along +z of `finger_0.bone`."),
+     "**finger_0.seat**: Exported by `finger.yaml`: `bone.seat`.\n\nAt (0, 0, 0) mm, z along +z of `finger_0.bone`."),
     ("=(i + 1) * 5│0 g", "`=(i + 1) * 50 g` = **50 g ... 100 g**"),
     ("ba│se: {frame: true", "**base**: A frame: a component without geometry.\n\nMass 1 kg (stated).\n\nThe base; link `base`."),
     ("fin│ger:\n", "**finger**: `finger.yaml`\n\n2 of them, `finger_0` to `finger_1`.\n\nMass 60 g (stated), 2 parts."),
     ("parent: base.to│p, child", "**base.top**: Added to `base`.\n\nAt (0, 0, 0) mm, z along +z of its component."),
-    ("palm.se│at", "**palm.seat**: Shown by `palm.yaml`: `plate.seat`.\n\nAt (0, 0, 0) mm, z along +z of `palm.plate`."),
+    ("palm.se│at", "**palm.seat**: Exported by `palm.yaml`: `plate.seat`.\n\nAt (0, 0, 0) mm, z along +z of `palm.plate`."),
     ("li│ft: {type", "**lift**: Fixed, from `base.top` to `palm.seat`."),
     ("out: {ya│w_0", "**yaw_0**: Revolute, from `base.top` to `finger_0.seat`; -90 deg to 120 deg.\n\n"
      "Turns about z of the parent mount.\n\nNot driven."),
-    ("ou│t: {yaw_0", "**out**: yaw_0 30 deg; all other joints at 0.\n\nModes that begin in it: `bench`."),
-    ("pose: o│ut", "**out**: yaw_0 30 deg; all other joints at 0.\n\nModes that begin in it: `bench`."),
+    ("ou│t: {yaw_0", "**out**: yaw_0 30 deg; all other joints at 0.\n\nModes that start in it: `bench`."),
+    ("pose: o│ut", "**out**: yaw_0 30 deg; all other joints at 0.\n\nModes that start in it: `bench`."),
     ("be│nch: {root", "**bench**: `base` is the root, fixed to the world; starts in pose `out`."),
     ("# a com│ment", ""),
 ])
@@ -123,5 +123,5 @@ def test_over_the_protocol(editor: Editor, robot: Path) -> None:
     place = _place(text, text.index("child: palm.") + 12)
     answer = editor.request("textDocument/completion", {"textDocument": document, "position": place})
     first = answer.items[0]
-    assert (first.label, first.sort_text, first.documentation.value) == ("seat", "0000", "Shown by `palm.yaml`: `plate.seat`.")
+    assert (first.label, first.sort_text, first.documentation.value) == ("seat", "0000", "Exported by `palm.yaml`: `plate.seat`.")
     assert first.text_edit == types.TextEdit(types.Range(types.Position(**place), types.Position(**place)), "seat")

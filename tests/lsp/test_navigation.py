@@ -187,7 +187,7 @@ REFUSED = {
     ("walker.yaml", "as: |k}", "half"): "there is already a parameter `half`",
     ("walker.yaml", "  w|ag:\n", "leg_knee"):  # the pattern `*knee` would fit it
         "`wag` cannot be renamed to `leg_knee`: the text at walker.yaml:59 would change its meaning",
-    ("walker.yaml", '"str|*"', "x"): "`stretch` only matches the pattern here: rename it in place defined",
+    ("walker.yaml", '"str|*"', "x"): "`stretch` only matches the pattern here: rename it where it is defined",
     ("walker.yaml", "assembly: hea|d.toml", "x"): "`head.toml` is a file: rename it in place",
     ("walker.yaml", "  wag: {t|ype: joint}", "x"): "there is no name here",
     ("user.yaml", "brackets:W|ide", "x"): "`Wide` is a class: rename it in place",
@@ -207,10 +207,12 @@ def test_what_cannot_be_is_refused_in_words(editor: Editor, user: Path) -> None:
 
 def test_another_part_that_may_have_the_mount_is_named(editor: Editor, user: Path) -> None:
     (user / "parts/others.py").write_text("from brackets import Bracket\n\n\ndef seat_of(bracket):\n    return bracket.seat\n")
-    with pytest.raises(JsonRpcException, match="`seat` at parts/others.py:5 may be this mount of a part of `Bracket`, and may be another"):
+    refused = "`seat` at parts/others.py:5 may or may not be this mount of a part of `Bracket`: rename it in Python"
+    with pytest.raises(JsonRpcException, match=refused):
         ask(editor, "rename", user / "user.yaml", "one.se|at", newName="perch")
     (user / "parts/others.py").write_text("from brackets import Bracket\n\n\ndef perch_of(other):\n    return other.perch\n")
-    with pytest.raises(JsonRpcException, match="`perch` at parts/others.py:5 could be taken for this mount of a part of `Bracket` then"):
+    refused = "`perch` at parts/others.py:5 would then refer to this mount of a part of `Bracket`: choose another name"
+    with pytest.raises(JsonRpcException, match=refused):
         ask(editor, "rename", user / "user.yaml", "one.se|at", newName="perch")
     (user / "parts/others.py").write_text("class Other:\n    def result(self):\n        return self.p.width, self.seat\n")  # its own
     assert sorted(applied(ask(editor, "rename", user / "user.yaml", "one.se|at", newName="perch"))) == ["brackets.py", "user.yaml"]

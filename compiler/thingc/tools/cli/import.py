@@ -177,7 +177,7 @@ def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
     """Describe the result of an import: its content, repairs, and all losses with their lines."""
     source = os.path.basename(arguments.file)
     said = [f"would import {_read(arguments, imported)}"]
-    said += [f"{source}:{one.link.where.line}: repaired: inertia of link `{one.link.name}` ({one.how})" for one in imported.repaired]
+    said += [f"{source}:{one.link.where.line}: repaired: mass and inertia of `{one.link.name}` ({one.how})" for one in imported.repaired]
     return said + [f"{source}:{one.where.line}: lost: {one.what}: {one.why}" for one in imported.losses]
 
 

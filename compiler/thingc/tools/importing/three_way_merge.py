@@ -17,7 +17,7 @@ from thingc.documents.load.documents import read_tree
 from thingc.documents.load.text import Source
 
 MISSING: Any = object()
-NOTHING = "nothing"
+NOTHING = "missing"
 """Text in reports for a missing value."""
 
 

@@ -168,7 +168,7 @@ def _of_joint(analysis: Analysis, name: str) -> str:
             effort = "" if edge.limit.effort is None else f", up to {Quantity(edge.limit.effort, unit).shown(5)}"
             lines.append(f"Driven ({edge.actuator.kind}{effort}).")
         if edge.mimic is None and edge.actuator is None and mate.loop is None:
-            lines.append("Nothing drives it.")
+            lines.append("Not driven.")
     return "\n\n".join(lines)
 
 
@@ -193,7 +193,7 @@ def _of_pose(analysis: Analysis, name: str) -> str:
     more = f", and {len(values) - 12} more" if len(values) > 12 else ""
     modes = [f"`{mode.name}`" for mode in model.modes if mode.pose == name]
     return f"**{name}**: " + (f"{', '.join(values[:12])}{more}; all other joints at 0." if values else "every joint at 0.") + (
-        f"\n\nModes that begin in it: {', '.join(modes)}." if modes else ""
+        f"\n\nModes that start in it: {', '.join(modes)}." if modes else ""
     )
 
 
@@ -203,7 +203,7 @@ def _of_mode(analysis: Analysis, name: str) -> str:
     if mode is None:
         return ""
     base = {"fixed": "fixed to the world", "free": "free", "held": "held at the world"}.get(mode.base, mode.base)
-    lines = [f"**{name}**: `{mode.root.text}` is the root, {base}" + (f"; begins in pose `{mode.pose}`." if mode.pose else ".")]
+    lines = [f"**{name}**: `{mode.root.text}` is the root, {base}" + (f"; starts in pose `{mode.pose}`." if mode.pose else ".")]
     if mode.on_floor or any(mode.at.translation):
         lines.append("Stands on the floor." if mode.on_floor else f"Its root at {length_words(mode.at.translation)}.")
     if mode.holds:
