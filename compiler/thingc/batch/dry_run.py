@@ -30,7 +30,7 @@ class DryRun:
     """The result of a dry run of `count` variants.
 
     `failing` counts the variants that violate each rule on parameters. `looked_at` is the number of resolved variants, which satisfy these
-    rules. Of these, `unsound` counts variants with errors per code, and `examples` has the first variant and error of each code. They use
+    rules. Among them, `unsound` counts variants with errors per code, and `examples` has the first variant and error of each code. They use
     `parts` distinct parts, of which `known` are in the store. `first` are the first variants.
     """
 

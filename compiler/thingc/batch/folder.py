@@ -38,7 +38,7 @@ MANY = 2000
 
 
 class BatchFault(Exception):
-    """A batch cannot begin or continue. `diagnostic` is the reason. Built variants are kept."""
+    """A batch cannot begin or continue. `diagnostic` is the reason. Built variants are not deleted."""
 
     def __init__(self, code: Code, message: str, help: str | None = None, detail: str | None = None) -> None:
         super().__init__(f"{message}: {help}" if help else message)

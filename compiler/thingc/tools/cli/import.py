@@ -121,7 +121,7 @@ def _faults(document: str, text: str) -> list[Diagnostic]:
 
 
 def _merged(now: Update, *, disputed: bool) -> list[str]:
-    """Describe the changes in the source and by the user. The second value tells whether there are conflicts."""
+    """Describe the changes in the source and by the user. `disputed` tells whether there are conflicts."""
     taken = [f"  {dotted(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
     kept = [f"  {name}" for name in (*map(dotted, now.merged.kept), *now.kept)]
     said = [f"merged: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else []

@@ -34,7 +34,7 @@ def plain_name(name: str, kind: str) -> str:
 def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier: Mapping[str, str] | None = None) -> dict[str, str]:
     """Return a unique name for each of `names`, also unique if case is ignored, and not in `taken`.
 
-    Names of an `earlier` import are kept. A valid name is not changed by other names.
+    Names of an `earlier` import do not change. A valid name is not changed by other names.
     """
     used, wanted = {one.lower() for one in taken}, list(dict.fromkeys(names))
     words: dict[str, str] = {}

@@ -89,7 +89,8 @@ def import_robot(
 
     Each of the links `roots` gets a mode. `repair` selects the method for links with invalid inertias. `packages` maps names of packages to
     folders, `arguments` are those of a xacro file, `mesh_roots` are further folders of meshes. Without `meshes`, all meshes are omitted.
-    `earlier` returns the previous import of the robot with a given name: its names are kept and, for an `update`, its options apply again.
+    `earlier` returns the previous import of the robot with a given name: its names do not change and, for an `update`, its options apply
+    again.
     """
     data = _content(path, report)
     path = os.path.abspath(path)

@@ -1,8 +1,8 @@
 """Merge two versions of a document that derive from a common one, key by key, preserving text, layout and comments of `ours`.
 
 `base` is what an import wrote, `new` what it would write now, `ours` is `base` as edited by the user. Changes made only in the source are
-applied, and changes by the user are kept. If both changed a value differently, this is a conflict, and the value of the user is kept.
-Mappings are merged recursively, and so are lists of equally many mappings; everything else is one value.
+applied, and changes by the user are preserved. If both changed a value differently, this is a conflict, and the value of the user is
+preserved. Mappings are merged recursively, and so are lists of equally many mappings; everything else is one value.
 """
 
 from __future__ import annotations
