@@ -138,7 +138,7 @@ def compile(
 
     Args:
         parameters: Values of parameters as text (`{"reach": "120 mm"}`), or as numbers in SI and booleans, as for `family`.
-        choices: The same by path (`{"components.foot.part": "feet:Wide"}`).
+        choices: Values to set by path (`{"components.foot.part": "feet:Wide"}`).
         modes: Names of the modes to compile (by default all).
         store: Folder of modelled parts (by default the user's cache).
         jobs: Number of parts to model in parallel (0: one per core).
@@ -147,7 +147,7 @@ def compile(
         printed: Callback `printed(part, lines)` for the output of parts when they are modelled.
 
     Raises:
-        CompileError: The document has errors; contains all diagnostics.
+        CompileError: The document has errors. The exception contains all diagnostics.
         UnknownChoice: A mode or a program does not exist.
     """
     given = {**(parameters or {}), **(choices or {})}

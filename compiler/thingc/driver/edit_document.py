@@ -1,4 +1,4 @@
-"""Write values to a document on disk, by path, unless it would then have errors."""
+"""Write values by path to a document on disk, unless this would cause errors."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class EditResult(FrozenStruct):
 
 
 def write_values(document: str, given: Mapping[str, str], options: Options, *, strict: bool = False, dry: bool = False) -> EditResult:
-    """Write values (texts, by path or by parameter) to a document, unless it would then have errors.
+    """Write values (texts, keyed by path or parameter) to a document, unless this would cause errors.
 
     With `dry`, nothing is written; with `strict`, warnings are errors. Raises `OSError` if the document cannot be read.
     """
@@ -69,20 +69,20 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
 
 
 def named(path: str) -> str:
-    """Return the name of a parameter that is written as `parameters.reach`; other paths are unchanged."""
+    """Return the parameter's name for a path such as `parameters.reach`. Other paths are unchanged."""
     name = path.removeprefix("parameters.")
     return path if "." in name else name
 
 
 def document_change(root: Document, text: str) -> tuple[bytes, bytes]:
-    """Return the bytes of a document as they were read, and with another text. A byte order mark is preserved."""
+    """Return the original bytes of a document and the bytes of its new text. A byte order mark is preserved."""
     before = root.text.encode()
     mark = b"" if hashlib.sha256(before).hexdigest() == root.sha256 else b"\xef\xbb\xbf"
     return mark + before, mark + text.encode()
 
 
 def opened(document: str, options: Options, memo: Memo) -> Documents | None:
-    """Load a document and all documents that it names; None if one of them cannot be read or is invalid."""
+    """Load a document and all referenced documents. Return None if one of them cannot be read or is invalid."""
     with Environment(document, options, memo=memo) as environment:
         if environment.workspace is None:
             return None
@@ -95,7 +95,7 @@ def opened(document: str, options: Options, memo: Memo) -> Documents | None:
 def checked(
     document: str, options: Options, *, strict: bool = False, memo: Memo | None = None,
 ) -> tuple[Documents | None, list[Diagnostic]]:
-    """Check a document: return it with all documents that it names (None if it cannot be read), and the diagnostics.
+    """Check a document. Return it with all referenced documents (None if it cannot be read), and the diagnostics.
 
     `memo` caches reading.
     """
@@ -106,7 +106,7 @@ def checked(
 
 
 def keys_of(root: Document, path: str) -> Keys:
-    """Return where the value of a path, or of a parameter, is written."""
+    """Return the key path of a parameter, or of a path."""
     if "." in path:
         return tuple(path.split("."))
     full = isinstance(node_at(root.tree, ("parameters", path)), MappingNode)

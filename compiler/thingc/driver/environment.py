@@ -29,7 +29,7 @@ Printed = Callable[[str, Sequence[str]], None]
 """`printed(part, lines)`: called with the output of a part after it has been modelled. The lines are not escaped."""
 
 Lend = Callable[["Workspace", "Store"], "PartSource"]
-"""`lend(workspace, store)`: returns a shared source of the parts of a workspace, which the lender closes."""
+"""`lend(workspace, store)` returns a shared source of a workspace's parts. The lender closes it."""
 
 Answer = TypeVar("Answer")
 
@@ -61,7 +61,7 @@ class Options(FrozenStruct):
 
 
 class Environment:
-    """What all compilations of one document share. A context manager that closes the source of parts on exit, unless it was lent.
+    """The shared state of all compilations of one document. On exit, this context manager closes the source of parts, unless it was lent.
 
     `workspace` is None if none was found. `report` contains diagnostics of the documents themselves, `memo` caches results of passes.
     """
@@ -87,7 +87,7 @@ class Environment:
 
     @cached_property
     def compat(self) -> tuple[str, ...]:
-        """Programs besides MuJoCo that read its models: those of the options, else of the workspace."""
+        """Programs besides MuJoCo that read its models, from the options or (by default) from the workspace."""
         own = self.workspace.compat if self.workspace is not None else ()
         return own if self.options.compat is None else tuple(self.options.compat)
 
@@ -128,7 +128,7 @@ class Environment:
         return lock
 
     def say_gaps(self, report: Report) -> None:
-        """Report what the lock lacks of the parts realized last, and errors of the lock.
+        """Report missing entries in the lock for the last realized parts, and errors of the lock.
 
         They are warnings if code may run (the lock is optional then).
         """
@@ -140,7 +140,7 @@ class Environment:
 
 
 def attempted(document: str, options: Options, work: Callable[[Environment], Answer]) -> Answer:
-    """Call `work` with an environment; if the store turns out to be damaged, once more with a new one, which restores the blob."""
+    """Call `work` with an environment. If the store is damaged, call it again with a new environment, which restores the blob."""
     from thingc.geometry.store.local import BlobMissing
 
     try:
@@ -152,7 +152,7 @@ def attempted(document: str, options: Options, work: Callable[[Environment], Ans
 
 
 def store_of(options: Options) -> Store:
-    """Return the store of the options, else the user's."""
+    """Return the store specified in the options. The default is the user's store."""
     from thingc.geometry.store.shared_store import opened
 
     return opened(options.store)

@@ -32,11 +32,11 @@ from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 from thingc.targets.registry import written
 
 Waiting = Callable[[str], None]
-"""Called once with the build folder if another build of it is in progress; an exception ends the waiting."""
+"""Called once with the build folder if another build of it is in progress. An exception stops the wait."""
 
 
 class Blobs(Protocol):
-    """The part of a store's interface that is needed here: reading blobs, verified by their SHA-256."""
+    """Interface to read blobs of a store, verified by their SHA-256."""
 
     def read(self, sha256: str) -> bytes:
         """Return the content; raises if it is missing or damaged."""
@@ -71,7 +71,7 @@ class UnexpectedFilesError(OutputError):
 
 
 NOTHING = hashlib.sha256(b"").hexdigest()
-"""SHA-256 of an empty file, for example after a power failure; it may be deleted without loss."""
+"""SHA-256 of an empty file, which may remain after a power failure and can be deleted without loss."""
 
 
 class UnexpectedFiles(FrozenStruct, kw_only=False):
@@ -124,7 +124,7 @@ def write_build(
 
 
 KEPT = ".git"
-"""May exist in the folder of a new workspace; nothing is written to it."""
+"""Allowed in the folder of a new workspace. Nothing is written to it."""
 
 
 def write_new(folder: str, files: Mapping[str, bytes]) -> str:

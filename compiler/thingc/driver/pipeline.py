@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 PASSES = ("thingc.model.resolve.choices", "thingc.model.resolve.assembly", "thingc.model.assembly", "thingc.model.robot")
-"""Modules of the passes after `describe`, imported while the CAD kernel loads, if it does."""
+"""Modules of the passes after `describe`. They are imported while the CAD kernel loads."""
 
 
 _LOOKED_THROUGH = 1 << 20
@@ -141,7 +141,7 @@ def recompile(environment: Environment, sources: Sources | None, settings: Setti
 
 
 def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
-    """Return the slow imports of `build`, for `Options.ahead`; numpy, which compares solids, only if models need it as well."""
+    """Return the slow imports of `build`, for `Options.ahead`. numpy, which compares solids, is included only if models need it."""
     from thingc.targets.registry import modules_of
 
     return (*modules_of(targets), *(["thingc.model.solids.shapes"] if "mjcf" in targets else []))
@@ -204,7 +204,7 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
 
 
 def _may_name_parts(environment: Environment) -> bool:
-    """Return whether code of parts may run, and the beginning of the document refers to parts; otherwise the kernel is not needed."""
+    """Return whether part code may run and the beginning of the document refers to parts. Otherwise, the kernel is not needed."""
     if not environment.options.code:
         return False
     text = environment.options.texts.get(environment.document)
@@ -224,7 +224,7 @@ def settings_of(options: Options) -> Settings:
 
 
 def choose(environment: Environment, sources: Sources, choices: Mapping[str, str], report: Report, memo: Memo | None) -> Sources:
-    """Return the sources, with the documents and parts that `choices` name; their errors are reported.
+    """Return the sources, including documents and parts selected by `choices`. Report their errors.
 
     `memo` caches results for these texts of the documents.
     """
@@ -316,7 +316,7 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
 
 
 def _say_hidden(environment: Environment, sources: Sources, report: Report) -> None:
-    """Report modules of parts that hide others."""
+    """Report modules of parts that hide other modules."""
     from thingc.documents.spec.validation import part_references
     from thingc.geometry.part_source import report_hidden
 
@@ -373,7 +373,7 @@ def files(environment: Environment, compilation: Compilation, artifacts: Mapping
 
 
 def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
-    """Report unneeded allowances after these stages; only without settings, because other values may need them."""
+    """Report unneeded allowances after these stages. Skip this if there are settings, because other values may need the allowances."""
     settings, documents = compilation.settings, compilation.documents
     if compilation.assembly is None or documents is None or compilation.report.failed or settings.parameters or settings.choices:
         return

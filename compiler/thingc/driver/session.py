@@ -23,7 +23,7 @@ REFUSED = 64
 
 
 class Session:
-    """Repeated compilation of one document with different settings. A context manager that closes the geometry service on exit.
+    """Compiles one document repeatedly with different settings. On exit, this context manager closes the geometry service.
 
     Settings of a compilation override the parameters and choices of `options`. Documents are read when the session is created: later
     changes of documents, parts and the store are not noticed. If a blob of the store is lost meanwhile, reading it raises `BlobMissing`; a

@@ -1,4 +1,4 @@
-"""Settings by name of a parameter, or by path in the document; values are numbers in SI, or texts as in documents."""
+"""Settings, keyed by parameter name or path in the document. Values are numbers in SI units, or texts as in documents."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from thingc.model.resolve.parameters import AssemblyParameters
 from thingc.model.resolve.resolver import Settings, Sources
 
 EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons"))
-"""Sections whose patterns also match elements of nested documents."""
+"""Sections with patterns that also match elements of nested documents."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,9 +80,9 @@ class SettingsReader:
         return stated_parameter(self._documents, path)
 
     def meant(self, name: str) -> tuple[str, ...]:
-        """Return the names that a pattern matches, including those of nested documents.
+        """Return the names that match a pattern, including names in nested documents.
 
-        Patterns are such as `joints.*.dynamics.damping`, or `leg_*` for parameters; a name without `*` is returned unchanged.
+        Examples of patterns are `joints.*.dynamics.damping` and, for parameters, `leg_*`. A name without `*` is returned unchanged.
         """
         known = self._meant.get(name)
         if known is None:
@@ -180,7 +180,7 @@ class SettingsReader:
         return {**values, **{path: value for path, value in stated.items() if value is not None}}
 
     def as_given(self, settings: Mapping[str, Any]) -> dict[str, str]:
-        """Return the texts of settings by name, except those that a later number replaces."""
+        """Return the texts of settings by name, except texts that are replaced by a later number."""
         texts: dict[str, str] = {}
         for given, value in settings.items():
             for name in self.meant(given):

@@ -1,4 +1,4 @@
-"""Coordinates of joints that the tree of a mode does not contain, computed from the poses and twists of their ends."""
+"""Coordinates of joints outside the tree of a mode, computed from the poses and twists of their ends."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def coordinates(cut: Cut, X_AB: Array, usual: Sequence[float]) -> Array:
 
 
 def usual(mode: Mode, cut: Cut) -> list[float]:
-    """Return the values of its coordinates in the mode's first pose."""
+    """Return the values of the joint's coordinates in the mode's first pose."""
     first: Mapping[str, float] = next(iter(mode.named.values()), {})
     return [first.get(name, 0.0) for name in cut.coordinates]
 
@@ -55,7 +55,7 @@ def freedoms(cut: Cut, q: Array, X_WB: Array) -> Array:
 
 
 def _moved(cut: Cut, q: Array) -> tuple[Array, Array]:
-    """Return the pose of A as moved by the coordinates (4, 4), and their twists (n, 6) in this frame."""
+    """Return the pose (4, 4) of A after moving it by the coordinates, and their twists (n, 6) in this frame."""
     X, seen = np.eye(4), np.zeros((len(q), 6))
     for k in range(len(q) - 1, -1, -1):
         seen[k] = adjoint(inverse(X)) @ cut.twists[k]

@@ -1,4 +1,4 @@
-"""A perfectly inelastic impact: the velocity of a robot after the links that a mode holds have been stopped instantly."""
+"""A perfectly inelastic impact: the velocity of a robot after the held links of a mode stop instantly."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Impact(OneLineRepr):
 
 
 def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> tuple[RobotState, Array, Mapping[str, Array]]:
-    """Return the state after a perfectly inelastic impact with everything that `mode` holds, and the impulses.
+    """Return the state after a perfectly inelastic impact with all held links of `mode`, and the impulses.
 
     These are the impulse (6,) on the root link, and those on its holds by path.
 
@@ -88,7 +88,7 @@ def _base(mode: Mode, state: RobotState) -> tuple[Array, Array]:
 
 
 def _held(hold: Hold, X: Array, J: Array) -> Array:
-    """Return the velocity constraints of a hold, for a link at X (4, 4) with the Jacobian J (6, n).
+    """Return the velocity constraints of a hold for a link at X (4, 4) with the Jacobian J (6, n).
 
     J is that of the link, or (3, n) of the origin of a mount that may turn.
     """
@@ -116,7 +116,7 @@ def _mimics(mode: Mode, state: RobotState) -> Array:
 
 
 def _ends_meet(mode: Mode, state: RobotState, cut: Cut, jacobians: tuple[Array, ...]) -> Array:
-    """Return (6 - d, n): the relative velocity of the ends of a cut joint, in the directions in which the joint cannot move."""
+    """Return (6 - d, n): the relative velocity of the ends of a cut joint, in the constrained directions of the joint."""
     placed = list(mode.poses(state).values())
     X_WA, X_WB = placed[cut.parent] @ cut.X_PA, placed[cut.child] @ cut.X_CB
     ends = []

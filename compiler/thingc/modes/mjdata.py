@@ -1,4 +1,4 @@
-"""Read and write the state of a mode in a `mujoco.MjData`, by names, so that a scene can contain more than the robot.
+"""Read and write the state of a mode in a `mujoco.MjData` by names. The scene can contain other elements besides the robot.
 
 MuJoCo itself is not imported: `MjData` provides its model and access by name.
 """
@@ -57,7 +57,7 @@ def check(mode: Mode, data: Any) -> None:
 
 
 def _link_above(model: Any, body: int, links: Collection[int]) -> int:
-    """Return the body of the next link above `body`, or of the world (0), skipping bodies in between (`--compat drake` adds some)."""
+    """Return the body of the parent link of `body`, or the world (0). Skip bodies that are not links (`--compat drake` adds some)."""
     above = int(model.body_parentid[body])
     while above and above not in links:
         above = int(model.body_parentid[above])
@@ -124,10 +124,10 @@ def write_state(mode: Mode, state: RobotState, data: Any) -> None:
 
 
 def carry(modes: tuple[Mode, Mode], source: Any, target: Any) -> tuple[str, ...]:
-    """Copy from `source` to `target` what a switch preserves besides the motion, and return the actuators that only `target` has.
+    """Copy values that a switch preserves besides the motion from `source` to `target`. Return the actuators that only `target` has.
 
-    Copied are the time, the controls and activations by actuator, and the joint accelerations for the solver's warm start. The controls of
-    the returned actuators do not change.
+    These values are the time, the controls and activations by actuator, and the joint accelerations for the solver's warm start. The
+    controls of the returned actuators do not change.
     """
     target.time = source.time
     _warm_start(modes, source, target)
@@ -156,7 +156,7 @@ def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
 def hold_here(mode: Mode, state: RobotState, data: Any) -> None:
     """Move the anchors of a mode's other holds to the held links in `state` (if the hold lets the link turn: to the mount's origin).
 
-    With a fixed base, the holds are those of the model.
+    With a fixed base, the holds of the model are not moved.
     """
     if mode.base == "fixed":
         return

@@ -1,7 +1,7 @@
 """Bases with partial mobility: `planar` in the x-y plane of a frame A that is fixed in the world, `ball` about the origin of A.
 
-With X_WR the pose of the root link, X0_WR its pose in the mode, and M the motion in A, X_WR = X_WA M inv(X_WA) X0_WR. MuJoCo represents M
-as two slides and a hinge about z, or as a quaternion in the axes of the root link.
+Let X_WR be the pose of the root link, X0_WR its pose in the mode, and M the motion in A. Then X_WR = X_WA M inv(X_WA) X0_WR. MuJoCo
+represents M as two slides and a hinge about z, or as a quaternion in the axes of the root link.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from thingc.modes.frames import Array, inverse, pose, quaternion_of, rotation_of
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PartBase(OneLineRepr):
-    """Mobility of the root link: `kind` is `planar` or `ball`, `X_WA` and `X0_WR` (4, 4) are defined above."""
+    """Mobility of the root link: `kind` is `planar` or `ball`. `X_WA` and `X0_WR` (4, 4) are defined above."""
 
     kind: Literal["planar", "ball"]
     X_WA: Array
@@ -47,7 +47,7 @@ class PartBase(OneLineRepr):
         return self.X_WA @ M @ inverse(self.X_WA) @ self.X0_WR
 
     def qvel(self, X: Array, twist: Array) -> Array:
-        """Return MuJoCo's `qvel` (3,) for the root link at X with a twist (6,); components that the base cannot have are dropped."""
+        """Return MuJoCo's `qvel` (3,) for the root link at X with a twist (6,); components in constrained directions are dropped."""
         if self.kind == "ball":
             return twist[3:]
         R, spin = self.X_WA[:3, :3], X[:3, :3] @ twist[3:]

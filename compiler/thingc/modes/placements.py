@@ -1,4 +1,4 @@
-"""Check that a `mujoco.MjModel` has the dimensions of a mode; another variant has the same links, joints and mounts in other places."""
+"""Check that a `mujoco.MjModel` has the dimensions of a mode; other variants have the same links, joints and mounts at other poses."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _motions(mode: Mode) -> Array:
 
 
 def find_displaced(mode: Mode, model: Any, body_of: Mapping[str, int]) -> tuple[str, float] | None:
-    """Return the first link, joint or mount that has another place in `model`, and the difference [m, rad]; None if all match.
+    """Return the first link, joint or mount with another pose in `model`, and the difference [m, rad]; None if all match.
 
     `model` must have the links of `mode` as bodies.
     """

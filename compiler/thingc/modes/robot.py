@@ -145,7 +145,7 @@ def _placed(state: RobotState, mode: Mode, data: Any, tolerance: float) -> Robot
 
 
 def _stopped(state: RobotState, mode: Mode, on_motion: OnMotion, at_rest: float, inertias: Callable[[], Inertias]) -> SwitchResult:
-    """Return the state with everything that `mode` holds at rest. Raises `BaseMoves` if it moves and `on_motion` is `"raise"`."""
+    """Return the state with the held links of `mode` at rest. Raises `BaseMoves` if it moves and `on_motion` is `"raise"`."""
     removed = _removed(state, mode)
     impulse: Array = np.zeros(6)
     impulses: Mapping[str, Array] = {hold.path: np.zeros(6) for hold in mode.holds}
@@ -163,7 +163,7 @@ def _stopped(state: RobotState, mode: Mode, on_motion: OnMotion, at_rest: float,
 
 
 def _known_inertias(mode: Mode, given: Inertias | None, *sources: Any) -> Inertias:
-    """Return `given`, else the inertias in the first `MjData` that is not None, else those of the build."""
+    """Return `given`, or the inertias in the first `MjData` that is not None. By default, return the inertias of the build."""
     if given is not None:
         return given
     data = next((data for data in sources if data is not None), None)
@@ -171,7 +171,7 @@ def _known_inertias(mode: Mode, given: Inertias | None, *sources: Any) -> Inerti
 
 
 def _seen_from(state: RobotState, old: Mode, new: Mode) -> RobotState:
-    """Return the same motion relative to another root. Coordinates of joints that `old` cuts follow from the motion of their ends."""
+    """Return the same motion relative to another root. Coordinates of joints cut by `old` are computed from the motion of their ends."""
     poses, twists = old.poses(state), old.twists(state)
     q, v = dict(state.q), dict(state.v)
     for cut in old.cuts:
@@ -195,7 +195,7 @@ def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[st
 
 
 def _removed(state: RobotState, mode: Mode) -> dict[str, tuple[str, Array]]:
-    """Return the motions that `mode` stops, by path of the mount, root first.
+    """Return the motions stopped by `mode`, keyed by mount path, root first.
 
     Each is the name of the link and its twist, or, for a hold that lets the link turn, the velocity of the mount's origin, and 0.
     """
@@ -228,7 +228,7 @@ def _speed(twist: Array) -> float:
 
 
 def _bolted(state: RobotState, mode: Mode, place: Array, tolerance: float) -> RobotState:
-    """Return the state with its base exactly at `place`.
+    """Return the state with the base exactly at `place`.
 
     Raises `BaseElsewhere` if the base, or another hold, is off by more than `tolerance`.
     """

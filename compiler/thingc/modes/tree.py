@@ -21,8 +21,8 @@ from thingc.modes.state import RobotState
 class Ball(OneLineRepr):
     """A ball joint in the tree.
 
-    It has its `name` in the model, its three `coordinates` in the document's order, whether the tree traverses it from child to parent
-    (`reversed`), and `R` (3, 3), which converts its q to MuJoCo's axes.
+    `name` is its name in the model, and `coordinates` are its three coordinates in the document's order. `reversed` means that the tree
+    traverses it from child to parent. `R` (3, 3) converts its q to MuJoCo's axes.
     """
 
     name: str
@@ -31,7 +31,7 @@ class Ball(OneLineRepr):
     R: Array
 
     def vector(self, values: Mapping[str, float]) -> Array:
-        """Return its three entries (3,) of the values of all coordinates."""
+        """Return the joint's three entries (3,) in the values of all coordinates."""
         return np.array([values[name] for name in self.coordinates])
 
     def step(self, coordinate: str, q: Mapping[str, float]) -> Array:
@@ -98,7 +98,7 @@ class Link(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Mimic(OneLineRepr):
-    """Coupling to another joint: q = offset + multiplier x + higher[0] x^2 + ... with x the q of `joint`."""
+    """Coupling to another joint: q = offset + multiplier x + higher[0] x^2 + ..., where x is the q of `joint`."""
 
     joint: str
     multiplier: float
@@ -150,13 +150,13 @@ class Joint(OneLineRepr):
         return exponential(self.twist, q[self.name] + self.offset)
 
     def in_qpos(self, q: Mapping[str, float]) -> Array:
-        """Return its entries of `MjData.qpos`; those of a ball belong to its first coordinate in the tree."""
+        """Return the entries in `MjData.qpos`. For a ball joint, they belong to the first coordinate in the tree."""
         if self.ball is None:
             return np.array([ratio * q[self.name] for ratio in self.in_model.values()])
         return self.ball.qpos(q) if self.first else np.zeros(0)
 
     def in_qvel(self, q: Mapping[str, float], v: Mapping[str, float]) -> Array:
-        """Return its entries of `MjData.qvel`; those of a ball belong to its first coordinate in the tree."""
+        """Return the entries in `MjData.qvel`. For a ball joint, they belong to the first coordinate in the tree."""
         if self.ball is None:
             return np.array([ratio * v[self.name] for ratio in self.in_model.values()])
         return self.ball.qvel(q, v) if self.first else np.zeros(0)
@@ -204,8 +204,7 @@ class Mode(OneLineRepr):
     `gravity` (3,) [m/s^2] is in the world; `X_world_root` (4, 4) is the initial pose of the root link. `links` has the root first and
     parents before children; `joints` is in the order of the model. `named` contains the poses of the mode, q by joint path, its initial one
     first. `holds` are other mounts that are held to the world; `cuts` are joints that close loops. `bases` contains poses of a free root
-    link that differ from `X_world_root`, by pose name. `standing_on` are the mounts (paths) on which a free base stands according to the
-    document.
+    link that differ from `X_world_root`, by pose name. `standing_on` are the paths of the contact mounts of a free base.
     """
 
     name: str
