@@ -63,7 +63,7 @@ def test_params_offers_the_parameters_of_that_thing_alone(server: LanguageServer
     old = "  bracket: {part: arm:YawPitchBracket}"
     offered = server.complete(ARM, edited(arm, old, f"  {component}:\n    part: arm:RotorBrace\n    params:\n      |"))
     assert sorted(offered) == ["length", "thickness"]
-    assert said(offered["length"]) == "From axis to axis. A length such as `120 mm`, 60 mm to 200 mm; `100 mm` unless set."
+    assert said(offered["length"]) == "From axis to axis. A length such as `120 mm`, 60 mm to 200 mm; `100 mm` by default."
 
 
 def test_a_parameter_offers_its_default_and_the_documents_own_parameters(server: LanguageServer, arm: str) -> None:
@@ -174,7 +174,7 @@ def test_a_nested_document_is_offered_and_its_parameters_are(server: LanguageSer
     assert said(offered["minchw/leg.yaml"]) == "One leg of MInchW (yaw, pitch, pitch) with its magnet."
     offered = server.complete(ARM, edited(arm, HAND, "  hand:\n    assembly: minchw/leg.yaml\n    parameters:\n      |"))
     assert {"leg_length", "wall"} <= offered.keys()
-    assert said(offered["leg_length"]) == "Axis of the knee to axis of the ankle. A length, 64 mm to 140 mm; `64 mm` unless set."
+    assert said(offered["leg_length"]) == "Axis of the knee to axis of the ankle. A length, 64 mm to 140 mm; `64 mm` by default."
 
 
 def test_hundreds_of_mounts_are_offered_all_the_same(node_modules: Path, tmp_path: Path, shared_store: str) -> None:
@@ -206,7 +206,7 @@ mounts:
 
 def test_a_parameter_shows_unit_range_and_default(server: LanguageServer, arm: str) -> None:
     shown = server.hover(ARM, edited(arm, "params: {length: =reach, thickness", "params: {len|gth: =reach, thickness")).replace("\\", "")
-    assert "From axis to axis. A length such as `120 mm`, 60 mm to 200 mm; `100 mm` unless set." in shown
+    assert "From axis to axis. A length such as `120 mm`, 60 mm to 200 mm; `100 mm` by default." in shown
 
 
 @pytest.mark.parametrize(

@@ -220,7 +220,7 @@ def test_removed_options_name_what_to_use(small: Path, option: str, capsys: pyte
         patch.chdir(small)
         assert main(["schema", option]) != 0
     error = capsys.readouterr().err
-    assert f"error[TC801]: `{option}` was removed" in error and "use `thingc lsp`, which follows every save" in error
+    assert f"error[TC801]: `{option}` was removed" in error and "use `thingc lsp`, or run `thingc schema` after every save" in error
     assert not (small / ".thingc").exists()
 
 
@@ -264,7 +264,7 @@ def test_variants_know_the_parameters_of_their_assembly(small: Path, shared_stor
     thingc(small, shared_store, "schema")
     schema = schema_of(small, "sweep.yaml")
     assert faults(schema, sweep) == []
-    assert schema["properties"]["parameters"]["properties"]["reach"]["description"] == "How far. A length; `90 mm` unless set."
+    assert schema["properties"]["parameters"]["properties"]["reach"]["description"] == "How far. A length; `90 mm` by default."
     assert len(faults(schema, {**sweep, "parameters": {"reech": ["80 mm"]}})) == 1
 
 

@@ -203,7 +203,7 @@ def test_the_lock_says_it_too(robot: Callable[..., tuple[int, Any]]) -> None:
     code, answer = robot("check", "--no-code")
     assert code == 0 and [one["code"] for one in answer["diagnostics"]] == ["TC408", "TC408"]
     lock = Path("parts.lock.json")
-    lock.write_text(lock.read_text().replace('"environment", "asks', '"weather", "asks'))
+    lock.write_text(lock.read_text().replace('"environment", "reads', '"weather", "reads'))
     assert {one["code"] for one in robot("check", "--no-code")[1]["diagnostics"]} == {"TC342"}
 
 

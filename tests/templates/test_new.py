@@ -153,12 +153,12 @@ def test_words_of_python_and_names_of_modules_are_names_of_robots(name: str, her
     (["scene"], "`scene` is reserved"),
     (["true"], "`true` is reserved in the files of a robot\n  help: write for example `thingc new true_robot`"),
     (["Null"], "`Null` is reserved"),
-    (["."], "error[TC805]: the folder `.` has something in it already: `full`\n  help: choose another name, or move its content"),
+    (["."], "error[TC805]: the folder `.` is not empty: `full`\n  help: choose another name, or move its content"),
     ([""], "cannot create a folder ``"),
     (["Leg", "--template", "legged"], "invalid name of a robot: `Leg` is the name of another document of the template `legged`"),
     (["x", "--template", "leged"], "expected `arm`, `legged`, `gripper` or `empty`, found `leged` (did you mean `legged`?)"),
     (["x", "--template", "rocket"], "expected `arm`, `legged`, `gripper` or `empty`, found `rocket`\n"),
-    (["full"], "error[TC805]: the folder `full` has something in it already: `file`\n  help: choose another name, or move its content"),
+    (["full"], "error[TC805]: the folder `full` is not empty: `file`\n  help: choose another name, or move its content"),
     (["full/file"], "error[TC805]: `full/file` already exists and is a file"),
     (["full/file/rover"], "error[TC805]: cannot create `full/file/rover`: file exists (`full/file`)"),
     ([], "missing: NAME"),
@@ -241,7 +241,7 @@ def test_killed_while_it_moves_files_into_a_folder_it_goes_on_when_it_is_called_
 
     (here / "rover/.gitignore").write_text("mine\n")
     assert main(["new", "rover", "--template", "empty"]) == 2
-    assert "the folder `rover` has something in it already: `.gitignore`\n" in capsys.readouterr().err
+    assert "the folder `rover` is not empty: `.gitignore`\n" in capsys.readouterr().err
     shutil.copy(here / "whole/rover/.gitignore", here / "rover")
     assert main(["new", "rover", "--template", "empty"]) == 0
     (here / "rover/.git").rmdir()

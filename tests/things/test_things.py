@@ -145,14 +145,14 @@ def test_docstrings_of_three_styles() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"length": "long"}, "`length` of `Block` is a length in mm, found 'long'"),
-        ({"length": None}, "`length` of `Block` is a length in mm, found None"),
-        ({"length": True}, "`length` of `Block` is a length in mm, found True"),
+        ({"length": "long"}, "`length` of `Block` must be a length in mm, found 'long'"),
+        ({"length": None}, "`length` of `Block` must be a length in mm, found None"),
+        ({"length": True}, "`length` of `Block` must be a length in mm, found True"),
         ({"tilt": [1]}, "`tilt` of `Block` must be an angle in deg, found [1]"),
-        ({"load": "1 kg"}, "`load` of `Block` is a mass in kg, found '1 kg'"),
-        ({"infill": "15 %"}, "`infill` of `Block` is a ratio, found '15 %'"),
+        ({"load": "1 kg"}, "`load` of `Block` must be a mass in kg, found '1 kg'"),
+        ({"infill": "15 %"}, "`infill` of `Block` must be a ratio, found '15 %'"),
         ({"holes": 2.5}, "`holes` of `Block` must be a whole number, found 2.5"),
-        ({"solid": 1}, "`solid` of `Block` must be True or False, found 1"),
+        ({"solid": 1}, "`solid` of `Block` must be a boolean, found 1"),
         ({"label": 3}, "`label` of `Block` must be a string, found 3"),
         ({"side": "middle"}, "`side` of `Block` must be one of 'left', 'right', found 'middle'"),
         ({"length": math.nan}, "`length` of `Block` must be finite, found nan"),
@@ -229,12 +229,12 @@ def test_choices_are_told_apart_by_type() -> None:
             "self, size: 'Lenth' = 3",
             "`size` of `Bad` cannot be a parameter: its annotation `Lenth` cannot be read: name 'Lenth' is not defined",
         ),
-        ("self, size: Length = 'x'", "the default of `size` of `Bad` is a length in mm, found 'x'"),
+        ("self, size: Length = 'x'", "the default of `size` of `Bad` must be a length in mm, found 'x'"),
         ("self, size: Annotated[Length, Range(5, 9)] = 4", "the default of `size` of `Bad` must be at least 5 mm, found 4 mm"),
         ("self, size: Annotated[str, Range(5, 9)] = 'x'", "`size` of `Bad` cannot have a Range: it is a string"),
         (
             "self, size: Literal['a', None] = 'a'",
-            "`size` of `Bad` cannot be a parameter: a choice is a string, an integer or a boolean",
+            "`size` of `Bad` cannot be a parameter: a choice must be a string, an integer or a boolean",
         ),
     ],
 )
@@ -264,7 +264,7 @@ def test_ranges_combine_and_are_checked() -> None:
     assert [(p.minimum, p.maximum) for p in parameters_of(Ranged)] == [(0, 8), (2, 9)]
     with pytest.raises(SignatureError, match=r"^Range\(9, 1\) is empty$"):
         Range(9, 1)
-    with pytest.raises(SignatureError, match="^a bound of Range is a number, found '1'$"):
+    with pytest.raises(SignatureError, match="^a bound of Range must be a number, found '1'$"):
         Range("1")  # type: ignore[arg-type]
 
 
@@ -403,7 +403,7 @@ def test_material_and_colour_are_names() -> None:
 
     with pytest.raises(TypeError, match='^the material of a Thing must be a name such as "petg" or "white", found 3$'):
         Odd("material")
-    with pytest.raises(TypeError, match="^the color of a Thing is a name"):
+    with pytest.raises(TypeError, match='^the color of a Thing must be a name such as "petg" or "white"'):
         Odd("")
 
 
@@ -509,10 +509,10 @@ def test_adjust_through_two_levels() -> None:
         ({"width": 3, "width__add": 1}, "`width` of `Servo` is changed twice"),
         ({"width": 101}, "`width` of `Servo` must be at most 100 mm, found 101 mm"),
         ({"width__mul": 4}, "`width` of `Servo` must be at most 100 mm, found 112 mm"),
-        ({"height": "x"}, "`height` of `Servo` is a length in mm, found 'x'"),
-        ({"height__add": "x"}, "`height__add` of `Servo` is a number, found 'x'"),
-        ({"holes__mul": 0.5}, "`holes` of `Servo` is a whole number, found 1.5"),
-        ({"lid__add": 1}, "`lid__add` of `Servo` needs a number to change, but `lid` is True or False"),
+        ({"height": "x"}, "`height` of `Servo` must be a length in mm, found 'x'"),
+        ({"height__add": "x"}, "`height__add` of `Servo` must be a number, found 'x'"),
+        ({"holes__mul": 0.5}, "`holes` of `Servo` must be a whole number, found 1.5"),
+        ({"lid__add": 1}, "`lid__add` of `Servo` needs a number to change, but `lid` is a boolean"),
     ],
 )
 def test_adjustments_are_checked(changes: dict[str, Any], message: str) -> None:
@@ -531,5 +531,5 @@ def test_directions_of_two_mounts_coincide_whatever_their_planes(normal: tuple[f
     placed = Plane(seat.location * MATE * part.location.inverse())
     assert (placed.x_dir - across).length < 1e-9 and (seat.location.position - Vector(1, 2, 3)).length < 1e-9
     for wrong in ({"facing": z}, {"mate_x": -z}, {"facing": across, "mate_x": across}):
-        with pytest.raises(ValueError, match="a MountPoint takes one of `facing` and `mate_x`"):
+        with pytest.raises(ValueError, match="a MountPoint needs one of `facing` and `mate_x`"):
             MountPoint(Plane((1, 2, 3), z_dir=z), **wrong)

@@ -293,7 +293,7 @@ def test_assets_stay_inside(recorded: list[str], tmp_path: Path) -> None:
     (tmp_path / "workspace" / "link.txt").symlink_to(tmp_path / "secret.txt")
     with pytest.raises(ValueError, match="is outside the part's folder"):
         asset("link.txt")
-    with pytest.raises(ValueError, match="^asset.. takes a path relative to the part's module or to .*, found `/etc/passwd`$"):
+    with pytest.raises(ValueError, match="^asset.. expects a path relative to the part's module or to the workspace, found `/etc/passwd`$"):
         asset("/etc/passwd")
     assert recorded == []
 

@@ -167,7 +167,7 @@ def _sentence(doc: str) -> str:
 
 
 def _description(one: ParameterSchema) -> str:
-    """Describe a parameter: `Edge of the plate. A length, 90 mm to 300 mm; 100 mm unless set.`"""
+    """Describe a parameter: `Edge of the plate. A length, 90 mm to 300 mm; 100 mm by default.`"""
     doc = _sentence(one.doc.strip())
     kind = _KINDS.get(one.kind, one.kind)
     dimension = DIMENSIONS.get(one.kind, NUMBER)
