@@ -300,7 +300,7 @@ def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path: Path, shared
     env = environment(shared_store, with_emitter(tmp_path))
     (tmp_path / "file").write_text("")
     done = thingc("batch", "faults.yaml", *ALONE, "-o", "file/inside", cwd=here, env=env)
-    assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "a file where it needs a folder" in done.stderr
+    assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "a file in place of a folder" in done.stderr
     assert "Traceback" not in done.stderr
 
 
@@ -316,7 +316,7 @@ def test_a_disk_that_takes_no_more_ends_the_batch_in_words_and_it_goes_on_later(
         [sys.executable, "-m", "thingc", "batch", "faults.yaml", "--pictures", "none"], cwd=here, env=env, capture_output=True, text=True,
         preexec_fn=small, timeout=120,
     )
-    assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "no room" in done.stderr, done.stderr
+    assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "not enough space" in done.stderr, done.stderr
     assert "Traceback" not in done.stderr and "--resume" in done.stderr
     noted = journal(here)  # every line is whole
     assert 0 < len(noted) < 24
@@ -376,7 +376,7 @@ def test_runners_that_do_not_start_end_the_batch_in_words(tmp_path: Path, shared
         "import os, sys\nif 'thingc.batch.runner' in sys.orig_argv:\n    sys.stderr.write('no room for a runner')\n    os._exit(7)\n",
     )
     done = thingc("batch", "faults.yaml", *ALONE, cwd=here, env=environment(shared_store, str(place)))
-    assert done.returncode == 1 and f"error[{Code.RUNNERS.code}]" in done.stderr and "exit code 7" in done.stderr, done.stderr
+    assert done.returncode == 1 and f"error[{Code.RUNNERS.code}]" in done.stderr and "exited with code 7" in done.stderr, done.stderr
     told = thingc("batch", "faults.yaml", *ALONE, "--resume", "--debug", cwd=here, env=environment(shared_store, str(place)))
     assert "no room for a runner" in told.stderr
     assert os.path.exists(here / "build" / "faults" / "batch.json")

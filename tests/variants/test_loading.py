@@ -49,7 +49,7 @@ def test_variants_are_found_by_place_id_and_name(some: Path) -> None:
     assert family[third.id] is third and family[third.name] is third and family[2 - len(family)] is third
     assert [one.id for one in family[1:3]] == [family[1].id, third.id]
     assert third in family and family.index(third) == 2
-    with pytest.raises(IndexError, match="and none at place 99"):
+    with pytest.raises(IndexError, match="but none at index 99"):
         family[99]
 
 
@@ -185,7 +185,7 @@ def test_what_is_not_there_is_said_in_words(some: Path, tmp_path: Path, shared_s
         with pytest.raises(FamilyError, match=words):
             wrong()
     bills = load(built(tmp_path, shared_store, "some", emit=("bom",)))
-    with pytest.raises(FamilyError, match="has been built without the target `mjcf`"):
+    with pytest.raises(FamilyError, match="the batch was built without the target `mjcf`"):
         bills[0].model("flying")
 
 

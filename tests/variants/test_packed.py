@@ -256,7 +256,7 @@ def test_a_damaged_chunk_is_said_and_built_again_once_it_is_deleted(name: str, t
 def test_a_file_that_is_not_there_is_said(here: Path, tmp_path: Path, shared_store: str) -> None:
     other = workspace(tmp_path, some=SOME)
     run(str(other / "some.yaml"), options=Options(store=shared_store), layout="packed", emit=("bom",), limit=2)
-    with pytest.raises(FamilyError, match="has been built without the target `mjcf`"):
+    with pytest.raises(FamilyError, match="the batch was built without the target `mjcf`"):
         load(other / "build" / "some")[0].model("flying")
 
 

@@ -198,8 +198,8 @@ def test_workers_that_see_nothing_build_what_is_built_here(apart: Apart, tmp_pat
     assert Counter(line["status"] for line in local[5]) == {"built": 5, "kept_out": 3} and len(local[1]) > 5
 
     refused = thingc("batch", "faults.yaml", "--cluster", apart.dask.address, cwd=here, env=environment(shared_store))
-    assert refused.returncode == 1 and f"error[{Code.CLUSTER.code}]" in refused.stderr and "does not see" in refused.stderr
-    assert "--ship sends the documents along" in " ".join(refused.stderr.split()), refused.stderr
+    assert refused.returncode == 1 and f"error[{Code.CLUSTER.code}]" in refused.stderr and "cannot find" in refused.stderr
+    assert "use --ship, which copies the documents and fetches the results" in " ".join(refused.stderr.split()), refused.stderr
     shutil.rmtree(here / "build")
 
     apart.events()

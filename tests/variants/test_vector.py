@@ -279,7 +279,7 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
         ({"autoreset_mode": "SameSteps"}, FamilyError, "there is no `autoreset_mode` `SameSteps`: did you mean `SameStep`"),
         ({"reward": "fast"}, UnknownVariant, "there is no task `fast`: known tasks: `forward`, `hold`"),
         ({"descriptor": ("lenght",)}, UnknownVariant, "`pendulum` has no setting `lenght`: did you mean `length`"),
-        ({"settings": []}, FamilyError, "expected at least one of `settings`"),
+        ({"settings": []}, FamilyError, "expected at least one item in `settings`"),
         ({"settings": [5]}, FamilyError, "expected settings as a mapping from names to numbers or strings, found `5`"),
         ({"settings": 5}, FamilyError, "expected settings as a mapping from names to numbers or strings, found `5`"),
         ({"descriptor": "lenght"}, UnknownVariant, "`pendulum` has no setting `lenght`: did you mean `length`"),
@@ -333,7 +333,7 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
         parameters: {length: [200 mm]}
         keep: [length > 1 m]
     """))
-    with pytest.raises(FamilyError, match="`pendulum` has no variants that are right and keep the rules"):
+    with pytest.raises(FamilyError, match="`pendulum` has no valid variants that satisfy the rules"):
         make_vec_env(folder / "none.yaml", 2)
     with thingc.family(folder / "arms.yaml") as arms, pytest.raises(FamilyError, match=r"nq, nv, nu = 2, 2, 2, and others nq, nv, nu = 1"):
         make_vec_env(arms, 1).reset(options={"variant": 1})
