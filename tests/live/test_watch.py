@@ -79,9 +79,9 @@ def test_lines(watching: Watching) -> None:
     robot.write_text(ROBOT.replace("120 deg", "125 deg"))
     watching.says(" s\n")
     robot.write_text(ROBOT.replace("yaw_0: 30 deg", "yaw_0: 300 deg"))
-    watching.says("stays")
+    watching.says("is kept")
     robot.write_text(ROBOT.replace("yaw_0: 30 deg", "yaw_0: 31 deg"))
-    watching.says("right again")
+    watching.says("errors fixed")
     robot.write_text(f"# words\n{ROBOT.replace('yaw_0: 30 deg', 'yaw_0: 31 deg')}")
     watching.says("no file changed")
     watching.process.send_signal(signal.SIGINT)
@@ -89,8 +89,8 @@ def test_lines(watching: Watching) -> None:
     said = re.sub(r"\d\.\d\d s", "T s", re.sub(r"(?m)^\d\d:\d\d:\d\d", "NOW", watching.text()))
     assert [line for line in said.splitlines() if line.startswith("NOW")] == [
         "NOW robot.yaml: 2 files changed (mjcf/robot_bench.xml, mjcf/robot_held.xml) in T s",
-        "NOW robot.yaml: not built (T s); the last good build stays",
-        "NOW robot.yaml: right again; 3 files changed (mjcf/robot_bench.xml, mjcf/robot_held.xml, modes.json) in T s",
+        "NOW robot.yaml: not built (T s); the last successful build is kept",
+        "NOW robot.yaml: errors fixed; 3 files changed (mjcf/robot_bench.xml, mjcf/robot_held.xml, modes.json) in T s",
         "NOW robot.yaml: no file changed in T s",
     ]
     failed = "error[TC601]: pose `out` puts `yaw_0` at 300 deg, outside its limits -90 deg to 120 deg\n    --> robot.yaml:23:16\n"
@@ -180,7 +180,7 @@ def test_it_begins_with_a_document_that_is_wrong(tmp_path: Path, shared_store: s
     document.write_text(ROBOT.replace("poses:", "poses: ["))
     watching = Watching(document, shared_store, "--emit", "bom")
     try:
-        assert watching.text().endswith("\n1 error\nnothing is built yet; watching; press Ctrl-C to stop\n")
+        assert watching.text().endswith("\n1 error\nnothing built yet; watching; press Ctrl-C to stop\n")
         document.write_text(ROBOT)
         assert watching.says("build/robot: 3 files; 0 parts modelled, 0 reused")
         assert " robot.yaml: built in " in watching.text()
@@ -207,10 +207,10 @@ def test_parts_and_what_they_read(tmp_path: Path, shared_store: str) -> None:
         height.write_text("11")
         assert "parts/height.txt: modelled blocks:Block(width=31 mm); " in watching.says("parts/height.txt")
         blocks.write_text(blocks.read_text().replace("return self.body", "return self.bodi"))
-        watching.says("stays")
+        watching.says("is kept")
         assert "the `result` of `blocks:Block`" in watching.text() or "bodi" in watching.text()
         blocks.write_text(blocks.read_text().replace("self.bodi", "self.body"))
-        watching.says("right again")
+        watching.says("errors fixed")
         assert "warning" not in watching.text()
         rig.write_text(RIG.replace(", allow: {TC414: two of them are meant}", ""))
         watching.says("warning[TC414]")
@@ -220,7 +220,7 @@ def test_parts_and_what_they_read(tmp_path: Path, shared_store: str) -> None:
         blocks.write_text(textwrap.dedent(BLOCKS))
         height.write_text("10")
         rig.write_text(RIG.replace("31", "32"))
-        assert "right again; modelled blocks:Block(width=32 mm); " in watching.says("width=32 mm")
+        assert "errors fixed; modelled blocks:Block(width=32 mm); " in watching.says("width=32 mm")
         assert watching.says("width=32 mm").split(" ", 1)[1].startswith(("parts/", "rig.yaml")), "as seen from the folder that is there"
         assert workers and workers[0].is_running(), "the first worker has done all of it"
         watching.process.kill()
