@@ -268,11 +268,7 @@ class GeometryService:
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None, *, locked: bool = True,
     ) -> dict[str, PartRecord | PartFailure]:
-        """Return the record or failure of each definition, by text, with convex pieces for the texts in `convex`.
-
-        With `locked` False, records from the lock are not used, so that every record has its meshes. `likely` returns the expected
-        slicings, which are computed when a part is built.
-        """
+        """Return a mapping of definition text to its record (with meshes if not `locked`) or failure. `convex` texts get convex pieces."""
         self.decisions = {}
         self.wanted = tuple(definitions)
         answers: dict[str, PartRecord | PartFailure] = {}

@@ -87,10 +87,8 @@ def import_robot(
 ) -> Imported | None:
     """Import the file at `path`. Returns None after errors, which are reported.
 
-    Each of the links `roots` gets a mode. `repair` selects the method for links with invalid inertias. `packages` maps names of packages to
-    folders, `arguments` are those of a xacro file, `mesh_roots` are further folders of meshes. Without `meshes`, all meshes are omitted.
-    `earlier` returns the previous import of the robot with a given name: its names do not change and, for an `update`, its options apply
-    again.
+    Each of the links `roots` gets a mode. `repair` is the method for invalid inertias. `packages` maps package names to folders,
+    `arguments` are those of xacro, `mesh_roots` are further mesh folders. `earlier` returns the previous import, to keep its names.
     """
     data = _content(path, report)
     path = os.path.abspath(path)
