@@ -335,5 +335,5 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
     """))
     with pytest.raises(FamilyError, match="`pendulum` has no valid variants that satisfy the rules"):
         make_vec_env(folder / "none.yaml", 2)
-    with thingc.family(folder / "arms.yaml") as arms, pytest.raises(FamilyError, match=r"nq, nv, nu = 2, 2, 2, and others nq, nv, nu = 1"):
+    with thingc.family(folder / "arms.yaml") as arms, pytest.raises(FamilyError, match=r"nq, nv, nu = 2, 2, 2, but others nq, nv, nu = 1"):
         make_vec_env(arms, 1).reset(options={"variant": 1})
