@@ -185,7 +185,7 @@ def test_a_pipe_in_the_place_of_a_document_is_not_waited_for(working: Working) -
     os.unlink(working.document)
     os.mkfifo(working.document)
     piped = working.round()
-    assert [d.message for d in piped.diagnostics] == ["cannot read `robot.yaml`: it is no file that can be read again"] and piped.kept
+    assert [d.message for d in piped.diagnostics] == ["cannot read `robot.yaml`: it is not a regular file"] and piped.kept
     os.unlink(working.document)
     assert working.save("robot.yaml", ROBOT).mended
 
