@@ -154,7 +154,7 @@ def test_what_cannot_be_made_is_refused_in_words():
         ThighBrace(length=50)
     with pytest.raises(ParameterError, match="`wall` of `Cover` must be at most 6 mm, found 7 mm"):
         Cover(wall=7)
-    with pytest.raises(AssertionError, match="poles of 10 mm are equal for a coil in a pot of 40 mm"):
+    with pytest.raises(AssertionError, match="poles of 10 mm leave no room for a coil in a pot of 40 mm"):
         HoldingMagnet(diameter=40, pole=10)
 
 
