@@ -130,7 +130,7 @@ def test_a_failing_save_keeps_the_last_good_build(working: Working) -> None:
     assert [(d.code.code, d.span and d.span.line) for d in wrong.diagnostics] == [("TC601", 23)]
     assert working.digests() == before
     right = working.save("robot.yaml", ROBOT.replace("yaw_0: 30 deg", "yaw_0: 31 deg"))
-    assert right.good and right.mended and right.saved == (str(working.folder / "robot.yaml"),)
+    assert right.good and right.recovered and right.saved == (str(working.folder / "robot.yaml"),)
     assert {path for path, digest in working.digests().items() if before[path] != digest} == set(right.changed)
 
 
@@ -178,7 +178,7 @@ def test_a_document_that_is_deleted_and_comes_back(working: Working) -> None:
     os.unlink(working.document)
     gone = working.round()
     assert [d.code.code for d in gone.diagnostics] == ["TC101"] and gone.kept
-    assert working.save("robot.yaml", ROBOT).mended
+    assert working.save("robot.yaml", ROBOT).recovered
 
 
 def test_a_pipe_in_the_place_of_a_document_is_not_waited_for(working: Working) -> None:
@@ -187,7 +187,7 @@ def test_a_pipe_in_the_place_of_a_document_is_not_waited_for(working: Working) -
     piped = working.round()
     assert [d.message for d in piped.diagnostics] == ["cannot read `robot.yaml`: it is not a regular file"] and piped.kept
     os.unlink(working.document)
-    assert working.save("robot.yaml", ROBOT).mended
+    assert working.save("robot.yaml", ROBOT).recovered
 
 
 def test_files_that_are_named_and_not_there_yet(working: Working) -> None:
@@ -195,7 +195,7 @@ def test_files_that_are_named_and_not_there_yet(working: Working) -> None:
     assert [d.code.title for d in missing.diagnostics] == ["a file that a document names does not exist"]
     (working.folder / "other").mkdir()
     found = working.save("other/thumb.yaml", FINGER)
-    assert found.good and found.mended and found.saved[-1].endswith("other/thumb.yaml")
+    assert found.good and found.recovered and found.saved[-1].endswith("other/thumb.yaml")
     shutil.rmtree(working.folder / "other")
     assert not working.round().good
 
@@ -217,7 +217,7 @@ def test_the_workspace_is_watched(tmp_path: Path, shared_store: str, without_ker
         assert "hag.svg" in working.save("thingc.toml", f'{head}emit = ["hag"]\n').changed
         broken = working.save("thingc.toml", f"{head}emit = [\n")
         assert not broken.good and broken.diagnostics[0].span is not None
-        assert working.save("thingc.toml", f'{head}build = "made"\nemit = ["bom"]\n').mended
+        assert working.save("thingc.toml", f'{head}build = "made"\nemit = ["bom"]\n').recovered
         assert (tmp_path / "made/robot/bom.csv").exists()
         (tmp_path / "thingc.toml").unlink()
         assert working.round().good
@@ -230,7 +230,7 @@ def test_what_refuses_to_be_written_is_said_and_the_next_save_tries_again(workin
     refused = working.save("robot.yaml", f"# 1\n{ROBOT}")
     assert [d.code.code for d in refused.diagnostics] == ["TC804"] and "notes.txt" in refused.diagnostics[0].message
     strange.unlink()
-    assert working.save("robot.yaml", f"# 2\n{ROBOT}").mended
+    assert working.save("robot.yaml", f"# 2\n{ROBOT}").recovered
 
 
 def test_an_exception_ends_one_round_and_not_the_watch(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -243,7 +243,7 @@ def test_an_exception_ends_one_round_and_not_the_watch(working: Working, monkeyp
         patched.setattr(build_document, "build", broken)
         made = working.save("robot.yaml", f"# 1\n{ROBOT}")
     assert not made.good and [str(fault) for fault in said] == ["a defect"]
-    assert working.save("robot.yaml", f"# 2\n{ROBOT}").mended
+    assert working.save("robot.yaml", f"# 2\n{ROBOT}").recovered
 
 
 def test_a_save_while_a_round_is_under_way_is_not_lost(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:

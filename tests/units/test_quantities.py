@@ -227,7 +227,7 @@ def test_the_suggested_unit_can_be_pasted(written: str, dimension: Dimension, me
 def test_a_unit_that_may_be_another_is_not_fixed(written: str) -> None:
     with pytest.raises(UnitError) as caught:
         parse_quantity(f"5 {written}", (LENGTH,))
-    assert written not in (getattr(caught.value.message, "mends", None) or ())
+    assert written not in (getattr(caught.value.message, "fix", None) or ())
 
 
 @pytest.mark.parametrize(("text", "message"), [

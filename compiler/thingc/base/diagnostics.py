@@ -451,8 +451,8 @@ MAX_FAULTS = 200
 
 
 def _fixes(span: Span | None, *words: str | None) -> tuple[Edit, ...]:
-    mends = next((hint.mends for hint in words if isinstance(hint, Suggestion) and hint.mends is not None), None)
-    return (Edit(span=span, written=mends[0], replacement=mends[1]),) if mends is not None and span is not None else ()
+    fix = next((hint.fix for hint in words if isinstance(hint, Suggestion) and hint.fix is not None), None)
+    return (Edit(span=span, written=fix[0], replacement=fix[1]),) if fix is not None and span is not None else ()
 
 
 def shown_path(file: str) -> str:

@@ -34,14 +34,14 @@ def _is_slip(name: str, candidate: str) -> bool:
 
 
 class Suggestion(str):
-    """A hint. `mends` is (written, meant) if the fix is unambiguous: `Report.add` then adds it to the diagnostic."""
+    """A hint. `fix` is (written, replacement) if it is unambiguous: `Report.add` then adds it to the diagnostic."""
 
-    mends: tuple[str, str] | None
+    fix: tuple[str, str] | None
 
-    def __new__(cls, words: str, mends: tuple[str, str] | None = None) -> Suggestion:
+    def __new__(cls, words: str, fix: tuple[str, str] | None = None) -> Suggestion:
         """Create a hint with the text `words`."""
         hint = super().__new__(cls, words)
-        hint.mends = mends
+        hint.fix = fix
         return hint
 
 

@@ -24,7 +24,7 @@ from thingc.tools.live.rebuild_loop import Rebuild, RebuildLoop
 
 EPILOG = """\
 Watches all inputs of the build: documents, part modules and the files that they read, materials, thingc.toml. If a save has errors,
-they are reported and the last good build stays. The CAD kernel is loaded once.
+they are reported and the last successful build stays. The CAD kernel is loaded once.
 
   thingc watch assemblies/arm.yaml
   thingc watch assemblies/arm.yaml --mode bench --emit mjcf
@@ -143,7 +143,7 @@ def _outcome(made: Rebuild) -> str:
     if made.built is None or not made.good:
         return f"not built ({made.seconds:.2f} s); {'the last successful build is kept' if made.kept else 'no successful build yet'}"
     modelled = sorted(made.modelled.values())
-    said = ["errors fixed"] if made.mended else []
+    said = ["errors fixed"] if made.recovered else []
     said += [f"modelled {_enumerated(modelled)}"] if modelled else []
     if made.folder is not None:
         changed = f"{counted(len(made.changed), 'file')} changed ({_enumerated(made.changed)})"

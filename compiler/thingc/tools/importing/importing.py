@@ -88,7 +88,7 @@ def import_robot(
     """Import the file at `path`. Returns None after errors, which are reported.
 
     Each of the links `roots` gets a mode. `repair` is the method for invalid inertias. `packages` maps package names to folders,
-    `arguments` are those of xacro, `mesh_roots` are further mesh folders. `earlier` returns the previous import, to keep its names.
+    `arguments` are those of xacro, `mesh_roots` are more mesh folders; no meshes without `meshes`. `earlier` returns the previous import.
     """
     data = _content(path, report)
     path = os.path.abspath(path)

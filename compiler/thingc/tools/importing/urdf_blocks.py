@@ -95,8 +95,12 @@ class Blocks:
         name, kind = element.attributes.get("name", ""), element.attributes.get("type", "")
         what, known = f"sensor `{name}`", SENSORS.get(kind)
         if known is None or not on_link or not name or name in self.sensors:
-            why = "its name is not unique" if name in self.sensors else "it has no name" if not name else "it is not on a link"
-            why = f"sensors of type `{kind}` are not supported" if known is None else why
+            if known is None:
+                why = f"sensors of type `{kind}` are not supported"
+            elif not on_link:
+                why = "it is not on a link"
+            else:
+                why = "its name is not unique" if name else "it has no name"
             self.losses.note(what, why, element.where)
             return
         pose = next(element.all("pose"), None)

@@ -48,7 +48,8 @@ class Rebuild(FrozenStruct):
     `saved` are the absolute paths of the changed files (none in the first round). `seconds` is the duration from when they were quiet.
     `good`: there are no errors. `folder` is the build folder written, None after errors or if nothing is to be written. `built` is the
     build result, if the build got that far. `changed` are the artifacts, by path in the folder, that differ from the last good round or are
-    gone. `mended`: the last round had errors, this one has none. `kept`: this round has errors, and the folder is that of an earlier round.
+    gone. `recovered`: the previous round had errors, this one has none. `kept`: this round has errors, and the folder is that of an earlier
+    round.
     `modelled` are the definition texts of the parts that were built, including interrupted attempts, with their labels. `kernel` is the
     part of `seconds` during which parts were built.
     """
@@ -61,7 +62,7 @@ class Rebuild(FrozenStruct):
     built: BuildResult | None = None
     folder: str | None = None
     changed: tuple[str, ...] = ()
-    mended: bool = False
+    recovered: bool = False
     kept: bool = False
     modelled: Mapping[str, str] = {}
     kernel: float = 0.0
@@ -196,7 +197,7 @@ class RebuildLoop:
         self._number += 1
         made = Rebuild(
             number=self._number, saved=saved, seconds=time.perf_counter() - started, diagnostics=tuple(said), good=good, built=built,
-            folder=folder, changed=changed, mended=self._failed and good, kept=not good and self._last is not None,
+            folder=folder, changed=changed, recovered=self._failed and good, kept=not good and self._last is not None,
             modelled=self._modelled, kernel=self._workers.busy(begun),
         )
         self._failed, self._last = not good, now if now is not None else self._last

@@ -65,7 +65,7 @@ def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, docu
     run = {
         "tool": {"driver": driver},
         "invocations": [invocation],
-        "originalUriBaseIds": {ROOT: {"description": {"text": "The repository, or the working folder where there is none."}}},
+        "originalUriBaseIds": {ROOT: {"description": {"text": "The repository, or the working folder if there is no repository."}}},
         "columnKind": "unicodeCodePoints",
         "results": _results(placed, rules, base),
     }
