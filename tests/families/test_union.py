@@ -130,9 +130,9 @@ def test_a_store_that_is_deleted_meanwhile_is_said(levers: Path, tmp_path: Path)
         shutil.rmtree(tmp_path / "store")
         with pytest.raises(OutputError, match="no longer has the meshes of parts") as fault:
             family.write({}, tmp_path / "second")
-        assert fault.value.hint == "make the family anew: what does not exist is modelled again" and not (tmp_path / "second").exists()
+        assert fault.value.hint == "create the family again, which rebuilds missing parts" and not (tmp_path / "second").exists()
         for asked in (lambda: family.model({}), lambda: list(family.models([{}])), lambda: family.batched([{}])):
-            with pytest.raises(StoreUnusable, match="no longer has the meshes of parts; make the family anew"):
+            with pytest.raises(StoreUnusable, match="no longer has the meshes of parts; create the family again"):
                 asked()
     with thingc.family(levers, store=str(tmp_path / "store")) as anew:
         assert anew.write({}, tmp_path / "second") == ()

@@ -86,7 +86,7 @@ def test_edits_of_code(
     again, after, reasons = realize(place, definitions)
     assert again == modelled
     for text in TEXTS:
-        unchanged = "no dependency changed since it was built (first time)"
+        unchanged = "no dependency changed since it was modelled (first time)"
         assert reasons[text] == (f"module `{file}` changed" if text in modelled else unchanged)
         same = (after[text].volume, after[text].meshes, after[text].material) == (
             before[text].volume, before[text].meshes, before[text].material

@@ -99,10 +99,10 @@ def test_what_was_written_is_read_back_and_is_the_same_every_time(sliders: Batch
 
 
 def test_other_geometry_or_another_tree_is_refused_by_name(boards: Path, arms: Path) -> None:
-    with pytest.raises(StructuresDiffer, match=r"kind `mesh` in `boards_0` and `boards_1`: `plates\.Square") as refused:
+    with pytest.raises(StructuresDiffer, match=r"kind `mesh` differ in `boards_0` and `boards_1`: `plates\.Square") as refused:
         fields(boards)
     assert refused.value.field == "nmesh"
-    with pytest.raises(StructuresDiffer, match=r"kind `body` in `arms_0` and `arms_1`: `chain/tip` is only in one of them"):
+    with pytest.raises(StructuresDiffer, match=r"kind `body` differ in `arms_0` and `arms_1`: `chain/tip` is only in one of them"):
         fields(arms)
 
 
@@ -251,8 +251,8 @@ def test_fields_of_another_batch_are_refused_and_nothing_is_changed(sliders: Bat
     before = arrays(model)
     for wrong, words in ((lambda: apply(model, own, 8), "fields for 8 variants, but none for index 8"),
                          (lambda: apply(model, own, -1), "but none for index -1"),
-                         (lambda: apply(model, {**own, **other}, 1), "is not that of this model"),
-                         (lambda: apply(model, {**own, "body_colour": own["body_mass"]}, 1), "`body_colour` is not that of this model")):
+                         (lambda: apply(model, {**own, **other}, 1), "the field `.*` does not fit this model"),
+                         (lambda: apply(model, {**own, "body_colour": own["body_mass"]}, 1), "`body_colour` does not fit this model")):
         with pytest.raises(FamilyError, match=words):
             wrong()
         assert arrays(model) == before

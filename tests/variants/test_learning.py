@@ -114,7 +114,7 @@ def test_the_descriptor_spans_the_family(some: Path) -> None:
 
 @pytest.mark.filterwarnings("ignore:.*A Box observation space m..imum value is.*")
 def test_other_sizes_are_refused_by_name_or_padded(arms: Path) -> None:
-    with pytest.raises(FamilyError, match=r"variant `arms_0` has nq = 1 and `arms_1` has 2: .*`pad=True`"):
+    with pytest.raises(FamilyError, match=r"variant `arms_0` has nq = 1, but `arms_1` has 2: .*`pad=True`"):
         make_env(arms, reward="hold")
     env = make_env(arms, pad=True, descriptor=("mass",))
     assert env.observation_space.shape == (2 + 2 + 1,) and env.action_space.shape == (2,)
@@ -186,7 +186,7 @@ def test_what_cannot_be_is_said_in_words(some: Path) -> None:
     ):
         with pytest.raises(FamilyError, match=words):
             make_env(some, **given)  # type: ignore[arg-type]
-    with pytest.raises(FamilyError, match="has no built variant here"):
+    with pytest.raises(FamilyError, match="has no built variant to simulate"):
         make_env(load(some).filter({"mass": 0.0}))
     env = make_env(some, mode="hanging", pose="titled")
     with pytest.raises(UnknownVariant, match="has no pose `titled`: did you mean `tilted`"):

@@ -366,7 +366,7 @@ def test_a_store_behind_a_url(beside: Apart, tmp_path: Path, shared_store: str, 
 @pytest.mark.slow
 def test_a_workspace_that_a_worker_cannot_unpack(beside: Apart, tmp_path: Path) -> None:
     whole = packed(workspace(tmp_path))
-    with DaskCluster(beside.dask.address) as cluster, pytest.raises(BatchFault, match="cannot take the workspace: .*damaged on the way"):
+    with DaskCluster(beside.dask.address) as cluster, pytest.raises(BatchFault, match="cannot receive the workspace: .*damaged during"):
         cluster.ship("thingc-damaged", replace(whole, sha256="0" * 64))
     assert not beside.places()
     with DaskCluster(beside.dask.address) as cluster:
@@ -428,7 +428,7 @@ def test_ship_alone_is_a_wrong_command_line(tmp_path: Path, shared_store: str) -
 def test_slurm_and_executors_that_carry_no_files(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     done = thingc("batch", "sweep.yaml", "--ship", "--cluster", "slurm:cluster=local", cwd=here, env=environment(shared_store))
-    assert done.returncode == 2 and f"error[{Code.COMMAND_LINE.code}]: --ship is for workers of dask" in done.stderr, done.stderr
-    assert "jobs of SLURM share the folder" in " ".join(done.stderr.split()) and not (here / "build").exists()
-    with concurrent.futures.ThreadPoolExecutor(1) as executor, pytest.raises(BatchFault, match="--ship is for workers of dask"):
+    assert done.returncode == 2 and f"error[{Code.COMMAND_LINE.code}]: --ship can only be used with Dask " in done.stderr
+    assert "SLURM jobs share the folder" in " ".join(done.stderr.split()) and not (here / "build").exists()
+    with concurrent.futures.ThreadPoolExecutor(1) as executor, pytest.raises(BatchFault, match="--ship can only be used with Dask workers"):
         run(str(here / "sweep.yaml"), executor=executor, ship=True, options=Options(store=shared_store))

@@ -23,7 +23,7 @@ class BuildReason(FrozenStruct):
 
 def unchanged(reason: str) -> str:
     """Return the reason for reusing a part that was built for `reason` ("" if unknown)."""
-    return "no dependency changed" + (f" since it was built ({reason})" if reason else "")
+    return "no dependency changed" + (f" since it was modelled ({reason})" if reason else "")
 
 
 def why(definition: PartDefinition, build_key: BuildKey, results: Results) -> str:
@@ -32,7 +32,7 @@ def why(definition: PartDefinition, build_key: BuildKey, results: Results) -> st
     if last is None:
         return "parameters are new" if results.met_before(definition.reference) else "first time"
     if last.key == build_key.key:
-        return results.changed_read(build_key.key) or "its files were missing from the cache"
+        return results.changed_read(build_key.key) or "its files were missing from the store"
     return difference(last.ingredients, build_key.ingredients)
 
 
