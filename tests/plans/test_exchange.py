@@ -13,6 +13,7 @@ from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
 from thingc.batch.plans.numeric_plan import PAYS, NumericPlan, PlanCache
 from thingc.batch.plans.part_exchange import Exchange, Exchanged, PartDependsOnNumber, TracedParts
+from thingc.batch.plans.program import program_of
 from thingc.batch.plans.tape import Tape
 from thingc.driver.settings import ParsedSettings
 from thingc.geometry.record import (
@@ -154,6 +155,8 @@ def test_a_plan_gets_the_settings_before_the_numbers_of_records() -> None:
             assert values == [1.0, 2.0]
             return Exchanged(numbers=(7.0, 8.0), names=(), assets={})
 
-    plan = NumericPlan(free=(0, 2), fixed=((1, 5.0),), run=lambda *given: given, made=None, exchange=Records())  # type: ignore[arg-type]
+    tape = Tape()
+    program = program_of(tape, [tape.variable(value) for value in (0.1, 0.2, 0.3, 0.4)])
+    plan = NumericPlan(free=(0, 2), fixed=((1, 5.0),), program=program, made=None, exchange=Records())  # type: ignore[arg-type]
     assert plan.outputs((1.0, 5.0, 2.0)) == (1.0, 2.0, 7.0, 8.0)
     assert plan.outputs((1.0, 4.0, 2.0)) is None

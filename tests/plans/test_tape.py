@@ -12,7 +12,8 @@ from thingc.base.inertia import MassProperties, physical_fault, principal_moment
 from thingc.base.numeric import dist, hypot, isfinite, maximum, minimum, rounded
 from thingc.base.pose import placed, quarter_exact, turned_about
 from thingc.base.safe_text import format_cell
-from thingc.batch.plans.tape import SLOT, Tape, compiled, variables_of
+from thingc.batch.plans.program import program_of
+from thingc.batch.plans.tape import SLOT, Tape, variables_of
 from thingc.targets import json_writer
 from thingc.targets.xml_writer import Element, write
 
@@ -34,7 +35,7 @@ def test_a_tape_gives_the_same_to_the_last_bit() -> None:
     tape = Tape()
     variables = [tape.variable(value) for value in (1.2, 0.3, 0.4)]
     outputs = moved(*variables)
-    run = compiled(tape, outputs)
+    run = program_of(tape, outputs).run
     source, given = random.Random(1), 0
     for _ in range(200):
         values = (source.uniform(0.1, 3.0), source.uniform(0.01, 0.5), source.uniform(-1.0, 1.0))
@@ -52,7 +53,7 @@ def test_whoever_wants_to_know_the_value_holds_it() -> None:
     assert [10.0, 20.0, 30.0][int(a)] == 30.0 and isfinite(b)
     answer = a * b + float(b - a)
     assert [variables_of(tape, one) for one in tape.pinned] == [[0], [0, 1]]
-    run = compiled(tape, (answer, 1.5))
+    run = program_of(tape, (answer, 1.5)).run
     assert run(2.5, 7.0) == (22.0, 1.5)
     assert run(2.6, 7.0) is None and run(2.5, 8.0) is None
 
@@ -61,7 +62,7 @@ def test_decisions_are_guards() -> None:
     tape = Tape()
     a = tape.variable(2.0)
     answer = a * 3.0 if a > 1.0 and a else a
-    run = compiled(tape, (answer,))
+    run = program_of(tape, (answer,)).run
     assert run(1.5) == (4.5,) and run(0.5) is None
     with pytest.raises(TypeError):
         range(a)  # type: ignore[call-overload]
@@ -72,7 +73,7 @@ def test_which_is_the_greatest_is_not_decided() -> None:
     a, b = tape.variable(2.0), tape.variable(3.0)
     answers = (maximum(a, b, 1.0), minimum([a, b]), maximum((a,)), minimum(4, 5), maximum([], default=7))
     assert answers[2:] == (a, 4, 7) and tape.guards == []
-    assert compiled(tape, answers)(5.0, 4.0) == (5.0, 4.0, 5.0, 4, 7)
+    assert program_of(tape, answers).run(5.0, 4.0) == (5.0, 4.0, 5.0, 4, 7)
 
 
 def test_a_number_of_a_text_has_a_slot_that_every_format_leaves_as_it_is() -> None:

@@ -11,7 +11,8 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from thingc.base.units import Quantity
 from thingc.batch.plans.part_exchange import Exchange, Exchanged
-from thingc.batch.plans.tape import Run, Traced, compiled
+from thingc.batch.plans.program import Program, program_of
+from thingc.batch.plans.tape import Traced
 from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, pinned
 from thingc.documents.expressions.value_text import text_of
 from thingc.driver.settings import ParsedSettings, SettingsReader
@@ -49,13 +50,13 @@ which it was made.
 class NumericPlan(Generic[Made]):
     """A function from numbers to the inputs of `made`.
 
-    `fixed` are the indices and values of numbers that must not change. `run` takes the values at `free`, and, if parts depend on them, the
-    numbers that `exchange` returns from their records.
+    `fixed` are the indices and values of numbers that must not change. `program` takes the values at `free`, and, if parts depend on them,
+    the numbers that `exchange` returns from their records.
     """
 
     free: tuple[int, ...]
     fixed: tuple[tuple[int, float], ...]
-    run: Run
+    program: Program
     made: Made
     exchange: Exchange | None = None
     _uses: Iterator[int] = field(default_factory=partial(count, 1), init=False, repr=False, compare=False)
@@ -72,7 +73,7 @@ class NumericPlan(Generic[Made]):
                 if exchanged is None:
                     return None
                 given = (*given, *exchanged.numbers)
-            return self.run(*given)
+            return self.program.run(*given)
         except (ArithmeticError, ValueError):
             return None
 
@@ -225,7 +226,7 @@ def make(
         return NumericPlan(
             free=tuple(read.names.index(name) for name in free),
             fixed=tuple((at, read.values[at]) for at, name in enumerate(read.names) if name in form.why),
-            run=compiled(rehearsal.tape, outputs), made=made, exchange=exchange,
+            program=program_of(rehearsal.tape, outputs), made=made, exchange=exchange,
         )
     return None
 

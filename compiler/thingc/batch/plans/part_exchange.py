@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 from msgspec.structs import astuple, replace
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.batch.plans.tape import Tape, Traced, compiled, value_of
+from thingc.batch.plans.program import program_of
+from thingc.batch.plans.tape import Tape, Traced, value_of
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import Mesh, MountExpectation, MountRecord, PartDefinition, PartRecord, PartSchema
 from thingc.targets.artifact import StoredArtifact
@@ -136,7 +137,7 @@ class Exchange:
     def __init__(self, rehearsed: TracedParts, parts: PartSource, assets: Mapping[str, StoredArtifact]) -> None:
         assert rehearsed.before is not None
         self._parts = parts
-        self._run = compiled(rehearsed.before, rehearsed.parameters)
+        self._run = program_of(rehearsed.before, rehearsed.parameters).run
         self._schemas = parts.describe([one.reference for one in rehearsed.definitions if _numbers_of(one)])
         self._definitions = rehearsed.definitions
         self._convex = [one.text in rehearsed.convex for one in rehearsed.definitions]

@@ -13,7 +13,6 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from thingc.base import numeric
 from thingc.base.numeric import Recorded
 
 Number = Any
@@ -206,64 +205,31 @@ def _binary(operation: str, left: Number, right: Number) -> Any:
     if not isinstance(left, (int, float, Traced)) or not isinstance(right, (int, float, Traced)):
         return NotImplemented
     tape = next(one.tape for one in (left, right) if isinstance(one, Traced))
-    return tape.apply(operation, (left, right), OPERATIONS[operation](value_of(left), value_of(right)))
+    return tape.apply(operation, (left, right), OPERATORS[operation](value_of(left), value_of(right)))
 
 
 def _compared(operation: str, left: Traced, right: Number) -> Any:
     if not isinstance(right, (int, float, Traced)):
         return NotImplemented
-    return left.tape.guard(operation, (left, right), bool(OPERATIONS[operation](value_of(left), value_of(right))))
+    return left.tape.guard(operation, (left, right), bool(OPERATORS[operation](value_of(left), value_of(right))))
 
 
-OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
+OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
     "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "**": operator.pow, "%": operator.mod,
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
 }
 """Operators of two numbers."""
 
-Run = Callable[..., "tuple[float, ...] | None"]
-"""Maps values of the variables to values of the outputs; returns None if a guard fails."""
-
-
-def compiled(tape: Tape, outputs: Sequence[Any]) -> Run:
-    """Return the function that computes `outputs` (numbers, traced or not) for other values of the variables.
-
-    It repeats the operations of the passes on doubles in the same order, so its results are equal to the last bit. It returns None if a
-    pass would have decided otherwise or would have failed.
-    """
-    names: dict[str, Any] = {"inf": numeric.inf, "nan": numeric.nan, **numeric.OPERATIONS}
-    guards = list(dict.fromkeys((operation, arguments, outcome, at) for at, operation, arguments, outcome in tape.guards))
-    seen: set[Any] = set()
-    needed = _needed(tape, [*(Ref(one.line) for one in outputs if isinstance(one, Traced)), *(a for _, args, _, _ in guards for a in args)])
-    variables = [line for line, (operation, _) in enumerate(tape.lines) if operation == "variable"]
-    text = [f"def run({', '.join(f'v{line}' for line in variables)}):"]
-    waiting = iter(sorted(guards, key=lambda one: one[3]))
-    guard = next(waiting, None)
-    for line in range(len(tape.lines) + 1):
-        while guard is not None and guard[3] <= line:
-            operation, arguments, outcome, _ = guard
-            if (key := (operation, arguments, outcome)) not in seen:
-                seen.add(key)
-                told = _code(operation, arguments)
-                text.append(f" if {told}: return None" if not outcome else f" if not {told}: return None")
-            guard = next(waiting, None)
-        if line < len(tape.lines) and line in needed and tape.lines[line][0] != "variable":
-            text.append(f" v{line} = {_code(*tape.lines[line])}")
-    values = ", ".join(f"v{one.line}" if isinstance(one, Traced) else repr(one) for one in outputs)
-    text.append(f" return ({values}{',' if outputs else ''})")
-    exec("\n".join(text), names)
-    run: Run = names["run"]
-    return run
-
 
 def variables_of(tape: Tape, number: Traced) -> list[int]:
     """Return the indices of the variables that a number depends on."""
     variables = [line for line, (operation, _) in enumerate(tape.lines) if operation == "variable"]
-    needed = _needed(tape, [Ref(number.line)])
+    needed = lines_needed(tape, [Ref(number.line)])
     return [k for k, line in enumerate(variables) if line in needed]
 
 
-def _needed(tape: Tape, wanted: Sequence[Any]) -> set[int]:
+def lines_needed(tape: Tape, wanted: Sequence[Any]) -> set[int]:
+    """Return the indices of the lines that references depend on, theirs included; constants are ignored."""
     needed: set[int] = set()
     waiting = [int(one) for one in wanted if isinstance(one, Ref)]
     while waiting:
@@ -272,12 +238,3 @@ def _needed(tape: Tape, wanted: Sequence[Any]) -> set[int]:
             needed.add(line)
             waiting.extend(int(one) for one in tape.lines[line][1] if isinstance(one, Ref))
     return needed
-
-
-def _code(operation: str, arguments: Sequence[Ref | Const]) -> str:
-    words = [f"v{int(one)}" if isinstance(one, Ref) else f"({one.text})" for one in arguments]
-    if operation in OPERATIONS:
-        return f"-{words[0]}" if len(words) == 1 else f"({words[0]} {operation} {words[1]})"
-    if operation == "item":
-        return f"{words[0]}[{words[1]}]"
-    return f"{operation}({', '.join(words)})"

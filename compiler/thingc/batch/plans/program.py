@@ -1,0 +1,98 @@
+"""Programs: the part of a tape that computes given outputs, as statements in order of computation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from thingc.base import numeric
+from thingc.batch.plans.tape import OPERATORS, Const, Ref, Tape, Traced, lines_needed
+
+Argument = Ref | Const
+Run = Callable[..., "tuple[float, ...] | None"]
+"""Maps values of the variables to values of the outputs; returns None if a guard fails."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """Computes the value with index `target` from other values and constants."""
+
+    target: int
+    operation: str
+    arguments: tuple[Argument, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """A decision: the program applies only to values for which the operation returns `outcome`."""
+
+    operation: str
+    arguments: tuple[Argument, ...]
+    outcome: bool
+
+
+@dataclass(frozen=True)
+class Program:
+    """Computes `outputs` from the values with the indices `variables`.
+
+    It repeats the operations of the passes on doubles in the same order, so its results are equal to the last bit.
+    """
+
+    variables: tuple[int, ...]
+    statements: tuple[Line | Guard, ...]
+    outputs: tuple[Argument, ...]
+
+    @cached_property
+    def run(self) -> Run:
+        """The program as a function of the variables. It returns None, or raises `ArithmeticError` or `ValueError`, for values for which a
+        pass would decide otherwise or fail.
+        """
+        text = [f"def run({', '.join(f'v{index}' for index in self.variables)}):"]
+        for one in self.statements:
+            if isinstance(one, Line):
+                text.append(f" v{one.target} = {expression(one.operation, one.arguments)}")
+            else:
+                text.append(f" if {'not ' * one.outcome}{expression(one.operation, one.arguments)}: return None")
+        text.append(f" return ({''.join(f'{word(one)}, ' for one in self.outputs)})")
+        run: Run = function("run", text)
+        return run
+
+
+def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
+    """Return the program for `outputs` (numbers, traced or not), with all guards of the tape."""
+    guards = list(dict.fromkeys((Guard(operation, arguments, outcome), at) for at, operation, arguments, outcome in tape.guards))
+    results = tuple(Ref(one.line) if isinstance(one, Traced) else Const(one) for one in outputs)
+    needed = lines_needed(tape, [*results, *(argument for one, _ in guards for argument in one.arguments)])
+    statements: dict[Line | Guard, None] = {}
+    waiting = sorted(guards, key=lambda one: -one[1])
+    for index, (operation, arguments) in enumerate([*tape.lines, ("end", ())]):
+        while waiting and waiting[-1][1] <= index:
+            statements[waiting.pop()[0]] = None
+        if index in needed and operation != "variable":
+            statements[Line(index, operation, arguments)] = None
+    variables = tuple(index for index, (operation, _) in enumerate(tape.lines) if operation == "variable")
+    return Program(variables, tuple(statements), results)
+
+
+def function(name: str, lines: Sequence[str]) -> Any:
+    """Return the function `name` of a generated source. It can use the operations of `base/numeric.py` by name."""
+    names: dict[str, Any] = {"inf": numeric.inf, "nan": numeric.nan, **numeric.OPERATIONS}
+    exec("\n".join(lines), names)
+    return names[name]
+
+
+def expression(operation: str, arguments: Sequence[Argument]) -> str:
+    """Return an operation as a Python expression."""
+    words = [word(one) for one in arguments]
+    if operation in OPERATORS:
+        return f"-{words[0]}" if len(words) == 1 else f"({words[0]} {operation} {words[1]})"
+    if operation == "item":
+        return f"{words[0]}[{words[1]}]"
+    return f"{operation}({', '.join(words)})"
+
+
+def word(argument: Argument) -> str:
+    """Return an argument as a Python expression: the name of a value, or a constant."""
+    return f"v{int(argument)}" if isinstance(argument, Ref) else f"({argument.text})"
