@@ -77,18 +77,18 @@ PAGE = """\
 <!-- keys: CentreTest -->
 | Key | Type | Default | Description |
 |---|---|---|---|
-| `of` | a component, or a pattern | the whole robot | |
+| `of` | a component, or a pattern | the whole robot | components to include |
 | `in` | a mount | the world of the mode | reference frame |
-| `mode` | modes | the first | |
-| `pose` | poses | where the mode starts | |
-| `within` | mapping | required | a box in that frame |
+| `mode` | modes | the first mode | |
+| `pose` | poses | the mode's own pose | |
+| `within` | mapping | required | a box in this frame |
 
 <!-- keys: WithinSpec -->
 | Key | Type | Default | Description |
 |---|---|---|---|
-| `x` | two lengths | free | smallest and largest; at least one of the axes |
-| `y` | two lengths | free | |
-| `z` | two lengths | free | |
+| `x` | two lengths | no bound | smallest and largest x; at least one axis is required |
+| `y` | two lengths | no bound | smallest and largest y |
+| `z` | two lengths | no bound | smallest and largest z |
 """
 
 KIND = CheckKind(

@@ -55,15 +55,15 @@ def read_ground_clearance(written: GroundClearanceTest, reader: Reader) -> Groun
 PAGE = """\
 ## Ground clearance
 
-The height of the lowest part above a level plane. It uses the true shapes of parts, tessellated with the workspace's `mesh` tolerance,
-and the collision shapes of [links](shapes.md#links-of-shapes) (visual shapes if there are none) without planes. Name components that
-stand or roll on the floor in `except`.
+Checks the height of the lowest part above a horizontal plane. The test uses the true shapes of parts, tessellated with the workspace's
+`mesh` tolerance. For [links of shapes](shapes.md#links-of-shapes), it uses the collision shapes, or the visual shapes if the link has
+no collision shapes, without planes. Add feet, wheels and other components that touch the floor to `except`.
 
 <!-- keys: GroundClearanceTest -->
 | Key | Type | Default | Description |
 |---|---|---|---|
-| `mode` | modes | the first | |
-| `pose` | poses | where the mode starts | |
+| `mode` | modes | the first mode | |
+| `pose` | poses | the mode's own pose | |
 | `plane` | a length | `0` | z of the plane in the world of the mode |
 | `at_least` | a length | required | smallest allowed height |
 | `except` | list of components, patterns allowed | none | components that may come closer; a nested assembly counts as a whole |

@@ -54,14 +54,14 @@ def read_mass(written: MassTest, reader: Reader) -> MassCheck:
 PAGE = """\
 ## Mass
 
-The sum over components, as in `thingc info`.
+Checks the total mass of the components, as shown by `thingc info`.
 
 <!-- keys: MassTest -->
 | Key | Type | Default | Description |
 |---|---|---|---|
-| `of` | a component, or a pattern | the whole robot | |
-| `min` | a mass | no bound | `min`, `max` or both |
-| `max` | a mass | no bound | |
+| `of` | a component, or a pattern | the whole robot | components to include |
+| `min` | a mass | no bound | smallest allowed mass; `min`, `max` or both are required |
+| `max` | a mass | no bound | largest allowed mass |
 """
 
 KIND = CheckKind(

@@ -120,29 +120,30 @@ PAGE = """\
 ## No collision
 
 Compares the true shapes of all pairs of parts, tessellated with the workspace's `mesh` tolerance. [Collision
-shapes](shapes.md#collision) and `contacts.exclude` are ignored. Parts can touch. An overlap counts if its mean depth (twice its volume
-divided by its surface) is more than twice the linear mesh tolerance.
+shapes](shapes.md#collision) and `contacts.exclude` are ignored. Parts can touch. An overlap fails the test if its mean depth (twice its
+volume divided by its surface) is more than twice the linear mesh tolerance.
 
-- Parts on one link, or on two links connected by a joint, touch by design: only overlaps count.
-- For all other pairs the gap is measured, too. With `clearance`, a smaller gap fails. An open mesh is replaced by its convex hull for
-  this.
-- For a [link of shapes](shapes.md#links-of-shapes), the collision shapes count, or the visual shapes if it has none. Boxes, spheres
-  and capsules are exact, cylinders and ellipsoids within 0.1 % of their radius, and planes infinite.
-- To declare an intended overlap, such as a press fit, add `allow: {TC520: reason}` to one of the two components or to the joint
-  between them. This test and [`build`](../codes/TC520.md) then accept it. `allow` of the test accepts a pair in this test only.
-- The result lists skipped pairs with the reason (`skipped` in the JSON output): declared overlaps, and parts that touch by design and
-  have approximate shapes or an open surface.
+- Parts on the same link, or on two links connected by a joint, are expected to touch. For these pairs, only overlaps fail the test.
+- For all other pairs, the gap is also measured. With `clearance`, a smaller gap fails the test. To measure the gap of an open mesh,
+  thingc uses its convex hull.
+- For a [link of shapes](shapes.md#links-of-shapes), the test uses the collision shapes, or the visual shapes if the link has no
+  collision shapes. Boxes, spheres and capsules are exact. Cylinders and ellipsoids are approximated to 0.1 % of their radius. Planes
+  are infinite.
+- To allow an intended overlap, such as a press fit, add `allow: {TC520: reason}` to one of the two components or to the joint between
+  them. This test and [`build`](../codes/TC520.md) then accept the overlap. To allow a pair only in this test, use `allow` of the test.
+- The result lists skipped pairs with the reason (`skipped` in the JSON output). Allowed overlaps are skipped, and pairs that are
+  expected to touch if a shape is approximate or its surface is open.
 
-With `joints`, the test moves these joints through their ranges; the others stay in the pose. One joint moves in equal steps. Several
-joints take the corners of their ranges, then evenly spread positions. The positions are the same in every run; between them nothing is
-checked. Parts that touch by design are compared only once within about 6 degrees and 2 mm.
+With `joints`, the test moves these joints through their ranges; the others stay in the pose. A single joint moves in equal steps. For
+several joints, the test checks the corners of their ranges, then evenly distributed positions. The positions are the same in every run.
+Positions between them are not checked. Pairs that are expected to touch are checked only once within about 6 degrees and 2 mm.
 
 <!-- keys: NoCollisionTest -->
 | Key | Type | Default | Description |
 |---|---|---|---|
-| `mode` | modes | the first | |
-| `pose` | poses | where the mode starts | |
-| `joints` | joint to `all`, or to from and to | none move | patterns allowed; an exact name takes precedence |
+| `mode` | modes | the first mode | |
+| `pose` | poses | the mode's own pose | |
+| `joints` | mapping of joints to `all` or two positions | none | joints to move; patterns allowed; an exact name takes precedence |
 | `samples` | a whole number | `200` | number of positions, at most 10 000 |
 | `clearance` | a length | `0` | smallest allowed gap |
 | `allow` | list | none | pairs that may come closer |
@@ -150,7 +151,7 @@ checked. Parts that touch by design are compared only once within about 6 degree
 <!-- keys: AllowSpec -->
 | Key | Type | Default | Description |
 |---|---|---|---|
-| `pair` | two components, patterns allowed | required | a nested assembly means all its components |
+| `pair` | two components, patterns allowed | required | a nested assembly means all of its components |
 | `reason` | text | required | why this is intended |
 
 An unused entry of `allow` is a warning.

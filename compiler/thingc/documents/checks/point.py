@@ -90,19 +90,19 @@ def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
 PAGE = """\
 ## Point
 
-Searches for joint positions within their limits that bring a mount to a point. It uses trust-region least squares from the start of
-the mode, from the middle of the ranges and from 24 fixed samples, until one is close enough. Holds and loops of the mode stay closed.
-A `free` base stays where the mode puts it.
+Searches for joint positions within the limits that bring a mount to a point. It runs trust-region least squares from the start pose of
+the mode, from the middle of the ranges and from 24 fixed samples, until a solution is close enough. Holds and loops of the mode stay
+closed. A `free` base does not move.
 
 <!-- keys: PointTest -->
 | Key | Type | Default | Description |
 |---|---|---|---|
-| `mount` | a mount | required | |
-| `mode` | modes | the first | |
+| `mount` | a mount | required | the mount to move |
+| `mode` | modes | the first mode | |
 | `in` | a mount | the world of the mode | frame of `at` and `direction` |
 | `at` | three lengths | required | the point |
-| `within` | a length | required | largest distance of the mount's origin |
-| `direction` | three numbers | any | direction of the mount's z |
+| `within` | a length | required | largest distance between the mount's origin and the point |
+| `direction` | three numbers | any | required direction of the mount's z axis |
 | `angle` | an angle | `1 deg` | largest deviation from `direction` |
 """
 

@@ -57,20 +57,20 @@ def read_reach(written: ReachTest, reader: Reader) -> ReachCheck | None:
 PAGE = """\
 ## Reach
 
-The greatest distance between two mounts over the ranges of all joints (one turn for a joint without limits). thingc samples 1 000
-positions and optimizes the best ones within the limits. For a robot with loops, it starts from the poses of the document and from 100
-positions of the driven joints, and keeps the loops closed. The result does not depend on a mode, and collisions are ignored.
+Checks the greatest distance between two mounts over the ranges of all joints (one turn for a joint without limits). thingc samples 1
+000 positions and optimizes the best ones within the limits. For a robot with loops, it starts from the poses of the document and from
+100 positions of the driven joints, and keeps the loops closed. The result does not depend on a mode. Collisions are ignored.
 
-The distance found is always reachable. If `min` passes, it is proven. `max` can only be refuted, because the true maximum can be
-larger.
+The robot can always reach the reported distance, but the true maximum can be larger. Therefore, a passed `min` is proven, and a passed
+`max` is not.
 
 <!-- keys: ReachTest -->
 | Key | Type | Default | Description |
 |---|---|---|---|
 | `of` | a mount | required | the mount that reaches |
 | `from` | a mount | required | the mount from which the distance is measured |
-| `min` | a length | no bound | `min`, `max` or both |
-| `max` | a length | no bound | |
+| `min` | a length | no bound | smallest allowed reach; `min`, `max` or both are required |
+| `max` | a length | no bound | largest allowed reach |
 """
 
 KIND = CheckKind(

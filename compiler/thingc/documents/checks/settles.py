@@ -76,20 +76,21 @@ def read_settles(written: SettlesTest, reader: Reader) -> SettleCheck:
 PAGE = """\
 ## Settles
 
-Simulates the mode's MuJoCo scene, as written by `build`, from the keyframe of the pose with the drives set to it. After `within`, the
-robot must be at rest and stay so for the time `for`. The test tracks the corners of the bounding boxes of all parts.
+Simulates the mode's MuJoCo scene, as written by `build`. The simulation starts in the keyframe of the pose, and the drives receive its
+commands. After the time `within`, the robot must be at rest and stay at rest for the time `for`. The test measures the motion of the
+corners of the bounding boxes of all parts.
 
 <!-- keys: SettlesTest -->
 | Key | Type | Default | Description |
 |---|---|---|---|
-| `mode` | modes | the first | |
-| `pose` | poses | where the mode starts | |
-| `within` | a time, at most 600 s | required | time until rest |
-| `for` | a time, at most 600 s | `1 s` | time of rest |
-| `drift` | a length | required | largest distance of a point from its final position, at rest |
-| `moved` | a length | any | largest distance of a final position from the pose |
+| `mode` | modes | the first mode | |
+| `pose` | poses | the mode's own pose | |
+| `within` | a time, at most 600 s | required | time until the robot must be at rest |
+| `for` | a time, at most 600 s | `1 s` | time for which the robot must stay at rest |
+| `drift` | a length | required | largest distance of a corner from its final position, during the time `for` |
+| `moved` | a length | no bound | largest distance between the final and the initial position of a corner |
 | `penetration` | a length | `5 mm` | largest penetration of contacts at rest |
-| `floor` | flag | `true` | adds the floor of the scene, the plane z = 0 of the world |
+| `floor` | boolean | `true` | adds the floor of the scene, which is the plane z = 0 of the world |
 """
 
 KIND = CheckKind(

@@ -92,23 +92,24 @@ def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findin
 PAGE = """\
 ## Torque margin
 
-The effort limit of a drive divided by the torque or force that it needs to hold the robot still against gravity and springs, without
-joint friction. Joints that mimic another load the joint that they follow. The base carries the robot; a `free` base needs
-[feet](modes.md#feet) or [holds](loops.md#holds). A pose that no efforts can hold fails.
+The torque margin is the effort limit of a drive divided by the effort that it needs to hold the robot still. This effort balances
+gravity and springs, without joint friction. A joint that mimics another adds its load to the joint that it follows. The base supports
+the robot; a `free` base requires [feet](modes.md#feet) or [holds](loops.md#holds). The test fails if no efforts can hold the robot in
+the pose.
 
-If loops, holds, feet or several drives make the efforts ambiguous, the test uses those with the least sum of squares of effort divided
-by limit, and reports this. A controller can apply them; other efforts can have a greater least margin.
+With loops, holds, feet or several drives, different efforts can hold the robot. The test then minimizes the sum of the squares of
+effort divided by limit, and reports this. A controller can apply these efforts. Other efforts can have a greater smallest margin.
 
-At the feet, forces are limited to friction cones (pyramids of 16 edges inside the cone). If no forces within the cones carry the
-robot, the test fails and reports how far the centre of mass is outside the polygon of the feet, or that the robot slides. A foot
-higher than the lowest one by more than 2 % of their greatest distance does not stand.
+Forces at the feet must be inside friction cones, which are approximated by inscribed pyramids with 16 edges. If no such forces support
+the robot, the test fails. It reports the distance of the centre of mass from the support polygon, or that the robot slides. A foot does
+not support the robot if it is higher than the lowest foot by more than 2 % of the greatest distance between feet.
 
-Only a controller that controls the horizontal forces at the feet achieves these efforts. Position drives at rest need about the
-efforts without friction. The test reports this margin, too; with `friction: 0` it is the one that counts. For a hexapod of 1.3 kg on
-three legs with servos of 1.5 N m (`tests/statics/hexapod`, by `thingc test` and MuJoCo):
+These efforts require a controller that controls the horizontal forces at the feet. Position drives at rest need about the same efforts
+as without friction. The test also reports the margin without friction. To require this margin, set `friction: 0`. The table shows the
+margins of a hexapod of 1.3 kg on three legs with servos of 1.5 N m (`tests/statics/hexapod`), computed by `thingc test` and MuJoCo:
 
 <!-- hexapod -->
-| Case | Least margin |
+| Case | Smallest margin |
 |---|---|
 | least squares within the cones, friction 0.8 | 8.27 |
 | the same without friction | 5.24 |
@@ -119,9 +120,9 @@ three legs with servos of 1.5 N m (`tests/statics/hexapod`, by `thingc test` and
 <!-- keys: TorqueMarginTest -->
 | Key | Type | Default | Description |
 |---|---|---|---|
-| `drive` | driven joints, patterns allowed | required | each needs an effort limit |
-| `mode` | modes | the first | |
-| `pose` | poses | where the mode starts | |
+| `drive` | driven joints, patterns allowed | required | drives to check; each must have an effort limit |
+| `mode` | modes | the first mode | |
+| `pose` | poses | the mode's own pose | |
 | `min` | a number | required | smallest allowed margin |
 """
 
