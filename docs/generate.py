@@ -1,12 +1,12 @@
-"""Writes the pages of the diagnostics, what `thingc explain` shows of them, the kinds of tests in `language/tests.md`, and the tables of
-`formats.md` and `outputs/index.md`: `python docs/generate.py`.
+"""Writes the pages of the diagnostics, what `thingc explain` shows of them, the kinds of tests in `language/tests.md`, the tables of
+`formats.md` and `outputs/index.md`, and the picture of the build folder: `python docs/generate.py`.
 
 `docs/diagnostics.md` lists all codes. Their pages, such as `docs/codes/TC302.md`, are written by hand (`code_pages.py`): the title, the fix
 and the last line are written here, and a new code gets a page to be filled in. `compiler/thingc/tools/reporting/examples.json` is what
 `thingc explain` reads of them.
 
 The text between `<!-- generated: ... -->` and `<!-- /generated -->` comes from the files of `documents/checks/` in
-`docs/language/tests.md`, from the capabilities of the targets in `docs/formats.md`, from their registry in `docs/outputs/index.md`, and
+`docs/language/tests.md`, from the capabilities of the targets in `docs/formats.md`, from their declarations in `docs/outputs/index.md`, and
 from the parsers of the command line in `docs/commands/`.
 """
 
@@ -26,6 +26,7 @@ from code_pages import current_page, parse_page, path_of
 from thingc.base.diagnostics import Code
 from thingc.base.joints.kinds import KINDS
 from thingc.documents.checks import kinds
+from thingc.targets.artifact import MANIFEST
 from thingc.targets.capabilities import Capabilities, Cell, Companion, Supported, joint_cell
 from thingc.targets.registry import TARGETS
 from thingc.tools.cli.main import COMMANDS, parser_for
@@ -155,7 +156,16 @@ def outputs() -> str:
         files = dict.fromkeys(re.sub(r"/.*", "/", pattern) for pattern in target.writes)
         default = "yes" if target.unasked else "no"
         rows.append(f"| `{name}` | {default} | {', '.join(f'`{file}`' for file in files)} | {written.get(name, target.says)} |")
-    return _marked(text, {"targets": "\n".join(rows)})
+    return _marked(text, {"targets": "\n".join(rows), "build folder": "\n".join(["```", *_build_folder(), "```"])})
+
+
+def _build_folder() -> list[str]:
+    """Return the picture of the build folder: files with equal descriptions share a row."""
+    files: dict[str, list[str]] = {}
+    for described in [*(target.files for target in TARGETS.values()), {MANIFEST: "hashes, mass sources and losses"}]:
+        for path, words in described.items():
+            files.setdefault(words, []).append(path)
+    return [f"{'  '.join(paths):28}{words}" for words, paths in files.items()]
 
 
 def _said(cell: Cell[Any]) -> str:

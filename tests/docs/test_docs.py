@@ -384,7 +384,7 @@ def test_shapes_of_json(page: Path, here: Path) -> None:
 
 
 def test_columns_of_the_bill_of_materials() -> None:
-    from thingc.targets.bom import COLUMNS
+    from thingc.targets.bom.emit import COLUMNS
 
     assert [row[0].strip("`") for row in table(OUTPUTS, "bom")] == list(COLUMNS)
 

@@ -17,7 +17,7 @@ from thingc.geometry.store.local import Store
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.resolve.types import BomEntry, Overrides, Process
-from thingc.targets.bom import COLUMNS, emit, items, make_of
+from thingc.targets.bom.emit import COLUMNS, emit, items, make_of
 
 
 @pytest.fixture

@@ -28,7 +28,7 @@ from thingc.model.resolve.types import Overrides
 from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.types import Closure
 from thingc.targets.artifact import Artifacts, Loss
-from thingc.targets.gltf import _tessellated, emit
+from thingc.targets.glb.emit import _tessellated, emit
 from thingc.targets.mjcf import emit as mjcf
 from thingc.targets.registry import chosen
 from thingc.targets.request import EmitRequest
@@ -166,7 +166,7 @@ def test_the_same_bytes_every_time(store: Store) -> None:
     """In other processes, with other hash seeds."""
     script = (
         "import hashlib, sys; from thingc.geometry.store.local import Store; from emit.small_robot import assembly, request;"
-        "from thingc.targets.gltf import emit; s = Store(sys.argv[1]);"
+        "from thingc.targets.glb.emit import emit; s = Store(sys.argv[1]);"
         "print(*(hashlib.sha256(f).hexdigest() for f in emit(request(assembly(s), s)).files.values()))"
     )
     here = " ".join(hashlib.sha256(data).hexdigest() for data in emit(request(assembly(store), store)).files.values())  # type: ignore[arg-type]

@@ -15,9 +15,11 @@ import thingc
 from emit.small_robot import assembly, request, span
 from thingc.driver.output import verify, write_build
 from thingc.geometry.store.local import Store
-from thingc.targets import bom, json_writer, modes_json, stl
+from thingc.targets import json_writer, modes_json
 from thingc.targets.artifact import Content, Loss, StoredArtifact
+from thingc.targets.bom import emit as bom
 from thingc.targets.manifest import DISTRIBUTIONS, BuildChoice, manifest, versions
+from thingc.targets.stl import emit as stl
 
 LOSSES = (
     Loss(target="mjcf", mode="bench", path="yaw", what="velocity limit", how="carried as custom data", origin=(span(40),)),

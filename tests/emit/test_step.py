@@ -20,7 +20,7 @@ from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly
 from thingc.targets.artifact import Loss, StoredArtifact
-from thingc.targets.step import emit
+from thingc.targets.step.emit import emit
 
 PARTS = '''
 from build123d import Box

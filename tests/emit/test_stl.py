@@ -17,7 +17,7 @@ from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.types import BomEntry, Overrides
 from thingc.targets.artifact import Loss, StoredArtifact
-from thingc.targets.stl import emit
+from thingc.targets.stl.emit import emit
 
 BRACE = f"stl/arm.Brace-{hashlib.sha256(b'arm:Brace(length=0.12)').hexdigest()[:8]}.stl"
 

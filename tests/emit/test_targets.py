@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import fnmatch
 import json
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from thingc.targets.registry import TARGETS, chosen, unknown
 from thingc.tools.cli.main import main
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDERS = {path.parent.name for path in (ROOT / "compiler" / "thingc" / "targets").glob("*/__init__.py")}
+SHARED = {"drawing", "render"}
+"""Folders beside those of targets."""
 
 ROBOT = """\
 thingc: assembly/1
@@ -17,6 +26,42 @@ components:
   base: {frame: true, mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}}
 modes: {m: {root: base, base: fixed}}
 """
+
+
+def shows(path: str, pattern: str) -> bool:
+    """Whether a file or folder of the picture is one that a pattern means, or that such files are in."""
+    words = pattern.split("/")
+    begin = words[: path.rstrip("/").count("/") + 1]
+    return path.endswith("/") == (len(begin) < len(words)) and fnmatch.fnmatch(path.rstrip("/"), "/".join(begin))
+
+
+@pytest.mark.parametrize("name", sorted(FOLDERS - SHARED))
+def test_a_target_is_declared_and_tested(name: str) -> None:
+    """Something that is forgotten for a new target is named here, or by mypy in its declaration."""
+    assert name in TARGETS, f"`TARGET` is missing in targets/{name}/__init__.py"
+    target = TARGETS[name]
+    for pattern in target.writes:
+        where = f"the `files` of targets/{name}/__init__.py, which make the picture of the build folder"
+        assert any(shows(path, pattern) for path in target.files), f"`{pattern}` is missing in {where}"
+    tests = "\n".join(path.read_text() for path in (ROOT / "tests").rglob("*.py"))
+    for module, _, function in (emitter.partition(":") for emitter in target.emitters):
+        package, _, stem = module.rpartition(".")
+        direct, whole = rf"from {module} import [\w, ]*\b{function}\b", rf"from {package} import [\w, ]*\b{stem}\b"
+        assert re.search(f"{direct}|{whole}", tests), f"no test imports `{function}` of {module}: add a test of the target `{name}`"
+
+
+def test_positions_of_targets_differ() -> None:
+    assert [target.position for target in TARGETS.values()] == [*range(1, len(TARGETS) + 1)]
+
+
+def test_targets_are_listed_without_their_emitters() -> None:
+    script = "import sys, thingc.targets.registry as r; print(*r.TARGETS); print(*sys.modules)"
+    output = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    names, modules = (set(line.split()) for line in output.splitlines())
+    ours = {name for name in modules if name.startswith("thingc.")}
+    packages = {f"thingc.targets{end}" for end in ("", ".registry", ".target", *(f".{folder}" for folder in FOLDERS))}
+    assert names == FOLDERS - SHARED and {name for name in ours - packages if not name.startswith("thingc.base")} == set()
+    assert not modules & {"numpy", "mujoco", "networkx", "trimesh", "pydantic"}
 
 
 def test_words_name_targets_in_the_order_of_a_build() -> None:

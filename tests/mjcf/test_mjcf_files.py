@@ -19,11 +19,11 @@ from hypothesis import strategies as st
 from mjcf.handmade import Made, Piece, Segment, box_part, material, matrix, raw, spin
 from mjcf.test_mjcf_model import arm
 from thingc.geometry.store.local import BlobMissing, Store
-from thingc.targets import stl
 from thingc.targets.artifact import Content, StoredArtifact
 from thingc.targets.mjcf.emit import emit
 from thingc.targets.registry import TARGETS, emitter, targets
 from thingc.targets.request import EmitRequest
+from thingc.targets.stl import emit as stl
 from thingc.targets.xml_writer import Element, number, write
 
 

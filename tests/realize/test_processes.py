@@ -18,7 +18,7 @@ import pytest
 
 from thingc.geometry.client import Workers
 from thingc.geometry.record import PartRecord
-from thingc.targets.step import in_background
+from thingc.targets.step.emit import in_background
 
 PARTS = """
     from build123d import *

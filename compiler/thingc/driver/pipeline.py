@@ -158,7 +158,7 @@ def build(environment: Environment, compilation: Compilation, targets: Sequence[
 
     request = request_of(environment, compilation, folder=folder)
     if "step" in targets:
-        from thingc.targets import step
+        from thingc.targets.step import emit as step
 
         step.begin(request)
     robot = next(iter(compilation.robots), None)

@@ -1,6 +1,7 @@
-"""The table of targets. Their modules are imported on demand.
+"""The table of targets, which declare themselves. Their emitters are imported on demand.
 
-Other packages can add targets through the entry-point group `thingc.emitters`, with the same function signature.
+A folder beside this module is a target if its `__init__.py` has a `TARGET`. Other packages can add targets through the entry-point group
+`thingc.emitters`, with the same function signature.
 """
 
 from __future__ import annotations
@@ -11,15 +12,16 @@ import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import lru_cache, partial
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code
 from thingc.base.filesystem import listing
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import shortened
 from thingc.base.suggestions import did_you_mean
+from thingc.targets.target import Target
 
 if TYPE_CHECKING:
     from thingc.targets.artifact import Artifacts, Loss
@@ -31,64 +33,15 @@ if TYPE_CHECKING:
 GROUP = "thingc.emitters"
 
 
-class Target(FrozenStruct):
-    """A target of thingc.
-
-    `says` is a short description, `emitters` are references of the form `module:function`, and `writes` are patterns for its files. With
-    `unasked`, the target is written by builds without `--emit`. `capabilities` is the module with the `CAPABILITIES` of a format for whole
-    robots. With `by_name`, custom names are applied, because readers of the files use names.
-    """
-
-    says: str
-    emitters: tuple[str, ...]
-    writes: tuple[str, ...]
-    unasked: bool = True
-    capabilities: str | None = None
-    by_name: bool = False
+def _declared() -> dict[str, Target]:
+    """Return the targets of thingc: the folders here whose package has a `TARGET`, which imports no emitter."""
+    folders = (entry.name for entry in os.scandir(os.path.dirname(__file__)) if "." not in entry.name)
+    packages = {name: import_module(f"{__package__}.{name}") for name in folders if not name.startswith("_")}
+    declared: dict[str, Target] = {name: package.TARGET for name, package in packages.items() if hasattr(package, "TARGET")}
+    return dict(sorted(declared.items(), key=lambda item: (item[1].position, item[0])))
 
 
-TARGETS: dict[str, Target] = {
-    "mjcf": Target(  # `modes.json` contains addresses in the models, so the two are written together
-        says="MuJoCo models and scenes, one per mode", emitters=("thingc.targets.mjcf.emit:emit", "thingc.targets.modes_json:emit"),
-        writes=("mjcf/*.xml", "mjcf/assets/*.obj", "modes.json"), capabilities="thingc.targets.mjcf.capabilities", by_name=True,
-    ),
-    "mjz": Target(
-        says="each model in one file with its meshes", emitters=("thingc.targets.mjcf.emit:emit_archives",), writes=("mjcf/*.mjz",),
-        by_name=True,
-    ),
-    "stl": Target(says="print files", emitters=("thingc.targets.stl:emit",), writes=("stl/*.stl",)),
-    "step": Target(says="the whole robot", emitters=("thingc.targets.step:emit",), writes=("step/*.step",)),
-    "glb": Target(
-        says="each mode for viewers of glTF", emitters=("thingc.targets.gltf:emit",), writes=("glb/*.glb",), unasked=False,
-        capabilities="thingc.targets.gltf", by_name=True,
-    ),
-    "urdf": Target(
-        says="each mode for ROS", emitters=("thingc.targets.urdf.emit:emit",), writes=("urdf/*.urdf", "urdf/meshes/*.obj"), unasked=False,
-        capabilities="thingc.targets.urdf.capabilities", by_name=True,
-    ),
-    "ros": Target(
-        says="a ROS 2 package with all modes", emitters=("thingc.targets.ros.emit:emit",), unasked=False,
-        writes=(
-            "ros/*/package.xml", "ros/*/CMakeLists.txt", "ros/*/urdf/*.urdf", "ros/*/meshes/*.obj", "ros/*/launch/*.launch.py",
-            "ros/*/config/*.srdf", "ros/*/config/*.yaml", "ros/*/config/*.rviz",
-        ),
-        capabilities="thingc.targets.ros.capabilities", by_name=True,
-    ),
-    "sdf": Target(
-        says="each mode for Gazebo", emitters=("thingc.targets.sdf.emit:emit",),
-        writes=("sdf/*.sdf", "sdf/*/model.sdf", "sdf/*/model.config", "sdf/*/meshes/*.obj"), unasked=False,
-        capabilities="thingc.targets.sdf.capabilities", by_name=True,
-    ),
-    "usd": Target(
-        says="each mode for Isaac Sim and Newton", emitters=("thingc.targets.usd.emit:emit",), writes=("usd/*.usda",), unasked=False,
-        capabilities="thingc.targets.usd.capabilities",
-    ),
-    "html": Target(
-        says="the robot in a browser", emitters=("thingc.targets.html.emit:emit",), writes=("html/*.html",), unasked=False,
-    ),
-    "bom": Target(says="bill of materials", emitters=("thingc.targets.bom:emit",), writes=("bom.csv", "bom.json")),
-    "hag": Target(says="assembly graph", emitters=("thingc.targets.hag.emit:emit",), writes=("hag.dot", "hag.mmd", "hag.svg")),
-}
+TARGETS = _declared()
 """The targets of thingc, in the order in which a build writes them. Other packages list their files in `WRITES` of the module."""
 
 ALL = "all"
@@ -120,8 +73,6 @@ def module_of(target: str) -> str:
 
 def _stated(target: str) -> tuple[str, ...]:
     """Return the `WRITES` of an installed target. Raises `ImportError`."""
-    from importlib import import_module
-
     stated = getattr(import_module(module_of(target)), "WRITES", ())
     return (stated,) if isinstance(stated, str) else tuple(stated)
 
@@ -152,9 +103,9 @@ def chosen(words: Sequence[str]) -> tuple[str, ...]:
 
 
 def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
-    """Return the modules of thingc's own targets, and MuJoCo if needed, so that they can be imported early."""
+    """Return the modules of thingc's own targets, and the libraries that they need, so that they can be imported early."""
     ours = {function.partition(":")[0]: None for target in wanted if target in TARGETS for function in TARGETS[target].emitters}
-    return (*ours, *(["mujoco"] if {"mjcf", "ros"} & {*wanted} else []))
+    return (*ours, *dict.fromkeys(library for target in wanted if target in TARGETS for library in TARGETS[target].libraries))
 
 
 def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
@@ -192,8 +143,6 @@ def _joined(emitters: list[Emitter], request: EmitRequest) -> Artifacts:
 
 
 def _function(name: str) -> Emitter:
-    from importlib import import_module
-
     module, _, function = name.partition(":")
     emit: Emitter = getattr(import_module(module), function)
     return emit

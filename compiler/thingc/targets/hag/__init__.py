@@ -1,1 +1,8 @@
 """The hierarchical assembly graph as text and as a picture. `emit.py` is the target."""
+
+from thingc.targets.target import Target
+
+TARGET = Target(
+    position=12, says="assembly graph", emitters=("thingc.targets.hag.emit:emit",), writes=("hag.dot", "hag.mmd", "hag.svg"),
+    files=dict.fromkeys(("hag.dot", "hag.mmd", "hag.svg"), "the assembly graph"),
+)

@@ -3,3 +3,10 @@
 `viewer_data.py` collects the data for the page, `mesh_packing.py` packs the meshes, `emit.py` puts both into the page. The script, style
 sheet and HTML frame are in `page/`: `viewer.js` is bundled from `viewer/` at the top of the repository (`make viewer`).
 """
+
+from thingc.targets.target import Target
+
+TARGET = Target(
+    position=10, says="the robot in a browser", emitters=("thingc.targets.html.emit:emit",), writes=("html/*.html",), unasked=False,
+    files={"html/NAME.html": "the robot in a browser, all modes"},
+)

@@ -27,7 +27,7 @@ from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Body, Closure, Keyframe, Robot
 from thingc.model.statics.efforts import static_efforts
-from thingc.targets.bom import listed, make_of, with_pieces
+from thingc.targets.bom.emit import listed, make_of, with_pieces
 from thingc.targets.html.mesh_packing import PackedMeshes
 
 VERSION = 1

@@ -1,1 +1,15 @@
-"""MJCF: MuJoCo models, their scenes and meshes. `emit.py` is the target; `archive.py` packs the same into one file per mode."""
+"""MJCF: MuJoCo models, their scenes and meshes. `emit.py` is the target."""
+
+from thingc.targets.target import Target
+
+TARGET = Target(  # `modes.json` contains addresses in the models, so the two are written together
+    position=1, says="MuJoCo models and scenes, one per mode", emitters=("thingc.targets.mjcf.emit:emit", "thingc.targets.modes_json:emit"),
+    writes=("mjcf/*.xml", "mjcf/assets/*.obj", "modes.json"), capabilities="thingc.targets.mjcf.capabilities", by_name=True,
+    libraries=("mujoco",),
+    files={
+        "mjcf/NAME_MODE.xml": "a MuJoCo model for each mode",
+        "mjcf/scene_MODE.xml": "the model on a floor, with a light",
+        "mjcf/assets/": "meshes in metres (OBJ), for all modes",
+        "modes.json": "frames, joints and poses of each mode",
+    },
+)

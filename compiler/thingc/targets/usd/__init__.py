@@ -1,1 +1,8 @@
 """USD: a UsdPhysics stage for each mode, for Isaac Sim, Newton and other readers."""
+
+from thingc.targets.target import Target
+
+TARGET = Target(
+    position=9, says="each mode for Isaac Sim and Newton", emitters=("thingc.targets.usd.emit:emit",), writes=("usd/*.usda",),
+    unasked=False, capabilities="thingc.targets.usd.capabilities", files={"usd/NAME_MODE.usda": "each mode as UsdPhysics"},
+)

@@ -11,7 +11,7 @@ from thingc.base.source import line_of
 from thingc.geometry.record import PartDefinition, PartRecord
 from thingc.model.assembly.types import ActuatorModel, Assembly, LinkedSensor, Mate, Occurrence, TendonStep
 from thingc.model.resolve.coordinates import Dynamics, Limit
-from thingc.targets.bom import with_pieces
+from thingc.targets.bom.emit import with_pieces
 from thingc.tools.diff.snapshot import Edge, Fact, LinkOf, Named, OccurrenceSnapshot, PartShape, Row, Value, field_values
 
 

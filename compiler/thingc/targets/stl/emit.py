@@ -7,7 +7,7 @@ from thingc.geometry.print_slices import UPRIGHT
 from thingc.geometry.record import PartDefinition
 from thingc.model.assembly.types import Occurrence
 from thingc.targets.artifact import Artifacts, Content, Loss, StoredArtifact
-from thingc.targets.bom import make_of
+from thingc.targets.bom.emit import make_of
 from thingc.targets.geometry import report_same_file
 from thingc.targets.request import EmitRequest
 

@@ -1,0 +1,8 @@
+"""The bill of materials. `emit.py` is the target."""
+
+from thingc.targets.target import Target
+
+TARGET = Target(
+    position=11, says="bill of materials", emitters=("thingc.targets.bom.emit:emit",), writes=("bom.csv", "bom.json"),
+    files={"bom.csv": "bill of materials", "bom.json": "bill of materials"},
+)

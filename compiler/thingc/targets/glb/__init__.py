@@ -1,0 +1,8 @@
+"""GLB: each mode for viewers of glTF. `emit.py` is the target."""
+
+from thingc.targets.target import Target
+
+TARGET = Target(
+    position=5, says="each mode for viewers of glTF", emitters=("thingc.targets.glb.emit:emit",), writes=("glb/*.glb",), unasked=False,
+    capabilities="thingc.targets.glb.emit", by_name=True, files={"glb/NAME_MODE.glb": "each mode in its initial pose (glTF)"},
+)

@@ -1,0 +1,8 @@
+"""MJZ: archives of MuJoCo models with their meshes, which `thingc.targets.mjcf.emit` writes."""
+
+from thingc.targets.target import Target
+
+TARGET = Target(
+    position=2, says="each model in one file with its meshes", emitters=("thingc.targets.mjcf.emit:emit_archives",),
+    writes=("mjcf/*.mjz",), by_name=True, files={"mjcf/NAME_MODE.mjz": "model and meshes in one file"},
+)

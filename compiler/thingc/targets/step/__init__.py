@@ -1,0 +1,8 @@
+"""STEP: the whole robot for CAD programs. `emit.py` is the target."""
+
+from thingc.targets.target import Target
+
+TARGET = Target(
+    position=4, says="the whole robot", emitters=("thingc.targets.step.emit:emit",), writes=("step/*.step",),
+    files={"step/NAME.step": "the robot at q = 0"},
+)

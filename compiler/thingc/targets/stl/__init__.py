@@ -1,0 +1,8 @@
+"""STL: print files. `emit.py` is the target."""
+
+from thingc.targets.target import Target
+
+TARGET = Target(
+    position=3, says="print files", emitters=("thingc.targets.stl.emit:emit",), writes=("stl/*.stl",),
+    files={"stl/DEFINITION.stl": "print files in millimetres"},
+)

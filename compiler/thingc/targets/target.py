@@ -1,0 +1,30 @@
+"""The declaration of a target, which each folder of a target has in its `__init__.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from thingc.base.frozen_struct import FrozenStruct
+
+
+class Target(FrozenStruct):
+    """A target of thingc.
+
+    `position` is its place in the order in which a build writes targets. `says` is a short description, `emitters` are references of the
+    form `module:function`, and `writes` are patterns for its files. `files` describes them for the picture of the build folder in the
+    documentation, by path; a path that ends with `/` stands for all files below it, NAME, MODE and DEFINITION for names.
+
+    With `unasked`, the target is written by builds without `--emit`. `capabilities` is the module with the `CAPABILITIES` of a format for
+    whole robots. With `by_name`, custom names are applied, because readers of the files use names. `libraries` are modules of other
+    packages that its functions import, and that can be imported early.
+    """
+
+    position: int
+    says: str
+    emitters: tuple[str, ...]
+    writes: tuple[str, ...]
+    files: Mapping[str, str]
+    unasked: bool = True
+    capabilities: str | None = None
+    by_name: bool = False
+    libraries: tuple[str, ...] = ()
