@@ -78,7 +78,7 @@ def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None) -> Re
 
 
 def _placed(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple[Pose, ...]] | None:
-    """Return q of every joint and the poses of the bodies in the world; None if the loops do not close in the pose."""
+    """Return q of every joint and the poses of the bodies in the world, or None if the loops do not close in the pose."""
     name = pose if pose is not None else robot.mode.pose
     frame = next((one for one in robot.keyframes if one.name == name), None)
     base = robot.bodies[0].X_PL
@@ -110,7 +110,7 @@ def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
 
 
 def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vector] | None:
-    """Return the smallest and largest corner [m] of the bounding box of all parts at `poses` (by occurrence); None if the robot has no
+    """Return the smallest and largest corner [m] of the bounding box of all parts at `poses` (by occurrence), or None if the robot has no
     geometry.
     """
     low, high = [inf] * 3, [-inf] * 3

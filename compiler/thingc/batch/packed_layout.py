@@ -319,7 +319,7 @@ class Chunk:
         return {path: data for path in self.paths if (data := self.cell(index, path)) is not None}
 
     def cell(self, index: int, column: str) -> Any:
-        """Return the value of a variant in a column, the bytes if the column is a file; None if it has no value there."""
+        """Return the value of a variant in a column, the bytes if the column is a file, or None if it has no value there."""
         if index in self._begins:
             return _cell_of(self._noted(index), column)
         return self._sealed_cell(self._rows[index], column) if column in self._sealed_columns else None

@@ -273,7 +273,7 @@ class BatchResults(Sequence[BuiltVariant]):
         return tuple(dict.fromkeys(name for row in self.rows for name in row))
 
     def column(self, name: str) -> list[Any]:
-        """Return the cells of a column, one for each variant here; None if empty. Raises `UnknownVariant`."""
+        """Return the cells of a column, one for each variant here, or None if empty. Raises `UnknownVariant`."""
         cells = [variant.results.get(name) for variant in self]
         if all(cell is None for cell in cells) and name not in self.columns:
             raise UnknownVariant(f"batch `{self.name}` has no column `{name}`: {did_you_mean(str(name), self.columns, what='columns')}")
@@ -464,7 +464,7 @@ def _because(row: Mapping[str, Any]) -> str:
 
 
 def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | None] | None:
-    """Return the variant with this id or name, and the rule that it violates (or None); None if there is no such variant.
+    """Return the variant with this id or name, and the rule that it violates (or None), or None if there is no such variant.
 
     Ids are computed from differences to the assembly document, and names are numbered. If a document has changed since the batch was built,
     as after each adopted variant, an id or a name can belong to another variant. So the variant of the batch in `folder` is matched by its

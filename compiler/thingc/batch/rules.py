@@ -84,7 +84,7 @@ def dimension_of(result: str) -> Dimension:
 
 
 def meaning(name: str, parameters: Iterable[str], lengths: Iterable[str]) -> str | None:
-    """Return the result that a name refers to, None for a parameter.
+    """Return the result that a name refers to, or None for a parameter.
 
     Raises `KeyError` for an unknown name, and `ValueError` for an ambiguous one.
     """

@@ -148,14 +148,14 @@ class Runner:
         return measure(robot, self.job.pose, self.job.reach)
 
     def _results(self, compilation: Compilation) -> Results | None:
-        """Return the results; None if a mount of `reach` does not exist."""
+        """Return the results, or None if a mount of `reach` does not exist."""
         try:
             return self._measured(compilation)
         except UnknownMount:
             return None
 
     def _judge(self, task: Variant, results: Results) -> dict[str, Any] | None:
-        """Return the status of a variant that violates a rule; None if all are satisfied."""
+        """Return the status of a variant that violates a rule, or None if all are satisfied."""
         if not self.rules:
             return None
         values: dict[str, ExpressionValue] = {

@@ -65,7 +65,7 @@ def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Seque
 
 
 def flat(line: Line) -> dict[str, Any]:
-    """Return the cells of a line of the journal by column, None if empty. Infinity is the text `inf`."""
+    """Return the cells of a line of the journal by column, or None if empty. Infinity is the text `inf`."""
     return {
         **{name: line.get(name) for name in HEAD},
         **{setting(name): value for name, value in line["parameters"].items()},
@@ -80,7 +80,7 @@ def flat(line: Line) -> dict[str, Any]:
 
 
 def cells(line: Line, wanted: Sequence[Column]) -> list[Any]:
-    """Return the row of a line of the journal, None for empty cells."""
+    """Return the row of a line of the journal, or None for empty cells."""
     values = flat(line)
     typed = [(column.kind, values.get(column.name)) for column in wanted]
     return [float(value) if kind == "number" and value is not None else value for kind, value in typed]

@@ -39,7 +39,7 @@ def size_of(unit: str) -> float | None:
 
 
 def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
-    """Return `count` evenly spaced values between two quantities with the same unit, each rounded once; None if the units are written
+    """Return `count` evenly spaced values between two quantities with the same unit, each rounded once, or None if the units are written
     differently.
 
     So `60 mm` to `90 mm` in four steps contains exactly 70 mm.
@@ -130,7 +130,7 @@ def _each(raw: Any) -> Iterable[Any]:
 
 
 def as_value(raw: Any) -> ExpressionValue | None:
-    """Convert a value of a document; None for an expression."""
+    """Convert a value of a document, or None for an expression."""
     if isinstance(raw, Expression):
         return None
     return Quantity(float(raw)) if isinstance(raw, (int, float)) and not isinstance(raw, bool) else raw
@@ -146,7 +146,7 @@ def _kind(own: ExpressionValue | None, given: Iterable[ExpressionValue]) -> Expr
 
 
 def of_kind(value: ExpressionValue, kind: ExpressionValue | None) -> ExpressionValue | None:
-    """Convert a value to the kind of another; None if this is impossible."""
+    """Convert a value to the kind of another, or None if this is impossible."""
     if not isinstance(value, Quantity) or not isinstance(kind, Quantity):
         return value if kind is None or type(value) is type(kind) else None
     if value == Quantity(0.0):

@@ -94,7 +94,7 @@ def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
 
 
 def _missing(model: AssemblyDefinition, words: list[str]) -> tuple[str, Mapping[str, Any] | list[str], str] | None:
-    """Return the unknown word of a reference to a mount, the known words, and their kind; None if nothing is wrong (the mounts of a part
+    """Return the unknown word of a reference to a mount, the known words, and their kind, or None if nothing is wrong (the mounts of a part
     are unknown before it is built).
     """
     if len(words) == 1:
@@ -128,7 +128,7 @@ def plan(document: str, *, options: Options | None = None) -> Plan:
 
 
 def read_plan(path: str, options: Options, report: Report, lend: Lend | None = None) -> Plan | None:
-    """Return the plan of the document at `path`; None after errors, which are in `report`.
+    """Return the plan of the document at `path`, or None after errors, which are in `report`.
 
     `lend` returns the source of parts, as for `Environment`.
     """

@@ -35,7 +35,7 @@ def _motions(mode: Mode) -> Array:
 
 
 def find_displaced(mode: Mode, model: Any, body_of: Mapping[str, int]) -> tuple[str, float] | None:
-    """Return the first link, joint or mount with another pose in `model`, and the difference [m, rad]; None if all match.
+    """Return the first link, joint or mount with another pose in `model`, and the difference [m, rad], or None if all match.
 
     `model` must have the links of `mode` as bodies.
     """

@@ -94,7 +94,7 @@ class _Kind:
         self._seen = self._made = 0
 
     def prepared(self, texts: Sequence[Sequence[str]]) -> Prepared | None:
-        """Return the entries to write for each of these texts; None if they must be compiled."""
+        """Return the entries to write for each of these texts, or None if they must be compiled."""
         self._seen += len(texts)
         if self._slow or self._seen <= ENOUGH:
             return None
@@ -111,7 +111,7 @@ class _Kind:
         return None
 
     def put(self, one: ModelText, prepared: Prepared, index: int, *, share: bool) -> mujoco.MjModel | None:
-        """Return the model of a text, lent or to be copied; None if it must be compiled."""
+        """Return the model of a text, lent or to be copied, or None if it must be compiled."""
         if self._slow or self._arrays is None:
             return None
         self._made += 1

@@ -78,7 +78,7 @@ class _Disk:
         self.known: dict[str, bytes | None] = {}
 
     def read(self, file: str) -> bytes | None:
-        """Return the bytes of a file, None if it cannot be read."""
+        """Return the bytes of a file, or None if it cannot be read."""
         if file not in self.known:
             self.known[file] = None
             with contextlib.suppress(OSError), open(file, "rb") as stream:

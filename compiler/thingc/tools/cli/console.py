@@ -208,7 +208,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
 
 
 def chosen_compat(words: Sequence[str]) -> tuple[str, ...] | None:
-    """Return the programs of `--compat`, None without this option. Raises `WrongCommandLine`."""
+    """Return the programs of `--compat`, or None without this option. Raises `WrongCommandLine`."""
     from thingc.driver.pipeline import UnknownChoice, chosen_consumers
 
     try:

@@ -92,7 +92,7 @@ def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Par
 
 
 def parsed(words: Sequence[str]) -> argparse.Namespace | None:
-    """Parse the command line; None if help or the version has been printed. Raises `WrongUsage`, and `SystemExit` without a command."""
+    """Parse the command line, or None if help or the version has been printed. Raises `WrongUsage`, and `SystemExit` without a command."""
     command = next((word for word in words if not word.startswith("-")), None)
     if command is not None and command not in COMMANDS:
         from thingc.base.suggestions import near_hint

@@ -1,4 +1,4 @@
-"""Names of all elements of an imported robot in its document, and the order of its shapes."""
+"""Assign document names to all elements of an imported robot, and order its shapes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 def plain_name(name: str, kind: str) -> str:
     """Convert a name to letters, digits and `_`.
 
-    `kind` is prepended if the result does not start with a letter, and appended if it is reserved or YAML reads it as another value.
+    Prepend `kind` if the result does not start with a letter. Append it if the result is a reserved word, or if YAML parses it as a value
+    other than a string.
     """
     word = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")[:LONGEST] or kind
     if not _NAME.fullmatch(word):
@@ -32,9 +33,9 @@ def plain_name(name: str, kind: str) -> str:
 
 
 def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return a unique name for each of `names`, also unique if case is ignored, and not in `taken`.
+    """Return a unique document name for each of `names`, not in `taken`; case is ignored.
 
-    Names of an `earlier` import do not change. A valid name is not changed by other names.
+    Elements of an `earlier` import keep their names. A valid name does not change, even if another name is converted to it.
     """
     used, wanted = {one.lower() for one in taken}, list(dict.fromkeys(names))
     words: dict[str, str] = {}
@@ -57,10 +58,10 @@ def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier
 
 
 class DocumentNaming:
-    """The names of all elements in the document, by their names in the source.
+    """The document names of all elements, by their names in the source.
 
-    `links` are components, and `frames` are links that become mounts. `order` is the tree from the root on, and `shown` are the exported
-    mounts. `meshes` maps the meshes of shapes to files. Elements of an `earlier` import keep their names.
+    `links` are components, and `frames` are links that become mounts. `order` lists the attachments from the root on, and `shown` the
+    exported mounts. `meshes` maps the meshes of shapes to files. Elements of an `earlier` import keep their names.
     """
 
     def __init__(self, robot: SourceRobot, meshes: Mapping[str, str], earlier: PreviousImport | None) -> None:
@@ -80,13 +81,13 @@ class DocumentNaming:
         moving = [joint.name for one in self.order for joint in one.joints]
         self.joints = distinct(moving, "joint", earlier=None if earlier is None else earlier.joints)
         self.loops = distinct([loop.name for loop in robot.loops], "loop", taken=self.joints.values())
-        # Mounts of joints are beside the exported ones, so their names must differ.
+        # mounts of joints are next to the exported mounts, so their names must differ
         self.shown = [*self.frames.values(), *self.sites.values()]
         self.mounts = distinct(moving, "joint", taken=self.shown, earlier=self.joints)
         self.ends = distinct(self.loops.values(), "loop", taken=[*self.shown, *self.mounts.values()])
         taken = [*self.shown, *self.mounts.values(), *self.ends.values()]
         self.magnets: dict[str, str] = {}
-        for link in self.links:  # not exported, so two links may use the same name
+        for link in self.links:  # mounts of joints are not exported, so two links may use the same name
             on = [one.name for one in robot.adhesions if one.link == link]
             self.magnets |= distinct(on, "magnet", taken=taken, earlier=self._paths(on))
         taken += self.magnets.values()
@@ -113,7 +114,7 @@ class DocumentNaming:
         self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
 
     def _points(self, taken: Collection[str]) -> dict[str, str]:
-        """Return the component names for the masses of links with shapes but without inertia."""
+        """Return the names of the components that carry the mass of links with shapes but without inertia."""
         named: dict[str, str] = {}
         for link in self.robot.links:
             if link.weight is not None and not any(map(any, link.weight.properties.inertia)) and any(map(self.is_shown, link.shapes)):
@@ -122,9 +123,9 @@ class DocumentNaming:
         return named
 
     def _added(self, drives: list[str]) -> dict[tuple[str, str], str]:
-        """Return the names of elements added to the MuJoCo model, by section and name.
+        """Return the names of elements added to the MuJoCo model, by section and source name.
 
-        Names of actuators must differ from `drives`.
+        The names of actuators must differ from `drives`.
         """
         added: dict[tuple[str, str], str] = {}
         for element in self.robot.added:
@@ -134,9 +135,9 @@ class DocumentNaming:
         return added
 
     def _paths(self, names: Sequence[str]) -> dict[str, str]:
-        """Return the mounts of sites that are named by path, as in models that thingc writes:
+        """Return the mounts of sites whose names are paths, as in models written by thingc.
 
-        `hand/tip` is the mount `tip` of the link `hand`, unless this name is taken or reserved.
+        The site `hand/tip` becomes the mount `tip` of the link `hand`, unless the name `tip` is taken or reserved.
         """
         prefixes = tuple(f"{word}/" for word in self.links.values())
         mounts = {name: name.rpartition("/")[2] for name in names if name.startswith(prefixes)}
@@ -144,7 +145,10 @@ class DocumentNaming:
         return {name: mount for name, mount in mounts.items() if wanted[mount] == 1 and mount.lower() not in RESERVED}
 
     def _placed(self, places: Mapping[str, tuple[str, Pose]], kind: str, taken: Iterable[str]) -> dict[str, str]:
-        """Return the mount for each place in a link: an existing mount of a site or link with the same pose, or a new one."""
+        """Return a mount for each place: the mount of a site or link if one has the same pose, else a new one.
+
+        `places` maps names to a link and a pose in it.
+        """
         there = {
             name: next((word for word, at in self._shown_on(link) if same_place(at, pose)), None) for name, (link, pose) in places.items()
         }
@@ -152,7 +156,7 @@ class DocumentNaming:
         return {name: word or words[name] for name, word in there.items()}
 
     def _shown_on(self, link: str) -> Iterator[tuple[str, Pose]]:
-        """Yield the exported mounts of a link, with their poses in it."""
+        """Yield the names of the exported mounts of a link, with their poses in the link."""
         yield from ((self.sites[site.name], site.pose) for site in self.link_of[link].sites)
         yield from ((self.frames[one.child], one.pose) for one in self.below.get(link, ()) if one.child in self.frames)
 
@@ -161,12 +165,12 @@ class DocumentNaming:
         return not (one.joints or link.weight or link.shapes or one.child in self.below)
 
     def in_files(self) -> dict[str, dict[str, str]]:
-        """Return the section `names` of the document: names of the source that differ from the default names in files, per kind.
+        """Return the section `names` of the document: source names that differ from the default names in models, by kind.
 
-        If two elements would have the same name in files, the first one gets it, links before sites.
+        If two elements would get the same name in a model, the first one gets it; links precede sites.
         """
         moving = {one.name: self.loops[one.name] for one in self.robot.loops if one.kind != "fixed"}  # welds are not joints
-        kinds: dict[str, list[tuple[str, str, str]]] = {  # name in the document, name in the source, default name in files
+        kinds: dict[str, list[tuple[str, str, str]]] = {  # entries: document name, source name, default name in models
             "components": [(word, name, word) for name, word in self.links.items()],
             "mounts": [(word, name, word) for name, word in (*self.frames.items(), *self.sites.items())],
             "joints": [(word, name, word) for name, word in (*self.joints.items(), *moving.items(), (self.robot.free_joint, "root"))],
@@ -191,7 +195,7 @@ class DocumentNaming:
         return names
 
     def others(self) -> dict[str, dict[str, str]]:
-        """Return the names in files of all other elements of the source, by kind."""
+        """Return the source names of all other elements that have a different name by default, by kind."""
         drives = {drive.name: word for word, _, drive in self.driven}
         magnets = {one.name: f"{self.links[one.link]}/{self.magnets[one.name]}" for one in self.robot.adhesions}
         parts = {of: f"{word}:{part}" for one, word in zip(self.robot.sensors, self.sensors, strict=True) for of, part in one.parts}
@@ -209,7 +213,7 @@ class DocumentNaming:
         return {kind: dict(names) for kind, names in kinds.items() if names}
 
     def _usual(self, link: str) -> Iterator[tuple[SourceShape, str]]:
-        """Yield the visible shapes of a link, with the names that models give to unnamed shapes."""
+        """Yield the imported shapes of a link, with the default names of unnamed shapes in models."""
         shown = [shape for shape in self.link_of[link].shapes if self.is_shown(shape)]
         for use in ("visual", "collision"):
             for number, shape in enumerate(shape for shape in shown if shape.use == use):
@@ -217,29 +221,29 @@ class DocumentNaming:
                 yield shape, self.links[link] if usual.endswith(":visual") else usual
 
     def title(self, shape: SourceShape) -> str | None:
-        """Return the name of a shape in the source if the document must state it, else None. In models, each name is unique."""
+        """Return the source name of a shape if the document must specify it, else None. Names are unique in models."""
         name = shape.name
         return name if name is not None and name not in self.repeated and name != self.usual[id(shape)] and is_file_name(name) else None
 
     def _tied(self) -> dict[str, str]:
-        """Return the names of equalities in the source, with their default names in models."""
+        """Return a mapping of source names of equalities to their default names in models."""
         tied = {one.follows.name: f"{self.joints[one.name]}:mimic" for hanging in self.order for one in hanging.joints if one.follows}
         tied |= {one.equality: f"{self.loops[one.name]}:loop" for one in self.robot.loops} | self._of("equality")
         return {name: word for name, word in tied.items() if name}
 
     def _of(self, section: str) -> dict[str, str]:
-        """Return the names of the elements added to a section."""
+        """Return the document names of the elements added to a section, by source name."""
         return {name: word for (of, name), word in self.added.items() if of == section}
 
     def items(self, link: SourceLink) -> Iterator[tuple[SourceShape, SourceShape | None]]:
-        """Yield the shapes to list for a link, each with its collision shape: itself, a collision shape of equal form, or None.
+        """Yield the items of `shapes` of a link: a shape, and its collision shape if any.
 
-        Visual shapes are in the order of the source, and so are collision shapes.
+        The collision shape is the shape itself or another one of the same form. Visual shapes keep their order, and so do collision shapes.
         """
         shown = [shape for shape in link.shapes if self.is_shown(shape)]
         alone = [shape for shape in shown if shape.use == "collision"]
         drawn_as: dict[int, SourceShape] = {}
-        for same in (True, False):  # prefer a shape that is both in the source over one of equal form
+        for same in (True, False):  # first pair shapes of the same element of the source, then shapes of the same form
             for number, shape in enumerate(shown):
                 like = [
                     one for one in alone if _form(one) == _form(shape) and (one.where == shape.where or not same)
@@ -259,10 +263,10 @@ class DocumentNaming:
                 yield shape, alone.pop(0)
 
     def is_shown(self, shape: SourceShape) -> bool:
-        """Return whether a shape is imported, which is false only for omitted meshes."""
+        """Return whether a shape is imported. Only shapes of omitted meshes are not."""
         return shape.mesh is None or shape.mesh in self.meshes
 
 
 def _form(shape: SourceShape) -> tuple[object, ...]:
-    """Return the properties that must be equal for one shape to be both visual and collision shape."""
+    """Return the properties that a visual and a collision shape must have in common to become one item."""
     return shape.kind, shape.size, shape.pose, shape.mesh

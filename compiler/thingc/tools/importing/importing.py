@@ -34,7 +34,7 @@ _METRES = "check the unit: lengths are in metres"
 
 
 def refuse_endless(robot: SourceRobot, report: Report) -> None:
-    """Report sizes, distances and masses above the limits, and masses that are not finite, because products can overflow."""
+    """Report masses that are not finite, and sizes, distances and masses that are so large that products overflow."""
     for link in robot.links:
         far = {shape.where: shape for shape in link.shapes if shape.kind != "mesh" and not max(map(abs, shape.size)) <= FARTHEST}
         for where, shape in far.items():
@@ -85,10 +85,11 @@ def import_robot(
     arguments: Mapping[str, str] | None = None, meshes: bool = True, earlier: Callable[[str], PreviousImport | None] = lambda _: None,
     update: bool = False, mesh_roots: Sequence[str] = (),
 ) -> Imported | None:
-    """Import the file at `path`. Returns None after errors, which are reported.
+    """Import the file at `path`. Return None after errors, which are added to `report`.
 
-    Each of the links `roots` gets a mode. `repair` is the method for invalid inertias. `packages` maps package names to folders,
-    `arguments` are those of xacro, `mesh_roots` are more mesh folders; no meshes without `meshes`. `earlier` returns the previous import.
+    Each link in `roots` gets a mode. `repair` is the method for invalid inertias. `packages` maps package names to folders, `arguments` are
+    arguments of xacro, and `mesh_roots` are further folders of meshes. If `meshes` is false, meshes are omitted. `earlier` returns the
+    previous import.
     """
     data = _content(path, report)
     path = os.path.abspath(path)
@@ -133,7 +134,7 @@ def import_robot(
 
 
 def _content(path: str, report: Report) -> bytes | None:
-    """Return the content of a file, or None if its suffix is not supported or it cannot be read."""
+    """Return the content of a file, or None after reporting that its suffix is not supported or that it cannot be read."""
     if not path.lower().endswith(ENDINGS):
         known = ", ".join(f"`{one}`" for one in ENDINGS)
         what = "a folder, not a file" if os.path.isdir(path) else "not of a supported format"
@@ -149,7 +150,7 @@ def _content(path: str, report: Report) -> bytes | None:
 def _load_source(
     path: str, data: bytes, arguments: Mapping[str, str], packages: Packages, report: Report, *, meshes: bool,
 ) -> SourceRobot | None:
-    """Read the robot by the suffix of the file; `.xml` is MJCF or URDF."""
+    """Read the robot with the reader for the suffix of the file. `.xml` can be MJCF or URDF."""
     if path.lower().endswith(".xacro"):
         made = expanded(path, arguments, packages.given, report)
         return None if made is None else read_urdf(path, made[0], report, files=made[1])
@@ -161,8 +162,10 @@ def _load_source(
 
 
 def _record(imported: Imported, written: WrittenDocument, asked: Mapping[str, object], path: str, data: bytes) -> bytes:
-    """Return the content of `import.json`: the source, options, names, repairs and losses, and the document as written, which the next
-    import compares.
+    """Return the content of `import.json`.
+
+    It contains the source, the options, the names, the repairs, the losses, and the document as written, so that the next import can
+    compare them.
     """
     losses = [
         {"what": one.what, "why": one.why, "file": os.path.basename(one.where.file), "line": one.where.line} for one in imported.losses

@@ -1,11 +1,12 @@
 """Check the inertias of an imported robot, and repair those that no solid can have.
 
-Links without joints between them form one body, and its total inertia is checked. Invalid inertias are errors, or are repaired link by
-link: `nearest` takes the nearest inertia of a solid of that mass, `shapes` computes the inertia of the shapes of the link.
+Links that are rigidly connected form one body, and the total inertia of the body is checked. Invalid inertias are errors unless a repair
+method is given, which is applied to each link. `nearest` uses the nearest inertia that a solid of the same mass can have. `shapes` computes
+the inertia of the shapes of the link.
 
-`nearest` raises negative principal values of the pseudo-inertia about the centre of mass, `diag(S, m)` with the second moments of mass
-`S = tr(I)/2 1 - I`, to a lower bound. The result is the nearest in the Frobenius norm (Wensing, Kim and Slotine, "Linear Matrix
-Inequalities for Physically-Consistent Inertial Parameter Identification", 2018, equation 17).
+`nearest` raises the eigenvalues of the pseudo-inertia about the centre of mass, `diag(S, m)` with the second moments of mass `S = tr(I)/2 1
+- I`, to a lower bound. The result is the nearest in the Frobenius norm (Wensing, Kim and Slotine, "Linear Matrix Inequalities for
+Physically-Consistent Inertial Parameter Identification", 2018, equation 17).
 """
 
 from __future__ import annotations
@@ -26,13 +27,16 @@ from thingc.tools.importing.tree import by_parent
 
 Repair = Literal["nearest", "shapes"]
 Matter = Callable[[SourceShape], MassProperties | None]
-"""Function from the shape of a mesh to its mass properties at density 1, in its own frame; None if the surface is open or unreadable."""
+"""Function that computes the mass properties of the mesh of a shape at density 1, in the frame of the mesh.
+
+It returns None if the surface is open or unreadable.
+"""
 LEAST = 1e-6
-"""Mass [kg] of repaired massless links, and the square [m^2] of the smallest radius of gyration (1 mm)."""
+"""Mass [kg] given to massless links by a repair, and square of the minimum radius of gyration [m^2] (1 mm)."""
 
 
 class RepairedLink(FrozenStruct):
-    """A link with changed mass properties: the old ones (None: massless), the new ones, and the method."""
+    """A link with changed mass properties: the old properties (None if massless), the new ones, and the method."""
 
     link: SourceLink
     new: MassProperties
@@ -42,9 +46,11 @@ class RepairedLink(FrozenStruct):
 def repaired(
     robot: SourceRobot, roots: Sequence[str], how: Repair | None, report: Report, matter: Matter = lambda _: None,
 ) -> tuple[SourceRobot, tuple[RepairedLink, ...]]:
-    """Return the robot with valid inertias in the mode `source` and in the modes with these `roots`, and the repaired links.
+    """Return the robot with valid inertias, and the repaired links.
 
-    Inertias that cannot be repaired, or all invalid ones without `how`, are reported. `matter` returns the mass properties of a mesh."""
+    Bodies are checked in the mode `source` and in the modes with these `roots`. Invalid inertias are reported if `how` is None or if the
+    method cannot repair them. `matter` returns the mass properties of a mesh.
+    """
     between = _between(robot)
     bodies, done = _bodies(robot), dict[str, RepairedLink]()
     head = {link.name: body for body, members in bodies.items() for link, _ in members}
@@ -70,7 +76,7 @@ def repaired(
 
 
 def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
-    """Return a mapping of the first link of each body to all links of the body, with their poses in the first link."""
+    """Return the links of each body, with their poses in its first link, by the name of the first link."""
     links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
     bodies: dict[str, list[tuple[SourceLink, Pose]]] = {robot.root: [(links[robot.root], NO_POSE)]}
     waiting = [(robot.root, robot.root, NO_POSE)]
@@ -107,7 +113,7 @@ def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
 
 
 def _misstated(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
-    """Return why the inertia of a static body is invalid; None if it is valid or the body is massless. Documents have the same check."""
+    """Return why the inertia of a static body is invalid, or None if it is valid or missing. Documents are checked in the same way."""
     stated = [link.weight.properties.inertia for link, _ in members if link.weight is not None]
     if all(one == ZERO or physical_fault(one) is None for one in stated):
         return None
@@ -139,7 +145,7 @@ def _with(one: RepairedLink) -> SourceLink:
 
 
 def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> RepairedLink | None:
-    """Return the repaired link, or None if it cannot be repaired with this method."""
+    """Return the repaired link, or None if the method cannot repair it."""
     old = MassProperties(mass=0.0) if link.weight is None else link.weight.properties
     if how is None:
         return None
@@ -151,9 +157,10 @@ def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> RepairedLin
 
 
 def nearest(inertia: Matrix, mass: float) -> Matrix:
-    """Return the nearest inertia [kg m^2] about the centre of mass of a solid of this mass [kg].
+    """Return the nearest inertia [kg m^2] about the centre of mass that a solid of this mass [kg] can have.
 
-    Its radii of gyration are at least 1 mm, and its moments are accepted by simulators."""
+    The radii of gyration are at least 1 mm, and the moments are large enough for simulators.
+    """
     moments, axes = principal_axes(inertia)
     half = (moments[0] + moments[1] + moments[2]) / 2.0
     second = [max(half - moment, mass * LEAST, LEAST_MOMENT) for moment in moments]
@@ -163,14 +170,16 @@ def nearest(inertia: Matrix, mass: float) -> Matrix:
 
 
 def _solid(shapes: Sequence[SourceShape], matter: Matter) -> MassProperties | None:
-    """Return the mass properties of shapes at density 1, only of collision shapes if there are any; None if no volume is known."""
+    """Return the mass properties of shapes at density 1, or None if no volume is known. Visual shapes are used only if no collision shape
+    exists.
+    """
     chosen = [shape for shape in shapes if shape.use == "collision"] or list(shapes)
     bodies = [one for shape in chosen if (one := _volume(shape) if shape.kind != "mesh" else _held(shape, matter)) is not None]
     return total(bodies) if bodies and len(bodies) == len(chosen) else None
 
 
 def _held(shape: SourceShape, matter: Matter) -> MassProperties | None:
-    """Return the mass properties of a mesh at density 1 in the frame of its link; None if unknown."""
+    """Return the mass properties of a mesh at density 1 in the frame of its link, or None if they are unknown."""
     held = matter(shape)
     return None if held is None else held.seen_from(shape.pose)
 
@@ -193,7 +202,7 @@ _ALIKE = 0.01
 
 
 def warn_of_mirror_pairs(robot: SourceRobot, report: Report) -> None:
-    """Warn of each pair of left and right links, by name, whose masses or moments of inertia differ by more than 1 %."""
+    """Warn about each pair of left and right links, matched by name, whose masses or moments of inertia differ by more than 1 %."""
     links = {link.name: link for link in robot.links}
     for link in robot.links:
         for left, right in _MIRRORED:

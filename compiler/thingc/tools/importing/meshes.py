@@ -1,4 +1,4 @@
-"""Collect the meshes of a robot in `meshes/`: one file for each content, with its original name."""
+"""Collect the meshes of a robot in `meshes/`. Meshes with equal content share one file, which keeps its original name."""
 
 from __future__ import annotations
 
@@ -28,13 +28,14 @@ FOLDER = "meshes"
 SUSPECT, LARGE = 100.0, 5.0
 """Thresholds of the warning about units: ratio of the size of a mesh to the distance of joints, and absolute size [m]."""
 SAMPLE = 1000
-"""Number of triangles that this check reads."""
+"""Maximum number of triangles that the check of units reads."""
 
 
 def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | None]:
-    """Return a function from the shape of a mesh to its mass properties at density 1 [m]; None for open or unreadable meshes.
+    """Return a function that computes the mass properties of the mesh of a shape at density 1 [m].
 
-    Meshes that it reads are cached in the store for the first build."""
+    It returns None for open or unreadable meshes, and caches the meshes in the store for the first build.
+    """
 
     def matter(shape: SourceShape) -> MassProperties | None:
         from thingc.geometry.store.shared_store import opened
@@ -50,9 +51,10 @@ def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | No
 
 
 def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping[str, str], report: Report) -> None:
-    """Warn of the first mesh that is so much larger than the distances between joints that it is probably in millimetres.
+    """Warn about the first mesh that is so large compared with the distances between joints that it is probably in millimetres.
 
-    `files` are the meshes by path, `paths` the paths by the URIs of the source."""
+    `files` maps paths to contents, `paths` maps the URIs of the source to paths.
+    """
     reach = max((dist(one.pose.translation, (0.0, 0.0, 0.0)) for one in robot.hangings), default=0.0)
     for shape in (shape for link in robot.links for shape in link.shapes if shape.mesh in paths):
         size = _corner(files.get(paths[shape.mesh or ""], b""), paths[shape.mesh or ""]) * max(map(abs, shape.size))
@@ -65,7 +67,7 @@ def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping
 
 
 def _corner(data: bytes, path: str) -> float:
-    """Return the largest coordinate of the first vertices of an STL or OBJ file; 0 for other files."""
+    """Return the largest coordinate of the first vertices of an STL or OBJ file, or 0 for other formats."""
     numbers: list[float] = []
     if path.endswith(".stl") and not data[:SAMPLE].lstrip().startswith(b"solid"):
         whole = (len(data) - 84) // 50
@@ -78,7 +80,9 @@ def _corner(data: bytes, path: str) -> float:
 
 
 def _stem(uri: str) -> str:
-    """Return the name of a mesh without the hash and suffix that thingc adds: `meshes.trunk-5fb32a19.stl.obj` is `meshes/trunk.stl`."""
+    """Return the name of a mesh without the hash and suffix that thingc appends: `meshes.trunk-5fb32a19.stl.obj` becomes
+    `meshes/trunk.stl`.
+    """
     stem = os.path.splitext(os.path.basename(uri))[0]
     while os.path.splitext(stem)[1].lower() in READ:
         stem = os.path.splitext(stem)[0]
@@ -89,9 +93,10 @@ def _stem(uri: str) -> str:
 def gathered(
     robot: SourceRobot, packages: Packages | None, report: Report,
 ) -> tuple[Mapping[str, str], dict[str, bytes], tuple[SourceLoss, ...]]:
-    """Return the paths in the workspace by mesh URI, the contents by path, and losses.
+    """Return the paths of meshes in the workspace by URI, their contents by path, and the losses.
 
-    Missing meshes are reported at their first use; without `packages` all meshes are losses."""
+    Missing meshes are reported at their first use. If `packages` is None, all meshes are losses.
+    """
     named = [(shape.mesh, shape) for link in robot.links for shape in link.shapes if shape.mesh is not None]
     lost = Losses()
     if packages is None:
@@ -118,7 +123,7 @@ def gathered(
     first = {digest: uri for uri, digest in reversed(digests.items())}
     uris = list(dict.fromkeys(first[digest] for digest in digests.values()))
     names: dict[str, str] = {}
-    for uri in uris:  # meshes of the same name in different folders are different
+    for uri in uris:  # meshes with the same name in different folders are different
         stem, taken = _stem(uri), [os.path.splitext(name)[0] for name in names.values()]
         names[uri] = f"{distinct([stem], 'mesh', taken)[stem]}{os.path.splitext(uri)[1].lower()}"
     paths = {uri: f"{FOLDER}/{names[first[digest]]}" for uri, digest in digests.items()}
@@ -129,7 +134,8 @@ def gathered(
 
 
 def _copy_libraries(uri: str, shape: SourceShape, packages: Packages, files: dict[str, bytes], lost: Losses) -> None:
-    """Add the `.mtl` files of an OBJ mesh to `files`, with the names in the mesh. Files that cannot be added are listed in `lost`."""
+    """Add the `.mtl` files that an OBJ mesh refers to, under the names used in the mesh. Files that cannot be added are recorded in `lost`.
+    """
     for name in libraries(packages.find(uri)):
         path = f"{FOLDER}/{name}"
         try:

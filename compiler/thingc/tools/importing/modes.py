@@ -1,4 +1,4 @@
-"""Write the sections `poses`, `modes`, `simulation`, `sensors` and `tendons`, and the drives of a document."""
+"""Write the sections `poses`, `modes`, `simulation`, `sensors` and `tendons` of a document, and its drives."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from thingc.tools.importing.source_model import SOURCE_MODE, SourceDrive, Source
 
 
 def _start(words: DocumentNaming) -> tuple[dict[str, str], str | None]:
-    """Return the start values of joints that do not start at 0, and the first pose that replaces them, None if there is none.
+    """Return the nonzero start values of joints, and the first pose that can replace them, or None.
 
-    The pose must be within the limits of all joints whose start value in the source is not.
+    A pose can replace them if it is within the limits of all joints whose start value in the source is outside.
     """
     moving = [joint for one in words.order for joint in one.joints if joint.follows is None]
     outside = {
@@ -34,7 +34,7 @@ def _start(words: DocumentNaming) -> tuple[dict[str, str], str | None]:
 
 
 def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
-    """Yield the lines of `poses`, `modes` and `simulation`: the mode `source`, and one for each of `roots`."""
+    """Yield the lines of `poses`, `modes` and `simulation`, with the mode `source` and one mode for each of `roots`."""
     start, stated = _start(words)
     word = stated or distinct(["start"], "pose", taken=words.poses.values())["start"]
     if start or words.poses:
@@ -51,13 +51,13 @@ def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
     moved = {words.poses[state.name]: pose_words(state.at) or "xyz: 0 0 0" for state in words.robot.poses if state.at is not None}
     place += f", at_in: {{{', '.join(f'{name}: {{{said}}}' for name, said in moved.items())}}}" if moved else ""
     yield f"  {SOURCE_MODE}: {{root: {words.links[words.robot.root]}, base: {words.robot.base}{place}{begin}{more}}}"
-    # A held robot that was moved could be below the floor of its scene. With collision shapes, the height is computed.
+    # if the source moves a fixed base, its pose could be below the floor of a new mode; with collision shapes, thingc computes the height
     floor = any(shape.use == "collision" for link in words.robot.links for shape in link.shapes)
     taken = [SOURCE_MODE]
     for name in roots:
         mode = distinct([name], "link", taken)[name]
         taken.append(mode)
-        # A component is placed by its frame; a mount is mated to the world, z against z.
+        # a component is placed by its frame, but a mount is mated with the world, so its z axis is opposite
         stands = NO_POSE if name in words.links else MATE
         turned = pose_words(stands)
         if shared:  # override the pose of the extended mode
@@ -79,7 +79,7 @@ def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
 
 
 def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
-    """Return the values of a pose. Zeros are omitted if the robot has no loops: a joint without a value may move to close a loop."""
+    """Format the values of a pose. Zeros are omitted if the robot has no loops, because unspecified joints may move to close a loop."""
     kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
     said: dict[str, str] = {}
     for name, value in state.q.items():
@@ -92,7 +92,7 @@ def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
 
 
 def _shared(words: DocumentNaming) -> dict[str, str]:
-    """Return the keys that all modes share, as far as they differ from defaults."""
+    """Return the keys that all modes have in common, without defaults."""
     robot, contacts = words.robot, []
     if robot.excluded:
         pairs = ", ".join(f"[{words.links[one]}, {words.links[other]}]" for one, other in robot.excluded)
@@ -134,7 +134,7 @@ def sensor_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _readings(one: SourceSensor, numbers: Mapping[str, float], turns: bool) -> str:
-    """Format noise or cutoffs: one value, or a mapping by reading if the sensor has several."""
+    """Format noise or cutoffs as one value, or as a mapping by reading if the sensor has several readings."""
     units: dict[str, Dimension | str] = {reading.name: reading.unit for reading in SENSORS[one.kind].readings if reading.unit is not None}
     said = {}
     for name, value in numbers.items():
@@ -147,15 +147,15 @@ def _readings(one: SourceSensor, numbers: Mapping[str, float], turns: bool) -> s
 
 TURN = {"lower": ANGLE, "velocity": ANGULAR_VELOCITY, "effort": TORQUE}
 SLIDE = {"lower": LENGTH, "velocity": VELOCITY, "effort": FORCE}
-"""Dimensions of readings of coordinates."""
+"""Dimensions of the readings of coordinates."""
 UNITS = {ACCELERATION: "m/s^2", ANGULAR_VELOCITY: "rad/s", VELOCITY: "m/s", FORCE: "N", TORQUE: "N*m"}
 """Units of noise and cutoffs."""
 
 
 def dynamics_words(of: SourceMotion, turns: bool) -> dict[str, str]:
-    """Return the nonzero keys of `dynamics`; `turns` if q, or the length of the tendon, is an angle.
+    """Return the nonzero keys of `dynamics`. `turns` specifies that q, or the length of the tendon, is an angle.
 
-    With stiffness, a path always has `rest`.
+    `rest` is always included for a path with stiffness.
     """
     units = ("N*m*s/rad", "N*m", "kg*m^2", "N*m/rad") if turns else ("N*s/m", "N", "kg", "N/m")
     values = {"damping": of.damping, "friction": of.friction, "armature": of.armature, "stiffness": of.stiffness}
@@ -201,7 +201,7 @@ def tendon_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _factor(tendon: SourceTendon, turns: bool, value: float) -> str:
-    """Format the factor of a joint: length per q, always with its unit."""
+    """Format the factor of a joint, always with a unit: length per q."""
     unit = "" if tendon.turns or not turns else "m/rad"
     return f"{scaled(value, 0)} {unit}".rstrip()
 

@@ -1,4 +1,4 @@
-"""Find the files referred to by a robot's file: `package://NAME/...`, `model://NAME/...`, `file://...`, or a relative path."""
+"""Find the files that a robot's file refers to: `package://NAME/...`, `model://NAME/...`, `file://...`, or a relative path."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from thingc.base.filesystem import beginning
 MOST_BYTES = 200_000_000
 MANIFEST = "package.xml"
 VARIABLES = (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share"), ("GZ_SIM_RESOURCE_PATH", ""), ("GAZEBO_MODEL_PATH", ""))
-"""Environment variables with folders of packages, and where in each of these the packages are."""
+"""Environment variables with folders of packages, and the subfolder that contains the packages."""
 SUBFOLDERS = ("cfg", "mjcf", "robots", "sdf", "urdf", "xacro", "xml")
-"""Names of folders inside a robot's own folder: meshes are beside them."""
+"""Names of subfolders for model files. Meshes are in folders next to them."""
 _NAME_OF = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
 
 
 class NotFound(Exception):
-    """A file is missing or must not be read. Contains the error message and a help text."""
+    """Raised if a file is missing or must not be read. Contains an error message and a help text."""
 
     def __init__(self, message: str, help: str | None = None) -> None:
         super().__init__(message)
@@ -31,10 +31,10 @@ class NotFound(Exception):
 
 
 class Packages:
-    """Finds files for the robot's file at `source`, an absolute path.
+    """Finds the files that the robot's file at the absolute path `source` refers to.
 
-    `given` maps package names to folders, which have precedence. A missing file is searched for by the end of its path, below `given`,
-    `roots` and `meshes` (a folder relative to that of the source). With symbolic links resolved, every file must be below the robot's own
+    `given` maps package names to folders and has precedence. A missing file is searched for by the end of its path, below `given`, `roots`
+    and `meshes` (a folder relative to the folder of the source). After resolving symbolic links, every file must be below the robot's own
     folder, a known package, or one of `given` and `roots`.
     """
 
@@ -52,7 +52,7 @@ class Packages:
         self.allowed = (self.home, *self.given.values(), *roots, *self.shared)
 
     def find(self, uri: str) -> str:
-        """Return the absolute path of the file that `uri` names. Raises `NotFound`."""
+        """Return the absolute path of the file at a URI. Raises `NotFound`."""
         scheme, _, rest = uri.rpartition("://")
         if scheme not in ("", "file", "package", "model"):
             raise NotFound(f"`{uri}` is not a file of this machine", "write `package://NAME/...`, or a path relative to the robot's file")
@@ -85,7 +85,7 @@ class Packages:
         raise fault if slashed == uri else NotFound(str(fault), f"write `/` between folders: `{slashed}`")
 
     def read(self, uri: str) -> tuple[str, bytes]:
-        """Return the absolute path and the content of a file. Raises `NotFound`, also for a file that cannot be read."""
+        """Return the absolute path and the content of a file. Raises `NotFound` if it is missing or cannot be read."""
         path = self.find(uri)
         try:
             return path, beginning(path, MOST_BYTES)
@@ -103,21 +103,23 @@ class Packages:
         return NotFound(f"there is no package `{name}`; looked for {looked}", f"specify its folder: `--package {name}=DIR`")
 
     def _folders(self, name: str) -> list[str]:
-        """Return the candidate folders for a package, best first."""
+        """Return the candidate folders for a package, in order of precedence."""
         return [place for place in dict.fromkeys(self._places(name)) if os.path.isdir(place)]
 
     def _above(self) -> Iterator[str]:
-        """Yield the folder of the file and its parents."""
+        """Yield the folder of the source and all its parent folders."""
         folder = Path(self.folder)
         return map(str, (folder, *folder.parents))
 
     def readable(self) -> list[str]:
-        """Return the folders readable by expressions in the file: its own, known packages, and packages next to it or its parents."""
+        """Return the folders that expressions in the file may read: its own folder, known packages, and packages next to it or to its
+        parents.
+        """
         beside = (found for folder in self._above() for found in glob(os.path.join(escape(folder), "*", MANIFEST)))
         return [*self.allowed, *map(os.path.dirname, beside)]
 
     def _places(self, name: str) -> Iterator[str]:
-        """Yield the possible locations of a package, best first."""
+        """Yield the possible locations of a package, in order of precedence."""
         if name in self.given:
             yield self.given[name]
             return
@@ -138,7 +140,7 @@ def _format_paths(paths: Sequence[str]) -> str:
 
 
 def _called(folder: str) -> str | None:
-    """Return the name in the manifest of a package; None if there is no manifest."""
+    """Return the name in the manifest of a package, or None without a manifest."""
     try:
         with open(os.path.join(folder, MANIFEST), "rb") as stream:
             match = _NAME_OF.search(stream.read(100_000))
@@ -148,7 +150,7 @@ def _called(folder: str) -> str | None:
 
 
 def within(path: str, folder: str) -> bool:
-    """Return whether a path, with symbolic links resolved, is below a folder."""
+    """Return whether a path is below a folder after resolving symbolic links."""
     return os.path.realpath(path).startswith(os.path.join(os.path.realpath(folder), ""))
 
 

@@ -1,7 +1,8 @@
-"""Format numbers of the source as quantities of a document, in common units and with the digits of the source.
+"""Format numbers of the source as quantities of a document, in common units and with as few digits as possible.
 
-A length of 0.0388353 m is written as `38.8353 mm`, which is the same double: documents convert exactly and round once. A double with 16 or
-17 digits that is a short number up to rounding is written as that number. Angles are in degrees if the source means round degrees.
+A length of 0.0388353 m is written as `38.8353 mm`, which is parsed as the same double, because documents convert units exactly and round
+once. A double with 16 or 17 digits that is a short number except for rounding errors is written as the short number. Angles that are round
+numbers of degrees are written in degrees.
 """
 
 from __future__ import annotations
@@ -17,16 +18,16 @@ from thingc.tools.importing.source_model import ShapeKind, Sizes
 TURNS = ("revolute", "continuous", "ball", "screw")
 """Kinds of joints whose q is an angle."""
 NOISE = 1e-12
-"""Lengths [m] and components of directions below this are rounding errors, and written as 0."""
+"""Lengths [m] and components of directions below this value are treated as rounding errors and written as 0."""
 ROUNDED, SHORT = 4, 12
-"""Maximum distance, in units in the last place, of a double from a number with so many digits that replaces it."""
+"""A double is replaced by a number with at most `SHORT` digits if it is at most `ROUNDED` units in the last place away from it."""
 FIXED, FIXED_ANGLE = 15, 14
-"""Decimals of a position [m] and a quaternion, and of an angle [rad] that is not a round number of degrees.
+"""Decimals of positions [m] and quaternions, and of angles [rad] that are not a round number of degrees.
 
-More digits would change in every round trip.
+With more digits, values would change in every round trip.
 """
 _ROUND = 1e-11
-"""Maximum distance [rad] of an angle from a round number of degrees that replaces it: 1.57079632679."""
+"""Maximum difference [rad] between an angle, such as 1.57079632679, and the round number of degrees that replaces it."""
 
 
 def _format_decimal(value: Decimal) -> str:
@@ -35,15 +36,15 @@ def _format_decimal(value: Decimal) -> str:
 
 
 def scaled(value: float, power: int, beside: float = 0.0) -> str:
-    """Format a number times a power of ten, digit by digit: `scaled(0.0388353, 3)` is `38.8353`.
+    """Format a number times a power of ten, exactly: `scaled(0.0388353, 3)` is `38.8353`.
 
-    A number computed together with a larger number `beside` has the rounding error of the larger one.
+    A number that was computed together with a larger number `beside` has the rounding error of the larger number.
     """
     return _format_decimal(_short(float(value), ROUNDED * math.ulp(max(abs(value), abs(beside)))).scaleb(power))
 
 
 def _short(value: float, within: float) -> Decimal:
-    """Return a number without rounding errors: 0.039999999999999994 becomes 0.04."""
+    """Return a number without rounding errors of size `within`: 0.039999999999999994 becomes 0.04."""
     exact = Decimal(repr(value))
     if len(exact.as_tuple().digits) > 15:
         short = Decimal(f"{value:.{SHORT}g}")
@@ -91,7 +92,7 @@ def mass(value: float) -> str:
 
 
 def _degrees(value: float) -> str | None:
-    """Return an angle [rad] in degrees with at most four decimals; None if it is not such a number."""
+    """Return an angle [rad] in degrees if it has at most four decimals, else None."""
     near = round(math.degrees(value), 4)
     return _format_decimal(Decimal(repr(near))) if abs(math.radians(near) - value) < _ROUND else None
 
@@ -105,7 +106,7 @@ def angle(value: float) -> str:
 
 
 def angles(values: Sequence[float]) -> str:
-    """Format three angles [rad] in one unit; -180 degrees becomes 180."""
+    """Format three angles [rad] in the same unit. -180 degrees becomes 180."""
     values = [0.0 if abs(value) < NOISE else math.pi if value == -math.pi else value for value in values]
     degrees = [_degrees(value) for value in values]
     if None in degrees:
@@ -114,20 +115,20 @@ def angles(values: Sequence[float]) -> str:
 
 
 def quantity(value: float, unit: str) -> str:
-    """Format a number in its unit; 0 without unit."""
+    """Format a number with its unit. Zero has no unit."""
     return "0" if value == 0.0 else f"{scaled(value, 0)} {unit}".rstrip()
 
 
 def was(word: str, name: str) -> str:
-    """Format a comment with the name in the source; empty if it is the same."""
+    """Return a comment with the name in the source, or an empty string if it is the same."""
     return "" if word == name else f"  # {escape_control(repr(name))} in the source"
 
 
 def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> str:
-    """Format a pose: `xyz: 0 0 50 mm, rpy: -90 0 0 deg`, without zeros, with the prefix `before` unless it is empty.
+    """Format a pose as `xyz: 0 0 50 mm, rpy: -90 0 0 deg`, without zero values. `before` is a prefix for nonempty results.
 
-    `rpy` [rad] are the angles of the source, if known. Otherwise the rotation is written in round degrees, or else as `quat`, which
-    preserves all digits.
+    `rpy` [rad] are the angles of the source, if known. Otherwise, the rotation is written in round degrees, or as `quat`, which preserves
+    all digits.
     """
     turned = ("rpy", angles(rpy if rpy is not None else rpy_of(pose.rotation)))
     if rpy is None and turned[1].endswith("rad"):
@@ -138,9 +139,10 @@ def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> st
 
 
 def quaternion_words(pose: Pose) -> str:
-    """Format the rotation as `[1, 0, 0, 0]`.
+    """Format the rotation as a quaternion `[1, 0, 0, 0]`.
 
-    The largest component is computed from the others, which are rounded, so reading and formatting the text returns the same text.
+    The largest component is computed from the other components after rounding them, so parsing and formatting the result does not change
+    it.
     """
     q = pose.quaternion()
     largest = max(range(4), key=lambda k: abs(q[k]))

@@ -1,4 +1,4 @@
-"""Attributes and elements for the MuJoCo model only (`raw:`), and names in files (`names:`), as lines of a document."""
+"""Format attributes and elements for the MuJoCo model only (`raw:`), and names in files (`names:`), as lines of a document."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from thingc.tools.importing.source_model import Raw, SourceAdded, SourceJoint, S
 
 
 def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
-    """Return a mapping of paths to attributes of the MuJoCo model. Attributes common to all collision shapes are set in their class."""
+    """Return the attributes of the MuJoCo model by path. Attributes that all collision shapes have in common are set in their class."""
     robot, by_path = words.robot, dict[tuple[str, ...], str]()
 
     def lay(kind: str, name: str, raw: Raw) -> None:
@@ -55,16 +55,16 @@ def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
 
 
 def _controls(words: DocumentNaming, state: SourcePose) -> Raw:
-    """Return `ctrl` of a keyframe in source order, empty if it is the default.
+    """Return `ctrl` of a keyframe in source order, or nothing if it has its default value.
 
-    The default is q for position drives, the force of the mode for adhesions, and 0 for others.
+    The default is q for position drives, the force in the mode for adhesions, and 0 for other drives.
     """
     usual: dict[str, float | None] = {one.name: one.force for one in words.robot.adhesions}
     driven = [*(joint for one in words.order for joint in one.joints), *words.robot.tendons]
     for one in driven:
         if one.drive is not None and one.drive.kind == "position":
             q = state.q.get(one.name, 0.0)
-            usual[one.drive.name] = q if isinstance(one, SourceJoint) and isinstance(q, float) else None  # for a tendon, it is its length
+            usual[one.drive.name] = q if isinstance(one, SourceJoint) and isinstance(q, float) else None  # for a tendon, it is the length
     wanted = [(name, state.controls.get(name, 0.0)) for name in order_of(words, "actuator")]
     alike = all(value == usual.get(name, 0.0) for name, value in wanted)
     return () if alike else (("ctrl", " ".join(quantity(value, "") for _, value in wanted)),)
@@ -77,12 +77,12 @@ def order_of(words: DocumentNaming, kind: str) -> dict[str, str]:
 
 
 def _says(shape: SourceShape, attribute: str) -> bool:
-    """Return whether the model already sets an attribute of a shape because of its friction."""
+    """Return whether the model already sets an attribute of a shape because the shape has friction."""
     return {"friction": 0, "priority": 0, "condim": 1}.get(attribute, 3) < len(shape.friction)
 
 
 def name_lines(words: DocumentNaming) -> Iterator[str]:
-    """Yield the lines of `names:`, nothing if no name differs."""
+    """Yield the lines of `names:`, or nothing if all names are the default names."""
     kinds = words.in_files()
     if kinds:
         yield from ("", "names:")
@@ -92,13 +92,13 @@ def name_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def quoted(name: str) -> str:
-    """Format a text for YAML: quoted unless it is a plain word."""
+    """Format a string for YAML, with quotes unless it is a plain word."""
     plain = re.fullmatch(r"[A-Za-z_][\w.-]*", name, re.ASCII) and isinstance(core_value(name), str)
     return name if plain else json.dumps(name, ensure_ascii=False)
 
 
 def raw_lines(words: DocumentNaming) -> Iterator[str]:
-    """Yield the lines of `raw: {mjcf: ...}`, nothing if empty."""
+    """Yield the lines of `raw: {mjcf: ...}`, or nothing if there are no attributes and elements."""
     attributes, added = raw_of(words), words.robot.added
     orders = {kind: order for kind in words.robot.order if len(order := order_of(words, kind)) > 1}
     if not attributes and not added and not orders:
@@ -127,7 +127,7 @@ def raw_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _element(words: DocumentNaming, one: SourceAdded) -> dict[str, str]:
-    """Return the attributes of an element, with names of the document."""
+    """Return the attributes of an element, with references by document names."""
     name = words.added[one.section, one.name]
     return ({"name": name} if name else {}) | {key: _name_text(words, value) for key, value in one.attributes}
 
@@ -144,6 +144,6 @@ def _flow(value: Any) -> str:
 
 
 def _text(word: str) -> str:
-    """Format a text for YAML, quoted if YAML would read it differently. Numbers are not quoted."""
+    """Format a string for YAML, with quotes if YAML would parse it differently. Numbers are not quoted."""
     plain = re.fullmatch(r"[A-Za-z0-9_.+-]+( [A-Za-z0-9_.+-]+)*", word) and not isinstance(core_value(word), (bool, type(None)))
     return word if plain and not word.startswith("-") or re.fullmatch(r"-[0-9.e+ -]+", word) else f'"{word}"'

@@ -1,7 +1,7 @@
-"""Reader of SDF 1.4 to 1.12 (http://sdformat.org/spec): links and joints of one model, in SI units.
+"""Read SDF 1.4 to 1.12 (http://sdformat.org/spec): links and joints of one model, in SI units.
 
-Poses are relative to frames of the model (`relative_to`), in any order; they are resolved to the frame of the model first
-(http://sdformat.org/tutorials?tut=pose_frame_semantics). Nested models are merged into their parents, with links such as `arm::hand`.
+Poses are relative to any frame of the model (`relative_to`). They are first converted to the frame of the model
+(http://sdformat.org/tutorials?tut=pose_frame_semantics). Nested models are merged into their parents, with link names such as `arm::hand`.
 Included models follow http://sdformat.org/tutorials?tut=composition.
 """
 
@@ -26,11 +26,11 @@ from thingc.tools.importing.xml_values import ChildValues
 
 MOST_INCLUDES = 100
 READ = ("uri", "name", "pose", "placement_frame", "static")
-"""Elements of an `<include>` that are read."""
+"""Child elements of an `<include>` that are read."""
 
 
 class Includes:
-    """Replaces each `<include>` in a file by the included model; `roots` are the root elements of all files read."""
+    """Replaces each `<include>` in a file by the included model. `roots` are the root elements of all files that were read."""
 
     def __init__(self, root: SourceElement, packages: Packages, report: Report, losses: Losses) -> None:
         self.packages, self.report, self.losses, self.values = packages, report, losses, ChildValues(report)
@@ -38,7 +38,7 @@ class Includes:
         self._expand(root)
 
     def uri(self, uri: str, source: str) -> str:
-        """Convert a URI of the file `source` to one relative to the first file."""
+        """Convert a URI in the file `source` to a URI relative to the first file."""
         folder = self.folders[source]
         return uri if not folder or "://" in uri else f"{folder}/{uri}"
 
@@ -49,7 +49,7 @@ class Includes:
                     element.children[number] = self._model(child) or child
                 except NotFound as fault:
                     uri = self.values.place(child, "uri")
-                    if element.tag == "world":  # maybe the sun or the ground
+                    if element.tag == "world":  # it may be the sun or the ground
                         self.report.warn(Code.SOURCE_DOUBT, f"this is not imported: {fault}", uri, help="if it is scenery, remove it")
                     else:
                         self.report.add(Code.SOURCE_FILE, str(fault), uri, help=fault.help)
@@ -57,7 +57,7 @@ class Includes:
                 self._expand(child)
 
     def _model(self, include: SourceElement) -> SourceElement | None:
-        """Return the included model as a `<model>` element; None after an error, which is reported. Raises `NotFound`."""
+        """Return the included model as a `<model>` element, or None after reporting an error. Raises `NotFound`."""
         before = len(self.report.diagnostics)
         said = {tag: one for tag in READ if (one := self.values.one(include, tag)) is not None}
         if "placement_frame" in said and "pose" not in said:
@@ -88,7 +88,7 @@ class Includes:
         return replace(include, tag="model", attributes={**model.attributes, **names}, children=[*own, *kept], texts=[])
 
     def _file(self, uri: str) -> str:
-        """Return the path of the file of a URI; for a folder, the file of the newest version in its `model.config`."""
+        """Return the path of the file at a URI. For a folder, return the newest version that its `model.config` lists."""
         if uri.endswith((".sdf", ".world", ".urdf")):
             return uri
         try:
@@ -104,14 +104,14 @@ KINDS: dict[str, tuple[source_model.Kind, ...]] = {
     "revolute": ("revolute",), "continuous": ("continuous",), "prismatic": ("prismatic",), "ball": ("ball",), "fixed": (),
     "screw": ("screw",), "universal": ("revolute", "revolute"), "revolute2": ("revolute", "revolute"),
 }
-"""Supported types of joints, as sequences of joints with axes through one point."""
+"""Supported types of joints, each as a sequence of joints with axes through one point."""
 OTHER_KINDS = ("gearbox",)
 AXES = ("axis", "axis2")
 _VERSION = re.compile(r"1\.(\d+)")
 _USUAL = MassProperties(mass=1.0, inertia=IDENTITY)
 """Default mass properties of a link."""
 ENDLESS = 1e16
-"""Limits of at least this size mean unlimited."""
+"""Limits of at least this size are treated as unlimited."""
 ATTRIBUTES: dict[str, set[str]] = {
     "model": {"name", "canonical_link", "placement_frame"}, "link": {"name"}, "joint": {"name", "type"}, "frame": {"name", "attached_to"},
     "visual": {"name"}, "collision": {"name"}, "pose": {"relative_to", "frame", "degrees", "rotation_format"}, "xyz": {"expressed_in"},
@@ -137,11 +137,11 @@ AS_USUAL = {
     "allow_auto_disable": ("0", "1", "true", "false"), "cast_shadows": ("0", "1", "true", "false"), "transparency": ("0", "0.0"),
     "must_be_loop_joint": ("0", "false"),
 }
-"""Values of unsupported elements that are defaults, and so no loss."""
+"""Default values of unsupported elements. With these values, they are not losses."""
 
 
 def read_sdf(path: str, data: bytes, packages: Packages, report: Report) -> source_model.SourceRobot | None:
-    """Read the robot in the file at an absolute path, with the content `data`. Reports all errors; None if there are any."""
+    """Read the robot from `data`, the content of the file at the absolute path `path`. Return None after reporting errors."""
     root = read_robot(path, data, report, "sdf", "an SDF")
     return None if root is None else _Sdf(root, packages, report).robot()
 
@@ -155,12 +155,12 @@ class _Sdf:
         self.between: list[source_model.SourceLink] = []
 
     def robot(self) -> source_model.SourceRobot | None:
-        """Read the robot. Reports all errors; None if there are any."""
+        """Read the robot. Return None after reporting errors."""
         model = None if self.report.failed else self._model()
         if model is None:
             return None
         name, frames = self.values.word(model, "name"), Frames(model, self.values)
-        if name is None or self.report.failed:  # avoid follow-up errors
+        if name is None or self.report.failed:  # further errors would follow from these
             return None
         self.frames = frames
         links = [self._link(key, frame.element) for key, frame in frames.all("link")]
@@ -174,7 +174,7 @@ class _Sdf:
         return None if self.report.failed else self._stood(model, name, [*links, *self.between], hangings)
 
     def _is_old(self, root: SourceElement) -> bool:
-        """Return whether axes are in the frame of the model, as in old versions. Unsupported versions are reported."""
+        """Return whether joint axes are relative to the model, as in old versions. Report unsupported versions."""
         version = root.attributes.get("version", "").strip()
         match = _VERSION.fullmatch(version)
         if match is None or not 4 <= int(match[1]) <= 12:
@@ -183,7 +183,7 @@ class _Sdf:
         return match is not None and int(match[1]) <= 4
 
     def _model(self) -> SourceElement | None:
-        """Return the only non-static model of the file or its world; None, reported, if there are none or several."""
+        """Return the only non-static model of the file or its world. Report an error and return None if there are none or several."""
         worlds = [*self.root.all("world")]
         models = [model for around in (self.root, *worlds) for model in around.all("model")]
         robots = models if len(models) == 1 else [model for model in models if not self._is(model, "static")]
@@ -263,12 +263,12 @@ class _Sdf:
         return () if mu is None else (mu,)
 
     def _coordinates(self, key: str) -> list[str]:
-        """Return the names of the joints into which a joint is split."""
+        """Return the names of the joints into which a joint with several axes is split."""
         kinds = KINDS.get(self.frames.named[key].element.attributes.get("type", ""), ()) if key in self.frames.named else ()
         return [f"{key}_{number}" for number in range(len(kinds))] if len(kinds) > 1 else [key]
 
     def _hangings(self, key: str, frame: NamedFrame) -> Iterator[source_model.Attachment]:
-        """Yield the attachments for a joint, from parent to child, with massless links between several axes. Errors are reported."""
+        """Yield the attachments for a joint, from parent to child, with massless links between its axes. Report errors."""
         element, kind = frame.element, self.values.word(frame.element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
         if kind is not None and kind not in KINDS:
@@ -284,7 +284,7 @@ class _Sdf:
         around = NO_POSE if parent == WORLD else self.frames.poses[parent]
         pose, names = _clean(around.inverse() @ self.frames.poses[child]), self._coordinates(key)
         joints = [self._joint(name, key, one, tag) for name, one, tag in zip(names, KINDS[kind], AXES, strict=False)] or [None]
-        for number in reversed(range(len(names))):  # from the child up: `spanned` then reverses all of them, or none
+        for number in reversed(range(len(names))):  # from the child up, since `spanned` reverses all of them or none
             above = f"{key} link" if number else parent
             if number:
                 self.between.append(source_model.SourceLink(name=above, where=element.where))
@@ -304,7 +304,7 @@ class _Sdf:
             child = above
 
     def _end(self, frame: NamedFrame, side: str) -> str | None:
-        """Return the link or the world to which one side of a joint is attached, or None after an error."""
+        """Return the link or the world to which one side of a joint is attached, or None after reporting an error."""
         name = self.values.word(frame.element, side)
         if name is None or name == WORLD:
             return WORLD if name == WORLD and side == "parent" else None
@@ -353,7 +353,9 @@ class _Sdf:
         )
 
     def _lead(self, screw: SourceElement) -> float:
-        """Return the travel of a screw per turn [m], positive for a right-handed thread. `thread_pitch` [rad/m] has the opposite sign."""
+        """Return the travel per turn [m] of a screw joint, positive for a right-handed thread. `thread_pitch` [rad/m] has the opposite
+        sign.
+        """
         older = self.values.written(screw, "screw_thread_pitch") is None and self.values.written(screw, "thread_pitch") is not None
         tag = "thread_pitch" if older else "screw_thread_pitch"
         pitch = self.values.number(screw, tag)
@@ -390,14 +392,14 @@ class _Sdf:
         )
 
     def _bound(self, limit: SourceElement, key: str) -> float | None:
-        """Return a limit; None if unlimited."""
+        """Return a joint limit, or None if it is unlimited."""
         if (self.values.written(limit, key) or "").strip().lower().lstrip("+-") in ("inf", "infinity"):
             return None
         value = self.values.number(limit, key)
         return None if value is None or abs(value) >= ENDLESS else value
 
     def _mimic(self, axis: SourceElement, scope: str) -> source_model.SourceMimic | None:
-        """Read how a joint follows another: q = `multiplier (q(leader) - reference) + offset`."""
+        """Read the coupling of a joint to a leader: q = `multiplier (q(leader) - reference) + offset`."""
         mimic = self.values.one(axis, "mimic")
         if mimic is None:
             return None
@@ -415,9 +417,10 @@ class _Sdf:
     def _stood(
         self, model: SourceElement, name: str, links: list[source_model.SourceLink], hangings: list[source_model.Attachment],
     ) -> source_model.SourceRobot | None:
-        """Return the robot with its root: fixed if a joint attaches it to the world, else free.
+        """Return the robot with its root link. The base is fixed if a joint attaches a link to the world, else free.
 
-        A robot that moves along joints of the world gets a massless root link."""
+        If the robot moves along joints of the world, a massless root link is added.
+        """
         sites: dict[str | None, tuple[source_model.SourceSite, ...]] = {}
         for key, frame in self.frames.all("frame"):
             link = self.frames.link_of(key)
@@ -447,7 +450,7 @@ class _Sdf:
         )
 
     def _loop(self, one: source_model.Attachment) -> source_model.SourceLoop:
-        """Convert a joint between two links that are in the tree already to a loop."""
+        """Convert a joint between two links of the tree to a loop."""
         joint = next(iter(one.joints), None)
         at = NO_POSE if joint is None else along(joint.axis, joint.anchor)
         unlimited = source_model.SourceLimits()
@@ -464,7 +467,7 @@ class _Sdf:
 
 
 def _rounded(vector: Vector) -> Vector:
-    """Round away rounding errors of composed poses."""
+    """Remove the rounding errors of composed poses."""
     x, y, z = (round(one, 15) + 0.0 for one in vector)
     return (x, y, z)
 

@@ -1,6 +1,6 @@
 """Frames of an SDF model: their poses in the model, and the links to which they are attached.
 
-http://sdformat.org/tutorials?tut=pose_frame_semantics
+See http://sdformat.org/tutorials?tut=pose_frame_semantics.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ MODEL = "__model__"
 
 
 class NamedFrame(FrozenStruct):
-    """A frame: its element (link, joint, frame or model), the key of the model around it, and the key of the frame of its pose.
+    """A frame: its element (link, joint, frame or model), the key of the enclosing model, and the key of the frame that its pose refers to.
 
-    The key of the outermost model is ""."""
+    The key of the outermost model is an empty string.
+    """
 
     element: SourceElement
     scope: str
@@ -32,7 +33,7 @@ class NamedFrame(FrozenStruct):
 
 
 class Frames:
-    """The frames of a model and all nested models by their full names (`arm::hand`). Errors are reported through `values`."""
+    """The frames of a model and its nested models by their full names (`arm::hand`). Errors are reported through `values`."""
 
     def __init__(self, model: SourceElement, values: ChildValues) -> None:
         self.model, self.values = model, values
@@ -65,21 +66,23 @@ class Frames:
                 self._find(child, key)
 
     def _relative_to(self, frame: NamedFrame) -> str:
-        """Return the key of the frame of a pose; by default, the frame to which it is attached."""
+        """Return the key of the frame that the pose of `frame` is relative to. The default is the frame that it is attached to."""
         pose = self.values.one(frame.element, "pose")
-        for attribute in ("relative_to", "frame"):  # its name before 1.7
+        for attribute in ("relative_to", "frame"):  # `frame` is the old name, before SDF 1.7
             if pose is not None and pose.attributes.get(attribute, "").strip():
                 return self.known(pose, attribute, pose.attributes[attribute], frame.scope)
         return self._carrier(frame)
 
     def _carrier(self, frame: NamedFrame) -> str:
-        """Return the frame to which another is attached: the child of a joint, `attached_to` of a frame, else the model around it."""
+        """Return the key of the frame that `frame` is attached to: the child of a joint, `attached_to` of a frame, else the enclosing
+        model.
+        """
         attribute = {"joint": "child", "frame": "attached_to"}.get(frame.element.tag)
         name = None if attribute is None else self.values.written(frame.element, attribute)
         return frame.scope if attribute is None or not name else self.known(frame.element, attribute, name, frame.scope)
 
     def known(self, element: SourceElement, attribute: str, name: str, scope: str) -> str:
-        """Return the key of a frame by its name in a model; if there is none, report it and return the model."""
+        """Return the key of a frame by its name in a model. If the frame does not exist, report it and return the key of the model."""
         key = key_of(name.strip(), scope)
         if key and key not in self.named:
             inside = [one.removeprefix(f"{scope}::") for one, frame in self.named.items() if frame.scope == scope]
@@ -89,7 +92,7 @@ class Frames:
         return key
 
     def _put(self, key: str) -> None:
-        """Store the pose of a frame in the robot, and of all frames to which it is relative."""
+        """Compute the pose of a frame in the robot, and the poses of all frames that it is relative to."""
         way: dict[str, NamedFrame] = {}
         while key not in self.poses:
             if key in way:
@@ -104,7 +107,7 @@ class Frames:
             self.poses[key] = self.poses[frame.relative_to] @ self.placed(key, frame.element)
 
     def placed(self, key: str, element: SourceElement) -> Pose:
-        """Return the pose of the frame of an element. With `placement_frame`, `<pose>` of a model is the pose of that frame."""
+        """Return the pose of the frame of an element. If a model has a `placement_frame`, `<pose>` is the pose of that frame."""
         name, pose, inner = element.attributes.get("placement_frame", "").strip(), self.stated(element), NO_POSE
         if element.tag == "model" and name and key not in self.offsets:
             at, way = self.known(element, "placement_frame", name, key), set[str]()
@@ -116,7 +119,7 @@ class Frames:
         return pose @ self.offsets.get(key, NO_POSE)
 
     def stated(self, element: SourceElement) -> Pose:
-        """Read the `<pose>` of an element; the identity if missing."""
+        """Read the `<pose>` of an element. The default is the identity."""
         pose = self.values.one(element, "pose")
         if pose is None or not pose.text:
             return NO_POSE
@@ -132,10 +135,10 @@ class Frames:
         return placed((x, y, z), (roll, pitch, yaw))
 
     def link_of(self, key: str) -> str | None:
-        """Return the link to which a frame is attached; for a model, its canonical link or its first one. None if there are none."""
+        """Return the link that a frame is attached to, or None. For a model, return its canonical link or its first link."""
         seen: list[str] = []
         while key not in self.links:
-            self.links[key] = None  # for cycles
+            self.links[key] = None  # prevents infinite recursion in cycles
             seen.append(key)
             frame = self.named.get(key)
             if frame is not None and frame.element.tag == "link":
@@ -154,5 +157,5 @@ class Frames:
 
 
 def key_of(name: str, scope: str) -> str:
-    """Return the full name of a frame: `hand` in `arm` is `arm::hand`, `__model__` is the model itself."""
+    """Return the full name of a frame. `hand` in the model `arm` is `arm::hand`; `__model__` is the model itself."""
     return "::".join(filter(None, (scope, name.removesuffix(MODEL).removesuffix("::"))))

@@ -1,7 +1,7 @@
-"""The source model: an imported robot as all readers return it and the writer needs it, in SI units, with source locations.
+"""The source model: an imported robot in SI units with source locations. All readers return it, and the writer converts it to a document.
 
-A link is a rigid body. An `Attachment` attaches it to its parent by a sequence of joints: none if it is fixed; at most one in URDF, several
-in MJCF. Defaults of the format are resolved, and names are those of the source.
+A link is a rigid body. An `Attachment` attaches it to its parent by a sequence of joints: none if it is fixed, at most one in URDF, and
+possibly several in MJCF. Defaults of the format are resolved. Names are the names in the source.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ SourceBase = Literal["fixed", "free", "held"]
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "ellipsoid", "plane", "mesh"]
 Sizes = Vector | tuple[float, float] | tuple[float]
 Raw = tuple[tuple[str, str], ...]
-"""Attributes of the simulator of the source that documents cannot express, with their values as text."""
+"""Attributes that documents cannot express, with their values as text, for the simulator of the source."""
 SOURCE_MODE = "source"
-"""Name of the mode in which an imported robot is as in the source."""
+"""Name of the mode that corresponds to the source."""
 FAR = 1000.0
-"""Limit [m] for a slide without limits, since documents require one."""
+"""Limit [m] of a slide that has no limits in the source. Documents require a limit."""
 
 
 class SourceThing(FrozenStruct):
@@ -39,7 +39,7 @@ class SourceThing(FrozenStruct):
 
 
 class Weight(FrozenStruct):
-    """The mass properties of a link, in its frame, with their location."""
+    """The mass properties of a link in the frame of the link, with their source location."""
 
     properties: MassProperties
     where: Span
@@ -48,10 +48,15 @@ class Weight(FrozenStruct):
 class SourceShape(FrozenStruct):
     """A visual or collision shape.
 
-    `size` depends on the kind [m]: the three sides of a box, radius of a sphere, radius and length along z of a cylinder or capsule, half
-    axes of an ellipsoid, the two sides of a plane, the scale of a mesh. `pose` is in the link; `rpy` [rad] are its angles as stated in the
-    source. `mesh` is the URI in the source; `color` is red, green, blue and alpha from 0 to 1; `friction` is sliding, torsional and
-    rolling, as far as stated; only collision shapes have `raw`. `name` is its name in the source, if any.
+    Attributes:
+        size: The dimensions [m], depending on `kind`: the sides of a box, the radius of a sphere, the radius and the length along z of a
+            cylinder or capsule, the half axes of an ellipsoid, the two sides of a plane, or the scale factors of a mesh.
+        pose: The pose in the link. `rpy` [rad] are its angles in the source, if specified.
+        mesh: The URI in the source.
+        color: Red, green, blue and alpha from 0 to 1.
+        friction: The specified coefficients, in the order sliding, torsional, rolling.
+        raw: Other attributes of collision shapes.
+        name: The name in the source, if any.
     """
 
     kind: ShapeKind
@@ -68,14 +73,14 @@ class SourceShape(FrozenStruct):
 
 
 class SourceSite(SourceThing):
-    """A named frame on a link; `others` are further names of it."""
+    """A named frame on a link. `others` are alternative names."""
 
     pose: Pose
     others: tuple[str, ...] = ()
 
 
 class SourceLink(OneLineRepr, SourceThing):
-    """A rigid body, massless if `weight` is None. `frames` are names of its frame in the source besides its own."""
+    """A rigid body, massless if `weight` is None. `frames` are additional names of its frame in the source."""
 
     weight: Weight | None = None
     shapes: tuple[SourceShape, ...] = ()
@@ -85,14 +90,14 @@ class SourceLink(OneLineRepr, SourceThing):
 
     @property
     def is_bare(self) -> bool:
-        """Whether it has no mass, shapes and named frames."""
+        """Whether the link has no mass, no shapes and no named frames."""
         return not (self.weight or self.shapes or self.sites)
 
 
 class SourceLimits(FrozenStruct):
-    """The limits of a joint or tendon: position [rad or m], effort [N m or N] and velocity [rad/s or m/s]; None if not stated.
+    """The limits of a joint or tendon: position [rad or m], effort [N m or N] and velocity [rad/s or m/s]. None means not specified.
 
-    For a ball, `upper` is its cone. `made_up` are the limits of a slide that has none.
+    For a ball joint, `upper` is the maximum angle of its cone. `made_up` marks limits that were added to a slide without limits.
     """
 
     lower: float | None = None
@@ -107,9 +112,9 @@ class SourceLimits(FrozenStruct):
 
 
 class SourceMimic(FrozenStruct):
-    """A joint that follows another: q is `multiplier * q(joint) + offset`, or the `polynomial` of q(joint).
+    """The coupling of a joint to another one: q is `multiplier * q(joint) + offset`, or the `polynomial` of q(joint).
 
-    The coefficients begin with that of q^0; units are rad and m. `name` is the name of the equality in MJCF.
+    The coefficients start with the constant term. Their units are rad and m. `name` is the name of the equality in MJCF.
     """
 
     joint: str
@@ -121,7 +126,7 @@ class SourceMimic(FrozenStruct):
     name: str = ""
 
     def at(self, q: float) -> float:
-        """Return q if the other joint is at `q`."""
+        """Return q of the coupled joint if the other joint is at `q`."""
         at = 0.0
         for one in reversed(self.polynomial or (self.offset, self.multiplier)):
             at = at * q + one
@@ -129,7 +134,7 @@ class SourceMimic(FrozenStruct):
 
 
 class SourceDrive(SourceThing):
-    """The drive of a joint or tendon: gains [N m/rad or N/m, N m s/rad or N s/m] and the maximum effort [N m or N] and velocity [rad/s or
+    """The drive of a joint or tendon: gains [N m/rad or N/m, N m s/rad or N s/m], maximum effort [N m or N], maximum velocity [rad/s or
     m/s].
     """
 
@@ -142,10 +147,10 @@ class SourceDrive(SourceThing):
 
 
 class SourceMotion(OneLineRepr, SourceThing):
-    """The properties of q of a joint, or of the length of a tendon.
+    """The dynamic properties of a joint or tendon, for q of the joint or the length of the tendon.
 
-    Limits, drive, `damping` [N m s/rad or N s/m], `friction` [N m or N], `armature` [kg m^2 or kg], and the `stiffness` [N m/rad or N/m] of
-    a spring, relaxed at `rest` [rad or m].
+    These are limits, drive, `damping` [N m s/rad or N s/m], `friction` [N m or N], `armature` [kg m^2 or kg], and the `stiffness` [N m/rad
+    or N/m] of a spring that is relaxed at `rest` [rad or m].
     """
 
     ends: SourceLimits = SourceLimits()
@@ -161,8 +166,8 @@ class SourceMotion(OneLineRepr, SourceThing):
 class SourceJoint(SourceMotion):
     """A motion of a link about or along the unit vector `axis` through `anchor` [m], both in the frame of the link at q = `start`.
 
-    The robot starts at q = `start` [rad or m], or at `begin` if that is outside of the limits (None: in their middle). `lead` is the travel
-    of a screw per turn [m].
+    The robot starts at q = `start` [rad or m] if this is within the limits, else at `begin` (None: in the middle of the limits). `lead` is
+    the travel of a screw joint per turn [m].
     """
 
     kind: Kind
@@ -175,9 +180,9 @@ class SourceJoint(SourceMotion):
 
 
 class SourceAround(FrozenStruct):
-    """A shape that a tendon wraps around: a sphere, or an infinite cylinder along z, of `radius` [m] at `pose` in `link`.
+    """A shape that a tendon wraps around: a sphere or an infinite cylinder along z, of `radius` [m] at `pose` in `link`.
 
-    The tendon passes on the side of the site `side`, else the shorter way. `name` is the name of the shape.
+    The tendon passes on the side of the site `side` if given, else along the shorter path. `name` is the name of the shape.
     """
 
     name: str
@@ -189,8 +194,7 @@ class SourceAround(FrozenStruct):
 
 
 class SourceStep(FrozenStruct):
-    """A step of the path of a tendon, exactly one of: a `site`, a shape that it goes `around`, or a pulley with the `divisor` of the rest.
-    """
+    """A step of the path of a tendon: a `site`, a shape to go `around`, or a pulley whose `divisor` applies to the following steps."""
 
     site: str | None = None
     around: SourceAround | None = None
@@ -198,10 +202,9 @@ class SourceStep(FrozenStruct):
 
 
 class SourceTendon(SourceMotion):
-    """A tendon. Its length is the sum of q times these factors for joints (`moves`; an angle if it `turns`), or that of a path with
-    `steps`.
+    """A tendon over joints (`moves`) or along a path (`steps`).
 
-    `width` [m] is its diameter.
+    Over joints, its length is the sum of each q times a factor, an angle if it `turns`. `width` is its diameter [m].
     """
 
     moves: tuple[tuple[str, float], ...] = ()
@@ -211,10 +214,10 @@ class SourceTendon(SourceMotion):
 
 
 class Attachment(SourceThing):
-    """The attachment of the link `child` to the link `parent`: at `pose` in it when joints are at `start`, moved by them in sequence.
+    """The attachment of the link `child` to the link `parent`, at `pose` when all joints are at `start`. The joints move it in sequence.
 
-    `name` is the name in the source; `rpy` [rad] are the angles of the pose as stated there, if they are. A `floating` child is not
-    attached; only the world may be its parent.
+    `name` is the name in the source, and `rpy` [rad] are the angles of the pose in the source, if specified. A `floating` child can move
+    freely; its parent must be the world.
     """
 
     parent: str
@@ -225,7 +228,7 @@ class Attachment(SourceThing):
     floating: bool = False
 
     def turned(self) -> Attachment:
-        """Return the reversed attachment, with the same q. It may have at most one joint."""
+        """Return the attachment with parent and child exchanged and the same q. It must have at most one joint."""
         joints = tuple(
             replace(
                 joint, anchor=self.pose.apply(joint.anchor),
@@ -236,9 +239,9 @@ class Attachment(SourceThing):
 
 
 class SourceLoop(SourceThing):
-    """A constraint between points, frames or axes (z) of two links, each given in its link.
+    """A constraint between points, frames or z axes of two links, each given in the frame of its link.
 
-    `equality` is its name in MJCF, if any.
+    `equality` is the name in MJCF, if any.
     """
 
     kind: Literal["ball", "fixed", "continuous", "prismatic", "screw"]
@@ -248,7 +251,7 @@ class SourceLoop(SourceThing):
 
 
 class SourceAdhesion(SourceThing):
-    """An adhesion, which pulls a link onto the touched surface with at most `force` [N]."""
+    """An adhesion. It pulls a link to the surface in contact with a force of at most `force` [N]."""
 
     link: str
     force: float
@@ -263,7 +266,7 @@ class SourceTarget(FrozenStruct):
 
 
 class SourceAdded(SourceThing):
-    """An element to add to the MuJoCo model, which documents cannot express: its section, tag, `name` and attributes."""
+    """An element to add to the MuJoCo model because documents cannot express it: its section, tag, `name` and attributes."""
 
     section: Literal["contact", "equality", "actuator", "sensor"]
     tag: str
@@ -271,10 +274,10 @@ class SourceAdded(SourceThing):
 
 
 class SourceSensor(SourceThing):
-    """A sensor at a `site` (seen from another, `seen_from`), of a `joint` or `tendon`, or a camera at `pose` in `link`.
+    """A sensor at a `site`, of a `joint` or of a `tendon`, or a camera at `pose` in `link`.
 
-    `fovy` is the vertical field of view [rad]; `volume` is a shape and its size, as in `SourceShape`; `noise` and `cutoff` are by reading
-    [SI]; `parts` are pairs of a sensor of the source and the reading that it is.
+    `seen_from` is the reference site. `fovy` is the vertical field of view of a camera [rad]. `volume` is a shape and its size, as in
+    `SourceShape`. `noise` and `cutoff` are by reading [SI]. `parts` are pairs of a sensor in the source and the reading that it provides.
     """
 
     kind: SensorType
@@ -292,9 +295,10 @@ class SourceSensor(SourceThing):
 
 
 class SourcePose(SourceThing):
-    """A named state: q of joints [rad or m; unit quaternion w, x, y, z for a ball], and controls of drives and adhesions.
+    """A named state: q of joints and controls of drives and adhesions, by name in the source.
 
-    Both are by name in the source. `at` is the pose of the base if it is not that of the robot.
+    The unit of q is rad or m, and q of a ball joint is a unit quaternion (w, x, y, z). `at` is the pose of the base if it differs from the
+    pose of the robot.
     """
 
     q: Mapping[str, float | Quaternion]
@@ -303,7 +307,7 @@ class SourcePose(SourceThing):
 
 
 class SourceLoss(FrozenStruct):
-    """A loss. `what` describes the part of the source that the document does not contain, and `why` gives the reason."""
+    """A loss. `what` describes the part of the source that is not imported, and `why` is the reason."""
 
     what: str
     why: str
@@ -311,12 +315,18 @@ class SourceLoss(FrozenStruct):
 
 
 class SourceRobot(OneLineRepr, SourceThing):
-    """An imported robot, with its link `root` at `pose` in the world. `links` and `hangings` are in source order.
+    """An imported robot with its link `root` at `pose` in the world. `links` and `hangings` are in source order.
 
-    `excluded` are pairs of links that never touch. `gravity` [m/s^2] is None for 9.81 downwards. `simulation` are the options that
-    documents support; `options` are others of MuJoCo, by path; `added` are whole elements. `order` lists the names of actuators and sensors
-    in source order; `free_joint` is the name of the joint of a free base. `files` are meshes without a file of their own, by the URIs in
-    shapes; `mesh_folder` is a further folder of meshes, relative to the file.
+    Attributes:
+        excluded: Pairs of links that never touch.
+        gravity: [m/s^2], None for 9.81 downwards.
+        simulation: The options that documents support.
+        options: MuJoCo's other options, by path.
+        added: Elements for the MuJoCo model only.
+        order: The names of actuators and sensors, in source order.
+        free_joint: The name of the joint of a free base.
+        files: Meshes that have no file in the source, by the URI in their shapes.
+        mesh_folder: A further folder of meshes, relative to the file.
     """
 
     root: str

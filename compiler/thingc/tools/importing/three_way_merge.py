@@ -1,8 +1,8 @@
-"""Merge two versions of a document that derive from a common one, key by key, preserving text, layout and comments of `ours`.
+"""Merge two versions of a document with a common ancestor, key by key. Text, layout and comments of `ours` are preserved.
 
-`base` is what an import wrote, `new` what it would write now, `ours` is `base` as edited by the user. Changes made only in the source are
-applied, and changes by the user are preserved. If both changed a value differently, this is a conflict, and the value of the user is
-preserved. Mappings are merged recursively, and so are lists of equally many mappings; everything else is one value.
+`base` is the document of the last import, `new` is the document of this import, and `ours` is `base` with edits by the user. Changes only
+in the source are applied, and changes by the user are preserved. If both changed a value differently, the value of the user is preserved
+and a conflict is reported. Mappings, and lists of mappings with equal lengths, are merged recursively. Everything else is one value.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from thingc.documents.load.text import Source
 
 MISSING: Any = object()
 NOTHING = "missing"
-"""Text in reports for a missing value."""
+"""Text for a missing value in reports."""
 
 
 class Text(FrozenStruct):
-    """The text and the tree of a document."""
+    """A document: its text and its parsed tree."""
 
     source: Source
     tree: MappingNode
 
     def at(self, path: Path) -> Plain:
-        """Return the value at a path, `MISSING` if there is none."""
+        """Return the value at a path, or `MISSING`."""
         node = node_at(self.tree, path)
         return MISSING if node is None else node.plain()
 
@@ -39,7 +39,7 @@ class Text(FrozenStruct):
 
 
 class Conflict(FrozenStruct):
-    """A value changed both by the user and in the source, with each version on one line."""
+    """A value that was changed differently by the user and in the source, with the text of each version on one line."""
 
     path: Path
     ours: str
@@ -47,9 +47,9 @@ class Conflict(FrozenStruct):
 
 
 class Merged(FrozenStruct):
-    """The merged text.
+    """A merged text.
 
-    `taken` are the paths that the source has changed, each with the old and the new value; `kept` are the paths that the user has changed.
+    `taken` contains the paths changed in the source, each with the old and the new value. `kept` contains the paths changed by the user.
     """
 
     text: str
@@ -59,22 +59,22 @@ class Merged(FrozenStruct):
 
 
 class MergeConflict(Exception):
-    """The merged text would be wrong, because of how the document is written; the message contains the path."""
+    """Raised if the merged text would be wrong because of the way the document is written. The message contains the path."""
 
 
 def read_text(path: str, text: str, report: Report) -> Text | None:
-    """Parse a document. Returns None, after reporting it, if it is not a well-formed mapping."""
+    """Parse a document. Return None after reporting that it is not a well-formed mapping."""
     tree = read_tree(path, text.encode(), report)
     return Text(source=Source(path, text), tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
 
 
 def shortened(text: str) -> str:
-    """Shorten a value to eighty characters."""
+    """Shorten a value to 80 characters."""
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 class Merge:
-    """Merges two texts that derive from `base`."""
+    """Merges `new` and `ours`, two versions of `base`."""
 
     def __init__(self, base: Text, new: Text, ours: Text) -> None:
         self.base, self.new, self.ours = base, new, ours
@@ -100,7 +100,7 @@ class Merge:
         return Merged(text=whole, taken=tuple(self.taken), kept=tuple(self.kept), conflicts=tuple(self.conflicts))
 
     def _whole(self, path: Path, base: Any, new: Any, ours: Any) -> Any:
-        """Return the merged value at a path, and record the edit or conflict. All values may be `MISSING`."""
+        """Return the merged value at a path, and record the edit or conflict. Each value can be `MISSING`."""
         if _alike(new, base) or _alike(new, ours):
             if not _alike(ours, base) and not _alike(new, ours):
                 self.kept += _changed(path, base, ours)
@@ -115,7 +115,7 @@ class Merge:
         return ours
 
     def _inside(self, path: Path, base: Any, new: Any, ours: Any, keys: Sequence[Any]) -> Any:
-        """Merge the entries of mappings or lists."""
+        """Merge the entries of mappings or lists recursively."""
         of = {key: tuple(_get(one, key) for one in (base, new, ours)) for key in keys}
         after = {key: self._whole((*path, key), *three) for key, three in of.items()}
         changed = [key for key in keys if not _alike(after[key], of[key][2]) and _keys(*of[key]) is None]
@@ -132,7 +132,7 @@ class Merge:
         return {key: value for key, value in after.items() if value is not MISSING}
 
     def _rewrite(self, path: Path, node: Node, keys: Sequence[Any], changed: Sequence[Any]) -> None:
-        """Rewrite a flow mapping, with the text of unchanged values."""
+        """Rewrite a flow mapping, preserving the text of unchanged values."""
         whole, inner = self.ours.source.range(node.span), []
         for key in keys:
             of = self.new if key in changed else self.ours
@@ -140,7 +140,7 @@ class Merge:
             assert one is not None
             start, end = of.source.range(one.span)
             text = of.source.text[start:end] if of is self.ours else inline(of, one)
-            if of is self.ours:  # apply and remove the edits inside of it
+            if of is self.ours:  # apply and remove the edits inside this node
                 edits = [edit for edit in self.edits if start <= edit[0] and edit[1] <= end]
                 for edit in sorted(edits, reverse=True):
                     self.edits.remove(edit)
@@ -174,7 +174,7 @@ class Merge:
             self.edits.append((self._start(first), self._start(last + 1), text))
 
     def _add(self, path: Path, parent: Node, key: Any) -> None:
-        """Insert a new entry after its predecessor in `new`, or at the beginning."""
+        """Insert a new entry after the entry that precedes it in `new`, or at the beginning."""
         wanted = node_at(self.new.tree, path)
         assert isinstance(parent, MappingNode) and isinstance(wanted, MappingNode)
         order = list(wanted.entries)
@@ -186,7 +186,7 @@ class Merge:
         self.edits.append((start, start, text if ended else f"\n{text}"))
 
     def _entry(self, path: Path, parent: Node, key: Any) -> list[str]:
-        """Return the lines of an entry of `new` with the comments above it, indented like the entries of `parent`."""
+        """Return the lines of an entry of `new`, including the comments above it, with the indentation of the entries of `parent`."""
         wanted = node_at(self.new.tree, path)
         assert isinstance(parent, MappingNode) and isinstance(wanted, MappingNode)
         column = next(iter(parent.keys.values())).column
@@ -203,7 +203,7 @@ class Merge:
 
 
 def inline(text: Text, node: Node) -> str:
-    """Format a value on one line, with scalars as written."""
+    """Format a value on one line, without changing the text of scalars."""
     match node:
         case ScalarNode():
             return text.source.text[slice(*text.source.range(node.span))]
@@ -214,16 +214,17 @@ def inline(text: Text, node: Node) -> str:
 
 
 def _alike(one: Any, other: Any) -> bool:
-    """Return whether two values are equal; True and 1 are not."""
+    """Return whether two values are equal and have equal types: True and 1 are different."""
     if one is MISSING or other is MISSING:
         return one is other
     return bool(one == other) and (type(one) is type(other) or not {bool} & {type(one), type(other)})
 
 
 def _keys(base: Any, new: Any, ours: Any) -> list[Any] | None:
-    """Return the keys to merge if all three are mappings, or lists of equally many mappings; else None.
+    """Return the keys to merge if all three are mappings, or lists of mappings with equal lengths, else None.
 
-    Keys are in the order of `ours`, new ones last. A list of numbers is one value: half an old axis and half a new one is not an axis.
+    Keys are in the order of `ours`, followed by new keys. A list of numbers is one value, because merging the components of two versions of
+    an axis would give a third one.
     """
     if all(isinstance(one, dict) for one in (base, new, ours)):
         return [*dict.fromkeys([*ours, *new, *base])]
@@ -236,7 +237,7 @@ def _get(values: Any, key: Any) -> Any:
 
 
 def _changed(path: Path, base: Any, ours: Any) -> Iterator[Path]:
-    """Yield the paths at which two values differ, as deep as possible."""
+    """Yield the paths at which two values differ. The paths are as deep as possible."""
     keys = _keys(base, base, ours)
     if keys is None:
         yield path
@@ -252,14 +253,14 @@ def _is_flow(text: Text, node: Node) -> bool:
 
 
 def _is_block(text: Text, parent: Node | None, key: Any) -> bool:
-    """Return whether the value of a key is on lines of its own."""
+    """Return whether the value of a key starts on a new line."""
     assert isinstance(parent, MappingNode)
     node = parent.entries[key]
     return not isinstance(node, ScalarNode) and not _is_flow(text, node)
 
 
 def _last_line(text: Text, node: Node) -> int:
-    """Return the last line, from 0, of a value."""
+    """Return the index of the last line of a value."""
     if isinstance(node, ScalarNode) or _is_flow(text, node):
         start, end = text.source.range(node.span)
         return text.source.line_at(start + len(text.source.text[start:end].rstrip()))
@@ -268,14 +269,14 @@ def _last_line(text: Text, node: Node) -> int:
 
 
 def _lines(text: Text, parent: Node, key: Any) -> tuple[int, int]:
-    """Return the first and last line, from 0, of an entry."""
+    """Return the indices of the first and last line of an entry."""
     assert isinstance(parent, MappingNode)
     where: Span = parent.keys[key]
     return where.line - 1, max(where.line - 1, _last_line(text, parent.entries[key]))
 
 
 def _leading(text: Text, path: Path, key: Any) -> list[str]:
-    """Return the lines between an entry and the previous one (comments and blank lines), none for the first entry."""
+    """Return the lines between an entry and the previous one (comments and blank lines), or nothing for the first entry."""
     parent = node_at(text.tree, path)
     assert isinstance(parent, MappingNode)
     order = list(parent.entries)

@@ -1,4 +1,4 @@
-"""Check that links and joints form one tree, for all formats."""
+"""Check, for all formats, that links and joints form one tree."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from thingc.tools.importing.source_model import Attachment, SourceLink, SourceRo
 Named = TypeVar("Named", SourceLink, Attachment)
 MOST_LINKS = 10_000
 MOST_BELOW = 496
-"""Maximum nesting of bodies, including the first, that MuJoCo reads: 500 levels of XML."""
+"""Maximum nesting of bodies, including the root, that MuJoCo can read: 500 levels of XML."""
 
 
 def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: Span, report: Report) -> str | None:
-    """Return the name of the root link of the tree; None after errors.
+    """Return the name of the root link of the tree, or None after reporting errors.
 
-    Reports duplicate names, joints to missing links, links with two parents, cycles, and no root or several roots."""
+    Errors are duplicate names, joints of missing links, links with two parents, cycles, and no root or several roots.
+    """
     before = len(report.diagnostics)
     if len(links) > MOST_LINKS:
         report.add(Code.SOURCE_TREE, f"the robot has {len(links):,} links, but at most {MOST_LINKS:,} are supported", where)
@@ -58,14 +59,14 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: 
 
 
 def warn_of_depth(robot: SourceRobot, report: Report) -> None:
-    """Warn at the first link that is nested too deep for MuJoCo to read the model."""
+    """Warn at the first link that is nested too deeply for MuJoCo."""
     below = by_parent(robot.hangings)
     bare = {link.name for link in robot.links if link.is_bare}
     waiting = [(robot.root, 1)]
     while waiting:
         name, depth = waiting.pop()
         for one in below.get(name, ()):
-            joins = one.child in bare and all(other.joints for other in below.get(one.child, ()))  # intermediate links have no body
+            joins = one.child in bare and all(other.joints for other in below.get(one.child, ()))  # intermediate links do not become bodies
             there = depth + bool(one.joints and not joins)
             if there > MOST_BELOW:
                 report.warn(
@@ -77,9 +78,9 @@ def warn_of_depth(robot: SourceRobot, report: Report) -> None:
 
 
 def spanned(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tuple[Attachment, ...]]:
-    """Split joints, which may be reversed and form loops, into those of a spanning tree, reversed if necessary, and those that close loops.
+    """Split joints that may form loops into a spanning tree and the joints that close loops. Joints of the tree are reversed if necessary.
 
-    Joints that fit neither group are in the first one, so that `root_of` reports them.
+    Joints that cannot be connected are part of the first group, so that `root_of` reports them.
     """
     tree: list[Attachment] = []
     closing: list[Attachment] = []
@@ -106,7 +107,7 @@ def spanned(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tup
 
 
 def look_at_mimics(hangings: Sequence[Attachment], moving: Set[str], report: Report) -> None:
-    """Report joints that mimic themselves, or a joint that is not in `moving`, and cycles."""
+    """Report joints that mimic themselves or a joint that is not in `moving`, and cycles of mimics."""
     follows = {joint.name: joint.follows for one in hangings for joint in one.joints if joint.follows is not None}
     for circle in find_cycles(follows, lambda name: follows[name].joint if name in follows else None):
         if len(circle) > 1:
@@ -122,7 +123,7 @@ def look_at_mimics(hangings: Sequence[Attachment], moving: Set[str], report: Rep
 
 
 def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, Named]:
-    """Return things by their names, of those with the same name the first. The others are reported."""
+    """Return the elements by name. If a name occurs several times, report it and use the first element."""
     first: dict[str, Named] = {}
     for one in things:
         if first.setdefault(one.name, one) is not one:
@@ -140,7 +141,7 @@ def by_parent(hangings: Iterable[Attachment]) -> dict[str, list[Attachment]]:
 
 
 def downwards(root: str, hangings: Iterable[Attachment]) -> Iterator[Attachment]:
-    """Yield the attachments of the tree from the root on, depth first, in the order of the source."""
+    """Yield the attachments of the tree, starting at the root, depth first and in source order."""
     below = by_parent(hangings)
     waiting = [*reversed(below.get(root, ()))]
     while waiting:

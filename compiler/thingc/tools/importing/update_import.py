@@ -1,4 +1,4 @@
-"""Update an imported robot: merge the new source with the edits of the user since the last import."""
+"""Update an imported robot: merge the current source with the edits that the user made since the last import."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ RECORD = "import.json"
 
 
 class PreviousImport(FrozenStruct):
-    """A previous import in `folder` (absolute path), of `robot` in the file `source`.
+    """The previous import of the robot `robot` from the file `source` to `folder` (absolute path).
 
-    `document` (file name) and its `text` are as written then; `meshes` are SHA-256 by file; `links` and `joints` are names in the document
-    by name in the source; `roots` and `repair` are the options of the import.
+    `document` is a file name, and `text` the content as written by the import. `meshes` are SHA-256 hashes by file. `links` and `joints`
+    map names in the source to names in the document. `roots` and `repair` are the options of the import.
     """
 
     folder: str
@@ -40,12 +40,12 @@ class PreviousImport(FrozenStruct):
     with_meshes: bool
 
     def edited(self) -> tuple[str, ...]:
-        """Return the files that have changed since the import, except deleted ones."""
+        """Return the files that have changed since the import, without deleted files."""
         written = {self.document: _sha256(self.text.encode()), **self.meshes}
         return tuple(name for name, sha256 in written.items() if (data := self.read(name)) is not None and _sha256(data) != sha256)
 
     def read(self, name: str) -> bytes | None:
-        """Return the bytes of a file; None if it does not exist."""
+        """Return the content of a file, or None if it does not exist."""
         try:
             with open(os.path.join(self.folder, name), "rb") as stream:
                 return stream.read()
@@ -54,7 +54,7 @@ class PreviousImport(FrozenStruct):
 
 
 class Update(FrozenStruct):
-    """An update: the changes of files, by absolute path and in order, the merged document, and the files that the user has edited."""
+    """An update: the changed files by absolute path and in order, the merged document, and the files that the user has edited."""
 
     changes: Mapping[str, Change]
     merged: Merged
@@ -62,7 +62,7 @@ class Update(FrozenStruct):
 
 
 def earlier_import(folder: str) -> PreviousImport | None:
-    """Return the import in a folder; None if its `import.json` is missing or invalid."""
+    """Return the previous import in a folder, or None if `import.json` is missing or invalid."""
     folder = os.path.realpath(folder)
     try:
         with open(os.path.join(folder, RECORD), "rb") as stream:
@@ -83,8 +83,9 @@ def earlier_import(folder: str) -> PreviousImport | None:
 def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], report: Report) -> Update | None:
     """Merge an import with its new `files`, which include `document`.
 
-    Conflicts are reported, and the version of the user stays; None, after an error, if the document cannot be merged. A deleted document is
-    written again."""
+    Conflicts are reported and resolved in favour of the user. Return None after reporting that the document cannot be merged. A deleted
+    document is written again.
+    """
     path = os.path.join(earlier.folder, document)
     new = files[document].decode()
     try:
@@ -102,7 +103,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
         return None
     try:
         one = Merge(*texts).merged()
-        if ours == earlier.text:  # use the new comments
+        if ours == earlier.text:  # also update the comments
             one = replace(one, text=new)
     except MergeConflict as fault:
         report.add(Code.SOURCE_CONFLICT, f"the changes cannot be merged: {fault}", None, help="write it in plain form, and import again")
@@ -123,7 +124,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
 
 
 def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report: Report) -> dict[str, Change]:
-    """Return the changes of mesh files that the source has changed. Files that the user has changed, too, are reported and stay."""
+    """Return the changes of mesh files that changed in the source. Files that the user has changed, too, are reported and not changed."""
     written: dict[str, Change] = {}
     for name, content in meshes.items():
         there = earlier.read(name)
@@ -153,7 +154,7 @@ def _repair(how: object) -> Repair | None:
 
 
 def _inside(name: str) -> str:
-    """Check a path in `import.json`, which the user may have edited. Raises `ValueError` if it is not inside the folder."""
+    """Validate a path in `import.json`, which the user may have edited. Raises `ValueError` if it is outside the folder."""
     parts = str(name).split("/")
     if len(parts) > 2 or any(part in ("", ".", "..") or "\\" in part or "\0" in part for part in parts):
         raise ValueError(name)

@@ -1,4 +1,4 @@
-"""Read the blocks of URDF files for other programs: `<gazebo>`, `<transmission>`, `<ros2_control>` and `<mujoco>`.
+"""Read blocks of URDF files that are intended for other programs: `<gazebo>`, `<transmission>`, `<ros2_control>` and `<mujoco>`.
 
 Elements that a document cannot express are losses with a reason. Elements that only control how a program reads the file are ignored.
 """
@@ -18,7 +18,7 @@ from thingc.tools.importing.xml_values import Values
 
 TAGS = ("gazebo", "transmission", "ros2_control", "mujoco")
 KEPT = {"preserveFixedJoint", "disableFixedJointLumping", "provideFeedback", "canonicalBody"}
-"""Elements of Gazebo that are ignored without a loss, because links that are fixed to others always stay."""
+"""Elements of Gazebo that are ignored without a loss, because thingc always preserves fixed links."""
 WHY = {
     **dict.fromkeys(("kp", "kd", "maxVel", "minDepth", "maxContacts"), "contact stiffness depends on the simulator"),
     **dict.fromkeys(("gravity", "turnGravityOff"), "all links have the mode's gravity"), "fdir1": "friction is isotropic",
@@ -27,12 +27,12 @@ WHY = {
 }
 COMMANDS = ("position", "velocity", "effort")
 ONLY_READING = {"angle", "fusestatic", "discardvisual", "strippath", "meshdir", "assetdir", "convexhull", "balanceinertia", "autolimits"}
-"""Attributes of MuJoCo's `<compiler>` that only control how it reads the file."""
+"""Attributes of MuJoCo's `<compiler>` that only control how MuJoCo reads the file."""
 
 
 SENSORS: dict[str, Literal["imu", "camera"]] = {"imu": "imu", "imu_sensor": "imu", "camera": "camera"}
 LOOKING = Pose(rotation=((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
-"""The mount of a camera in a frame of Gazebo. Gazebo looks along x with z up, a document along z with y up."""
+"""Rotation from a camera frame of Gazebo (x forward, z up) to a mount of a document (z forward, y up)."""
 MOST_VIEW = math.radians(179.0)
 """Maximum vertical field of view of a camera [rad]."""
 FIELD_OF_VIEW, WIDTH, HEIGHT = 1.047, 320.0, 240.0
@@ -120,7 +120,7 @@ class Blocks:
             self.losses.note(f"rate, noise and plugins of {what}", "sensors in a document only have a type and a mount", element.where)
 
     def _fovy(self, element: SourceElement) -> float:
-        """Return the vertical field of view [rad], from the horizontal one and the size of the image."""
+        """Return the vertical field of view [rad], computed from the horizontal one and the size of the image."""
         cameras = [*element.all("camera")]
         images = [image for camera in cameras for image in camera.all("image")]
         sizes = [FIELD_OF_VIEW, WIDTH, HEIGHT]
@@ -130,11 +130,11 @@ class Blocks:
         return 2.0 * math.atan(math.tan(min(sizes[0], 3.1) / 2.0) * sizes[2] / sizes[1])
 
     def _number(self, element: SourceElement) -> float | None:
-        """Read a number from the text of an element, or from its attribute `value`."""
+        """Read a number from the text of an element or from its attribute `value`."""
         return self.values.number_of(element, element.attributes.get("value", element.text), f"`<{element.tag}>`")
 
     def _from_zero(self, element: SourceElement) -> float | None:
-        """Read a number that is at least 0."""
+        """Read a nonnegative number."""
         number = self._number(element)
         if number is not None and number < 0.0:
             self.values.fault(element, None, f"`<{element.tag}>`: expected a number of at least 0, found {number:g}")
@@ -142,7 +142,7 @@ class Blocks:
         return number
 
     def _is_joint(self, name: str, block: SourceElement) -> bool:
-        """Return whether the driven joint exists; if not, report it."""
+        """Return whether the driven joint exists. If not, report it."""
         joints = [one.attributes.get("name", "") for one in self.root.all("joint")]
         if name not in joints:
             self.losses.note(f"the drive of joint `{name}`", "there is no such joint", block.where)
@@ -151,7 +151,7 @@ class Blocks:
         return name in joints
 
     def _transmitted(self) -> Iterator[tuple[str, SourceElement]]:
-        """Yield the joints of transmissions, with their elements."""
+        """Yield the names of the joints of transmissions, with their elements."""
         for block in self.root.all("transmission"):
             faces = [one.text for part in block.children for one in part.all("hardwareInterface")]
             for joint in block.all("joint"):
@@ -164,7 +164,7 @@ class Blocks:
             self._rest((one for one in block.children if one.tag not in ("joint", "actuator", "type")), "of `<transmission>`")
 
     def _controlled(self) -> Iterator[tuple[str, SourceElement]]:
-        """Yield the joints that `<ros2_control>` commands, with their elements."""
+        """Yield the names of the joints that `<ros2_control>` commands, with their elements."""
         for block in self.root.all("ros2_control"):
             for joint in block.all("joint"):
                 name, commands = joint.attributes.get("name", ""), [*joint.all("command_interface")]
@@ -177,7 +177,7 @@ class Blocks:
             self._rest((one for one in block.children if one.tag != "joint"), "of `<ros2_control>`")
 
     def _interfaces(self, name: str, kinds: set[str], joint: SourceElement) -> None:
-        """Record that a joint commanded by position or velocity becomes a motor, since URDF has no gains of controllers."""
+        """Record that a joint with a position or velocity command becomes a motor, because URDF does not contain controller gains."""
         if kinds & {"position", "velocity"} and "effort" not in kinds:
             kind = "position" if "position" in kinds else "velocity"
             what = f"the {kind} command interface of joint `{name}`"

@@ -1,9 +1,9 @@
-"""Write the document of an imported robot: short, in tree order, in canonical layout.
+"""Write the document of an imported robot: concise, in tree order and in canonical layout.
 
-A link becomes a component of its name: a `link` with shapes, or a `frame` without. A fixed link without mass, shapes and children becomes a
-mount of its parent, exported by its name, so that other documents can attach something there. A joint connects two mounts with its name, or
-origins of components, which coincide at q = 0 as in the source, and has the `axis` of the source. The axis of a planar joint is z of the
-parent's mount. The child's mount of a planar joint or ball is turned (`MATE`) so that the frames coincide.
+A link becomes a component of the same name: a `link` if it has shapes, else a `frame`. A fixed link without mass, shapes and children
+becomes a mount of its parent. The mount is exported, so that other documents can attach something to it. A joint connects two mounts with
+its name, or the origins of two components, which coincide at q = 0 as in the source. It has the `axis` of the source. The axis of a planar
+joint is z of the parent's mount. The child's mount of a planar or ball joint is rotated (`MATE`) so that the frames coincide.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from thingc.tools.importing.update_import import PreviousImport
 
 _ALIGNED = 1e-12
 ROUNDED = 1e-15
-"""Products of inertia below this fraction of the largest moment are rounding errors."""
+"""Products of inertia below this fraction of the largest moment are treated as rounding errors."""
 FACING = ("planar", "ball")
-"""Kinds of joints whose mounts face each other, since they have no single axis."""
+"""Kinds of joints with mounts that face each other. They do not have a single axis."""
 FRICTION = ("slide", "torsion", "roll")
 SAY_THEIR_UNIT = (".dae", ".glb")
 UNITS: dict[tuple[float, ...], str] = {(1.0, 1.0, 1.0): "m", (0.01, 0.01, 0.01): "cm", (0.001, 0.001, 0.001): "mm"}
-"""Scales of a mesh that correspond to a unit."""
+"""Scale factors of a mesh that correspond to a unit."""
 
 
 class WrittenDocument(FrozenStruct):
-    """A written document: its name, its text, and the names of elements in it by kind and by name in the source."""
+    """A generated document: its name, its text, and the document names of elements by kind and source name."""
 
     name: str
     text: str
@@ -42,10 +42,10 @@ class WrittenDocument(FrozenStruct):
 
 
 class DocumentWriter(DocumentNaming):
-    """Writes the document of a robot, with a mode `source` and one for each of `roots`, which are links.
+    """Writes the document of a robot with the mode `source` and one mode for each link in `roots`.
 
-    `origin` is the source that the first line names, `repaired` maps repaired links to the method, `meshes` maps meshes to files: others
-    are left out. Elements of an `earlier` import keep their names.
+    `origin` is the source mentioned in the first line. `repaired` maps repaired links to the method. `meshes` maps meshes to files; other
+    meshes are omitted. Elements of an `earlier` import keep their names.
     """
 
     def __init__(
@@ -86,14 +86,14 @@ class DocumentWriter(DocumentNaming):
             if mounts:
                 yield "    mounts:"
                 yield from (f"      {word}: {{{pose}}}{comment}" for word, pose, comment in mounts)
-            if name in self.points:  # on the link, the mass would be distributed over the shapes
+            if name in self.points:  # as mass of the link, it would be distributed over the shapes
                 yield f"  {self.points[name]}:  # the mass of the link, which has no inertia in the source"
                 yield "    frame: true"
                 yield from self._weight(link)
                 yield f"    at: {{in: {self.links[name]}.origin}}"
 
     def _weight(self, link: SourceLink, *, shapes: bool = False) -> Iterator[str]:
-        """Yield the mass properties of a link. If it has shapes, `com` is always written, since the default is the centre of the shapes."""
+        """Yield the mass properties of a link. With shapes, `com` is always written, because its default is the centre of the shapes."""
         if link.weight is None:
             return
         of = link.weight.properties
@@ -113,7 +113,7 @@ class DocumentWriter(DocumentNaming):
             yield from _mapping("inertia", {"value": f"{{{_entries(said)}}}", "source": "repaired"} if mended else said)
 
     def _shapes(self, link: SourceLink) -> Iterator[str]:
-        """Yield the items of `shapes`. A visual shape with an equal collision shape is one item."""
+        """Yield the items of `shapes`. A visual shape and an equal collision shape become one item."""
         for shape, touch in self.items(link):
             said = [self._geometry(shape), *([f"at: {{{pose}}}"] if (pose := pose_words(shape.pose, shape.rpy)) else [])]
             said += [] if shape.use == "visual" and touch is not None else [f"for: {shape.use}"]
@@ -137,8 +137,10 @@ class DocumentWriter(DocumentNaming):
         return f"mesh: {path}, unit: {unit}"
 
     def _mounts(self, name: str) -> Iterator[tuple[str, str, str]]:
-        """Yield the mounts of a link with pose and comment: of joints, links that are mounts, sites, loops and magnets, and of shapes of
-        tendons and cameras unless another mount has the same place.
+        """Yield the mounts of a link with pose and comment.
+
+        These are mounts of joints, links that are mounts, sites, loops and magnets. Shapes of tendons and cameras get a mount unless one
+        exists at the same place.
         """
         above = self.above.get(name)
         for joint in above.joints if above is not None else ():
@@ -237,7 +239,7 @@ class DocumentWriter(DocumentNaming):
 
 
 def _unit(mine: str, other: str, power: int) -> str:
-    """Return the unit of a coefficient of a polynomial: that of the joint, divided by a power of that of the other joint."""
+    """Return the unit of a coefficient of a polynomial: the unit of the joint, divided by a power of the unit of the other joint."""
     if mine == other:
         return {0: mine, 1: ""}.get(power, f"{mine}^-{power - 1}")
     return {0: mine, 1: f"{mine}/{other}"}.get(power, f"{mine}/{other}^{power}")
@@ -253,24 +255,24 @@ def _entries(values: Mapping[str, str]) -> str:
 
 
 def _parent_mount(one: Attachment, joint: SourceJoint) -> str:
-    """Return the pose of the mount of a joint on its parent."""
+    """Format the pose of the mount of a joint on its parent."""
     onto = _onto(joint)
     return pose_words(one.pose @ shifted(*joint.anchor) @ onto, one.rpy if onto == NO_POSE else None)
 
 
 def _child_mount(joint: SourceJoint) -> str:
-    """Return the pose of the mount of a joint on its child."""
+    """Format the pose of the mount of a joint on its child."""
     return pose_words(shifted(*joint.anchor) @ _onto(joint) @ (MATE if joint.kind in FACING else NO_POSE))
 
 
 def _onto(joint: SourceJoint) -> Pose:
-    """Return the rotation from z to the axis of a planar joint; the identity for other joints, which have an `axis`."""
+    """Return the rotation from z to the axis of a planar joint. Other joints have an `axis`, so it is the identity."""
     axis = _clean(joint.axis)
     return NO_POSE if joint.kind != "planar" or axis == (0.0, 0.0, 1.0) else along(axis, (0.0, 0.0, 0.0))
 
 
 def _clean(axis: Vector) -> Vector:
-    """Remove rounding errors from a unit vector that is almost along one of the axes."""
+    """Remove rounding errors from a unit vector that is almost parallel to a coordinate axis."""
     x, y, z = (0.0 if abs(one) < _ALIGNED else one for one in axis)
     if sum(map(bool, (x, y, z))) == 1:
         x, y, z = (math.copysign(1.0, one) if one else 0.0 for one in (x, y, z))

@@ -1,10 +1,9 @@
-"""A process that expands one xacro file.
+"""Expand a xacro file in a sandboxed process.
 
-xacro evaluates Python expressions of the file, so a sandboxed child does this. It can write only to a temporary folder, read only the
-robot's folder and known packages, and run no program; all processes that it starts end with it.
+xacro evaluates Python expressions in the file, so a sandboxed child process runs it. The child can write only to a temporary folder, read
+only the robot's folder and known packages, and cannot run programs. All processes that it starts end with it.
 
-Before xacro reads a file, every element gets an attribute with its location. Macros copy it, so the output has the location of each
-element.
+Before xacro reads a file, every element gets an attribute with its location. Macros copy the attribute, so it is part of the output.
 """
 
 from __future__ import annotations
@@ -26,14 +25,14 @@ from thingc.tools.importing.xml_source import MARK, utf8_of
 
 BYTES = 2_000_000_000
 FILE_BYTES = 1_000_000
-"""Limits of memory and of each temporary file, including xacro's messages."""
+"""Maximum size [bytes] of each temporary file, including the messages of xacro."""
 
 
 def main() -> int:
     """Read a request as a line of JSON from standard input, and print the answer as a line of JSON.
 
-    The request has `path`, `packages`, `arguments`, `seconds` of CPU time, and `timeout` [s]. The answer has `text`, `files` and
-    `packages`; or a `fault` with its `file` and `line`; or `failed`, with the reason why the child ended.
+    The request contains `path`, `packages`, `arguments`, `seconds` (CPU time), and `timeout` [s]. The answer contains `text`, `files` and
+    `packages`, or a `fault` with its `file` and `line`, or `failed` with the reason why the child ended.
     """
     asked = json.loads(sys.stdin.readline())
     packages = Packages(asked["path"], asked["packages"], os.environ)
@@ -49,15 +48,16 @@ def main() -> int:
 
 
 def is_plausible(answer: Mapping[str, Any], readable: Sequence[str]) -> bool:
-    """Return whether an answer names only files that the source may read: code of the file may have forged it, and they are read again
-    outside of the sandbox.
+    """Return whether an answer contains only files that the source may read.
+
+    Code in the xacro file may have forged the answer, and the files are read again outside the sandbox.
     """
     files = [*answer.get("files", ()), *filter(None, [answer.get("file")])]
     return all(os.path.isfile(one) and any(within(one, folder) for folder in readable) for one in files)
 
 
 def _expand(asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Expand the file in the child."""
+    """Expand the file in the child process."""
     resource.setrlimit(resource.RLIMIT_CPU, (asked["seconds"], asked["seconds"]))
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES, FILE_BYTES))
@@ -89,7 +89,7 @@ class _Expanding:
             return {"fault": "it needs too much memory", "file": self.path, "line": 1}
         except RecursionError:
             return {"fault": "it has infinite recursion", "file": self.path, "line": 1}
-        except Exception as fault:  # expressions may raise anything
+        except Exception as fault:  # expressions can raise any exception
             said, root = str(fault), fault
             while isinstance(getattr(root, "exc", None), Exception):
                 root = root.exc  # type: ignore[attr-defined]
@@ -103,7 +103,7 @@ class _Expanding:
             return {"fault": said, "file": file, "line": line}
 
     def _place(self, top: str, said: str) -> tuple[str, int]:
-        """Return the file and line that first contains an expression or name quoted in the message, else the first line of `top`."""
+        """Return the file and line of the first occurrence of an expression or name quoted in the message, or the first line of `top`."""
         quoted = sorted({one or other for one, other in re.findall(r"'([^']+)'|`([^`]+)`", said)}, key=len, reverse=True)
         files = list(dict.fromkeys([top, *self.files]))
         texts = {}
@@ -126,7 +126,7 @@ class _Expanding:
         return self.found[name]
 
     def _parse(self, text: object, filename: str) -> Any:
-        """Parse like `xacro.parse`, and add locations."""
+        """Parse like `xacro.parse`, and add locations to the elements."""
         from xml.dom import minidom
 
         import xacro

@@ -1,4 +1,4 @@
-"""Read numbers, vectors, names and shapes from XML attributes. Invalid values are reported at their location."""
+"""Parse numbers, vectors, names and shapes from XML attributes. Invalid values are reported at their location."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ NOT_FINITE = {"nan", "inf", "infinity"}
 
 
 class Values:
-    """Reads attributes of elements. Errors are reported, and invalid values are treated as missing."""
+    """Parses attributes of elements. Errors are reported, and invalid values are treated as missing."""
 
     def __init__(self, report: Report) -> None:
         self.report = report
 
     def written(self, element: SourceElement, key: str) -> str | None:
-        """Return the text of a value; None if missing."""
+        """Return the text of a value, or None if it is missing."""
         return element.attributes.get(key)
 
     def place(self, element: SourceElement, key: str) -> Span:
@@ -44,31 +44,32 @@ class Values:
         self.report.add(Code.SOURCE_VALUE, message, where, help=help)
 
     def word(self, element: SourceElement, attribute: str) -> str | None:
-        """Read a required name; None after an error."""
+        """Read a required name. Return None after reporting an error."""
         text = (self.written(element, attribute) or "").strip()
         if not text:
             self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", f"write {self.example(attribute, '...')}")
         return text or None
 
     def own_name(self, element: SourceElement, link: str, suffix: str) -> str | None:
-        """Return the `name` of a shape of a link; None if it is the default name that thingc writes: the name of the link, `suffix` (a
-        pattern), and numbers.
+        """Return the `name` of a shape of a link, or None if it is the default name that thingc writes.
+
+        The default name consists of the name of the link, `suffix` (a regular expression), and numbers.
         """
         name, links = element.attributes.get("name", "").strip(), "|".join(map(re.escape, (link, plain_name(link, "link"))))
         return None if re.fullmatch(rf"(({links}){suffix})?(_\d+)*", name) else name
 
     def number(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
-        """Read a finite number. If it is missing, return `default`, or report that if it is None."""
+        """Read a finite number. If it is missing, return `default`; if there is no default, report the error."""
         values = self.numbers(element, attribute, 1, None if default is None else (default,))
         return None if values is None else values[0]
 
     def vector(self, element: SourceElement, attribute: str, default: Vector = (0.0, 0.0, 0.0)) -> Vector:
-        """Read three numbers; `default` if they are missing or invalid."""
+        """Read three numbers. Return `default` if they are missing or invalid."""
         x, y, z = self.numbers(element, attribute, 3, default) or default
         return (x, y, z)
 
     def number_of(self, element: SourceElement, text: str, what: str) -> float | None:
-        """Parse a text of an element as a finite number; `what` names it in the error. None after an error."""
+        """Parse a text in an element as a finite number. Return None after reporting an error, which names the number `what`."""
         number = float(text) if _NUMBER.fullmatch(text) else math.nan
         if not math.isfinite(number):
             self.fault(element, None, f"{what}: expected a number, found {f'`{text}`' if text else 'nothing'}")
@@ -78,7 +79,7 @@ class Values:
     def numbers(
         self, element: SourceElement, attribute: str, count: int, default: tuple[float, ...] | None = None,
     ) -> tuple[float, ...] | None:
-        """Read `count` finite numbers; None, reported, if they are invalid, or missing without a default."""
+        """Read `count` finite numbers. Return None after reporting that they are invalid or, without a default, missing."""
         text = self.written(element, attribute)
         if text is None:
             if default is None:
@@ -100,7 +101,7 @@ class Values:
         return values
 
     def from_zero(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
-        """Read a number that is at least 0. If it is not written, return `default`, or report that if it is None."""
+        """Read a nonnegative number. If it is missing, return `default`; if there is no default, report the error."""
         value = self.number(element, attribute, default)
         if value is not None and value < 0.0:
             self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected a number of at least 0, found {value:g}")
@@ -108,7 +109,7 @@ class Values:
         return value
 
     def direction(self, axis: SourceElement, attribute: str, default: Vector) -> Vector:
-        """Read the unit vector of an axis; `default` if it is wrong or not written. Zero is reported."""
+        """Read an axis as a unit vector. Return `default` if it is missing or invalid. The zero vector is reported."""
         x, y, z = self.vector(axis, attribute, default)
         length = hypot(x, y, z)
         if length == 0.0:
@@ -117,10 +118,10 @@ class Values:
         return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
     def origin(self, element: SourceElement) -> tuple[Pose, Vector | None]:
-        """Read the pose of the `<origin>` in an element of URDF.
+        """Read the pose of the `<origin>` of an element of URDF.
 
         Returns:
-            The pose, from `xyz` [m] and `rpy` [rad] or `quat_xyzw` (URDF 1.1), and the angles [rad]: None for a quaternion.
+            The pose, from `xyz` [m] and `rpy` [rad] or `quat_xyzw` (URDF 1.1), and the angles [rad], or None for a quaternion.
         """
         origin = self.one(element, "origin")
         if origin is None:
@@ -134,7 +135,7 @@ class Values:
         return Pose(translation=xyz, rotation=self.rotation(origin, "quat_xyzw", quaternion)), None
 
     def rotation(self, element: SourceElement, attribute: str, quaternion: Sequence[float]) -> Matrix:
-        """Convert a quaternion x, y, z, w of any length to a rotation. Zero is reported."""
+        """Convert a quaternion (x, y, z, w) of any length to a rotation. Zero is reported."""
         length = hypot(*quaternion)
         if length == 0.0:
             self.fault(element, attribute, "the quaternion of this pose is 0 0 0 0, which is not a rotation", "write 0 0 0 1")
@@ -143,16 +144,16 @@ class Values:
         return rotation_of((w, i, j, k))
 
     def one(self, element: SourceElement, tag: str) -> SourceElement | None:
-        """Return the child element with this tag; None if there is none. A second one is reported."""
+        """Return the only child element with this tag, or None. A second one is reported."""
         first, *others = [*element.all(tag), None]
         if first is not None and len(others) > 1 and others[0] is not None:
             self.fault(others[0], None, f"a second `<{tag}>` in this `<{element.tag}>`", "remove one of the two")
         return first
 
     def shape(self, element: SourceElement, form: SourceElement, file: str, pose: Pose, losses: Losses) -> SourceShape | None:
-        """Read a `<visual>` or `<collision>` with the geometry `form`; `file` is the attribute with its mesh.
+        """Read a `<visual>` or `<collision>` with the geometry `form`. The attribute `file` contains its mesh.
 
-        None if it is invalid, or has no volume, which is a loss.
+        Return None if the shape is invalid, or if it has no volume, which is a loss.
         """
         sized, mesh = self._sized(form), self.word(form, file) if form.tag == "mesh" else None
         if sized is None or form.tag == "mesh" and mesh is None:
@@ -165,7 +166,7 @@ class Values:
         return SourceShape(kind=kind, use=use, size=size, pose=pose, where=form.where, mesh=mesh)
 
     def _sized(self, form: SourceElement) -> tuple[ShapeKind, Sizes] | None:
-        """Read the kind and size [m] of a geometry; None if it is invalid or unsupported."""
+        """Read the kind and size [m] of a geometry. Return None if it is invalid or not supported."""
         match form.tag:
             case "box" | "ellipsoid":
                 key = "size" if form.tag == "box" else "radii"
@@ -185,9 +186,9 @@ class Values:
         return None
 
     def inertia(self, element: SourceElement, mass: float, pose: Pose, *, usual: float = 0.0) -> MassProperties:
-        """Read `ixx` ...
+        """Read `ixx` to `izz` [kg m^2], about the centre and in the axes of `pose`, and convert them to the frame of the link.
 
-        `izz` [kg m^2] about the centre in the axes of `pose`, and convert them to the frame of the link. `usual` is the default of moments.
+        `usual` is the default value of `ixx`, `iyy` and `izz`.
         """
         six = {
             key: self.number(element, key, usual if key[1] == key[2] else 0.0) or 0.0 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -198,18 +199,18 @@ class Values:
 
 
 class ChildValues(Values):
-    """Reads values that are the text of child elements, as in SDF; names are attributes."""
+    """Parses values from the text of child elements, as in SDF. Names are attributes."""
 
     def written(self, element: SourceElement, key: str) -> str | None:
-        """Return the text of the child element, else of the attribute."""
+        """Return the text of the child element, or of the attribute if there is no such element."""
         child = next(element.all(key), None)
         return element.attributes.get(key) if child is None else child.text
 
     def place(self, element: SourceElement, key: str) -> Span:
-        """Return the start tag of the child element, else the location of the attribute."""
+        """Return the location of the start tag of the child element, or of the attribute."""
         child = next(element.all(key), None)
         return element.place(key) if child is None else child.where
 
     def example(self, key: str, text: str) -> str:
-        """Format the example as an element; names and types as an attribute."""
+        """Format a value as an example: an element, or an attribute for names and types."""
         return super().example(key, text) if key in ("name", "type") else f"<{key}>{text}</{key}>"

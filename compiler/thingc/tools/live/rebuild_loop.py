@@ -1,7 +1,7 @@
-"""Rebuild a document whenever a file that it depends on is saved, with workers that have loaded the kernel.
+"""Rebuild a document whenever a file that it depends on is saved, with workers that have loaded the geometry kernel.
 
-A round does the same as a single build, but reuses the cached results of pure functions (`memo`), and the geometry service unless files of
-parts have changed. If files change during a round, its result is dropped, and the next round begins at once.
+A round is equivalent to a single build. It reuses cached results of pure functions (`memo`), and the geometry service unless files of parts
+have changed. If files change during a round, its result is discarded, and the next round starts immediately.
 """
 
 from __future__ import annotations
@@ -33,25 +33,29 @@ from thingc.targets.artifact import MANIFEST, Content
 PAUSE = 0.01
 """Polling interval [s]."""
 QUIET = 0.03
-"""Time [s] without saves before a round begins, since editors write in several steps and several files at once."""
+"""Time [s] without saves before a round starts. Editors save in several steps and may save several files."""
 IMPATIENT = 1.0
-"""Time [s] for which saves do not interrupt a round. Later, a save ends workers that still build the old version."""
+"""Time [s] after the start of a round during which a save does not interrupt it. After this time, a save ends the workers."""
 ABSENT = 0.3
-"""Time [s] to wait for a file that is suddenly missing or empty, which is probably being replaced."""
+"""Time [s] to wait for a file that is suddenly missing or empty. It is probably being replaced."""
 CLOCK = 0.02
-"""Tolerance [s] of file times, which have a limited resolution."""
+"""Tolerance [s] for the resolution of file times."""
 
 
 class Rebuild(FrozenStruct):
     """The result of one round.
 
-    `saved` are the absolute paths of the changed files (none in the first round). `seconds` is the duration from when they were quiet.
-    `good`: there are no errors. `folder` is the build folder written, None after errors or if nothing is to be written. `built` is the
-    build result, if the build got that far. `changed` are the artifacts, by path in the folder, that differ from the last good round or are
-    gone. `recovered`: the previous round had errors, this one has none. `kept`: this round has errors, and the folder is that of an earlier
-    round.
-    `modelled` are the definition texts of the parts that were built, including interrupted attempts, with their labels. `kernel` is the
-    part of `seconds` during which parts were built.
+    Attributes:
+        saved: The absolute paths of the changed files; none in the first round.
+        seconds: The duration of the round, from the last save on.
+        good: Whether there are no errors.
+        folder: The build folder; None after errors, or if nothing is written.
+        built: The result of the build, if any.
+        changed: The artifacts, by path in the folder, that were changed or removed since the last good round.
+        recovered: Whether the previous round had errors and this one does not.
+        kept: Whether this round has errors, so the folder contains the output of an earlier round.
+        modelled: The labels of the parts that were built, including interrupted attempts, by definition text.
+        kernel: The part of `seconds` during which parts were built.
     """
 
     number: int
@@ -69,11 +73,11 @@ class Rebuild(FrozenStruct):
 
 
 class RebuildLoop:
-    """A document and its rounds. A context manager that ends the workers on exit.
+    """A document that is rebuilt in rounds. A context manager that ends the workers on exit.
 
-    `wish` returns the build request, or errors, in every round, since settings of the workspace may change. `refused` converts an exception
-    to a diagnostic. `on_wait` is called if another build of the folder is in progress. Unless it `writes`, no folder is written. `turn` is
-    held during every round, so that threads for several documents take turns.
+    `wish` returns the build request or errors; it is called in every round, because the settings of the workspace can change. `refused`
+    converts an exception to a diagnostic. `on_wait` is called if another build of the folder is in progress. The build folder is written
+    only if `writes`. `turn` is a lock that each round acquires, so that threads for several documents do not run at the same time.
     """
 
     def __init__(
@@ -113,7 +117,7 @@ class RebuildLoop:
         self._workers.end()
 
     def rounds(self, stop: threading.Event) -> Iterator[Rebuild]:
-        """Yield the first round, then one after every save, until `stop` is set."""
+        """Yield the first round, and then a round after every save, until `stop` is set."""
         saved: tuple[str, ...] = ()
         first = True
         for files in looks(self._watched.changed, stop, PAUSE):
@@ -124,12 +128,12 @@ class RebuildLoop:
                 saved = self._settled(saved)
             with self._turn:
                 made, more = self._round(saved)
-            if more:  # saved during the round, which may have read both versions
+            if more:  # files changed during the round, which may have read both versions
                 saved = tuple(dict.fromkeys((*saved, *more)))
                 continue
             self._modelled = {}
             yield made
-            if first:  # prepare what the next round needs
+            if first:  # prepare for the next round
                 if made.built is not None and made.built.compilation.decisions:
                     self._workers.warm()
                 for module in self.options.ahead:
@@ -138,16 +142,13 @@ class RebuildLoop:
             gc.collect()
 
     def _small(self, saved: tuple[str, ...]) -> bool:
-        """Return whether a single document or file of parts was saved, and is not empty.
-
-        Then the round begins without waiting for quiet.
-        """
+        """Return whether only one document or file of parts was saved and is not empty. Then the round starts without a delay."""
         one = saved[0] if len(saved) == 1 else ""
         of_parts = self._geometry is not None and one in self._geometry.inputs
         return (one in self._documents or of_parts) and (_time_and_size(one) or (0.0, 0))[1] > 0
 
     def _settled(self, saved: tuple[str, ...]) -> tuple[str, ...]:
-        """Wait until nothing has been saved for a while; return all saved files."""
+        """Wait until no file has been saved for a while. Return all saved files."""
         began = time.monotonic()
         while True:
             absent = any((_time_and_size(path) or (0.0, 0))[1] == 0 for path in saved) and time.monotonic() - began < ABSENT
@@ -157,7 +158,7 @@ class RebuildLoop:
             saved = tuple(dict.fromkeys((*saved, *self._watched.changed())))
 
     def _round(self, saved: tuple[str, ...]) -> tuple[Rebuild, tuple[str, ...]]:
-        """Run one round; return its result, and the files saved meanwhile. If there are any, nothing was written."""
+        """Run one round. Return its result, and the files saved during the round. If there are any, nothing was written."""
         started, clock, begun = time.perf_counter(), time.time(), time.monotonic()
         self._abandoned, self._saved = (), saved
         with contextlib.suppress(OSError):  # the folder may have been replaced, for example by checking out a branch
@@ -219,10 +220,9 @@ class RebuildLoop:
 
     @contextlib.contextmanager
     def _abandoning(self) -> Iterator[None]:
-        """End the workers if a watched file is saved after `IMPATIENT`: a part that never ends would otherwise block the save that fixes
-        it.
+        """End the workers if a watched file is saved after `IMPATIENT`, and store the saved files in `_abandoned`.
 
-        The saved files are stored in `_abandoned`.
+        Otherwise, a part that never finishes would block the save that fixes it.
         """
         before = {path: stat_of(path) for path in self._watched.paths}
         done = threading.Event()
@@ -247,7 +247,7 @@ class RebuildLoop:
                 self._workers, self._geometry = self._fresh_workers(), None
 
     def _lent(self, workspace: Workspace, store: Store) -> GeometryService:
-        """Return the geometry service of the last round, or a new one if it cannot be reused."""
+        """Return the geometry service of the last round if it can be reused, or a new one."""
         if self._geometry is None or self._geometry.workspace != workspace:
             self._geometry = geometry_of(workspace, self.options, store, workers=self._workers)
             if self._last_geometry is not None:
@@ -255,7 +255,7 @@ class RebuildLoop:
         return self._geometry
 
     def _look(self, clock: float, built: BuildResult | None) -> tuple[str, ...]:
-        """Watch all files that this round has read; return those saved since it began at `clock` [s]."""
+        """Watch all files that this round has read. Return the files saved since it began at `clock` [s]."""
         assert self.environment is not None
         nothing = pipeline.Compilation(settings=pipeline.settings_of(self.options), report=Report())
         compilation = built.compilation if built is not None else nothing
@@ -272,7 +272,7 @@ class RebuildLoop:
 
 
 def _modelled(built: BuildResult | None) -> dict[str, str]:
-    """Return the definition texts of the parts that were built, with their labels."""
+    """Return the labels of the parts that were built, by definition text."""
     if built is None:
         return {}
     assembly, texts = built.compilation.assembly, built.compilation.modelled
@@ -281,13 +281,13 @@ def _modelled(built: BuildResult | None) -> dict[str, str]:
 
 
 def _unquiet(saved: Sequence[str]) -> float:
-    """Return the time [s] until the saved files have been quiet for long enough; file times in the future count as quiet."""
+    """Return the time [s] until the saved files have been unchanged for long enough. File times in the future are ignored."""
     since = time.time() - max((stat[0] for path in saved if (stat := _time_and_size(path)) is not None), default=0.0)
     return QUIET - since if 0.0 <= since < QUIET else 0.0
 
 
 def _time_and_size(path: str) -> tuple[float, int] | None:
-    """Return the modification time [s] and the size [bytes] of a file (1 for a folder); None if it does not exist."""
+    """Return the modification time [s] and the size [bytes] of a file, or None if it does not exist. The size of a folder is 1."""
     stat = stat_of(path)
     return None if stat is None else (stat[0] / 1e9, 1 if os.path.isdir(path) else stat[1])
 

@@ -1,7 +1,7 @@
-"""HTTP server for the live page of a document, for browsers on this machine only.
+"""HTTP server for the live page of a document. Only browsers on this machine can connect.
 
-The server listens on the loopback interface; every address begins with a secret token; requests for another host name are refused (DNS
-rebinding); other pages may not read the answers. It sends only a few texts from memory: no address is that of a file.
+The server listens on the loopback interface. Every address starts with a secret token, requests for other host names are refused (DNS
+rebinding), and other pages cannot read the responses. It serves a few texts from memory and no files.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from thingc.targets.html.emit import Page, waiting
 
 LOOPBACK = "127.0.0.1"
 SILENCE = 15.0
-"""Interval [s] of messages without news, which detect closed connections."""
+"""Interval [s] of empty events that are sent to detect closed connections."""
 
 IDLE = 32
 """Maximum number of idle connections; a browser uses at most six."""
@@ -45,20 +45,21 @@ Finding = Mapping[str, object]
 
 
 class _Shown(FrozenStruct, kw_only=False):
-    """The state of one robot: the last good page, the number of good pages, and the current diagnostics."""
+    """The state of one robot: the last good page, the number of good pages so far, and the current diagnostics."""
 
     page: Page | None = None
     count: int = 0
     findings: tuple[Finding, ...] = ()
 
     def after(self, page: Page | None, findings: Sequence[Finding]) -> _Shown:
-        """Return the state after a round; `page` is None if it had errors."""
+        """Return the state after a round. `page` is None if the round had errors."""
         return _Shown(page or self.page, self.count + (page is not None), tuple(findings))
 
 
 class _Quiet(ThreadingHTTPServer):
-    """A server that ignores closed connections, and closes the longest idle connection if there are more than `IDLE`, so that a new browser
-    can always connect.
+    """An HTTP server that ignores closed connections.
+
+    If there are more than `IDLE` idle connections, it closes the oldest one, so that new browsers can always connect.
     """
 
     daemon_threads = True
@@ -76,7 +77,7 @@ class _Quiet(ThreadingHTTPServer):
             longest = next(iter(self._idle)) if len(self._idle) > IDLE else None
         if longest is not None:
             self.wait_no_more(longest)
-            with suppress(OSError):  # it has ended by itself
+            with suppress(OSError):  # it has already ended
                 longest.shutdown(socket.SHUT_RDWR)
 
     def wait_no_more(self, connection: socket.socket) -> None:
@@ -91,10 +92,11 @@ class _Quiet(ThreadingHTTPServer):
 
 
 class Server:
-    """A server on a free port of this machine, or on `port`. A context manager that serves while it is active.
+    """An HTTP server on a free port of this machine, or on `port`. A context manager that serves requests while it is active.
 
-    Raises OSError if the port is in use. `editor` is passed to `Page.html`; `document` is the path of the document. The token of the
-    address is random; with a secret `key`, it is a function of the document and the port, so that open pages find the next server.
+    Raises OSError if the port is in use. `editor` is passed to `Page.html`, and `document` is the path of the document. The token in the
+    address is random, unless a secret `key` is given. With a key, it depends only on the document and the port, so that open pages
+    reconnect to the next server.
     """
 
     def __init__(self, port: int = 0, editor: str | None = None, document: str = "", key: bytes | None = None) -> None:
@@ -135,8 +137,10 @@ class Server:
         return f"http://{LOOPBACK}:{self.port}/{self._token}/"
 
     def tell(self, page: Page | None, seconds: float, findings: Sequence[Finding], *, kernel: float = 0.0) -> None:
-        """Publish the result of a round: the page (None: the last good one stays), the duration [s], diagnostics, and the time [s] for
-        building parts.
+        """Publish the result of a round.
+
+        `page` is None after errors; then the last good page remains. `seconds` is the duration of the round, and `kernel` the part of it in
+        which parts were built [s].
         """
         with self._news:
             self._own = self._own.after(page, findings)
@@ -145,23 +149,23 @@ class Server:
             self._news.notify_all()
 
     def tell_against(self, page: Page | None, findings: Sequence[Finding] = ()) -> None:
-        """Publish a round of the overlay. Browsers are notified only after the first round of the document itself."""
+        """Publish a round of the overlay. Browsers are notified after the first round of the document."""
         with self._news:
             self._other = self._other.after(page, findings)
             self._number += 1 if self._number > 0 else 0
             self._news.notify_all()
 
     def hosted(self, host: str | None) -> bool:
-        """Return whether the host name of a request is that of this server."""
+        """Return whether the host name of a request is the name of this server."""
         return host in (f"{LOOPBACK}:{self.port}", f"localhost:{self.port}")
 
     def inside(self, path: str) -> str | None:
-        """Return the path of a request after the token; None if the token is wrong."""
+        """Return the path of a request after the token, or None if the token is wrong."""
         word, slash, rest = path.partition("?")[0].removeprefix("/").partition("/")
         return rest if slash and hmac.compare_digest(word.encode(), self._token.encode()) else None
 
     def content(self, name: str) -> tuple[str, bytes] | None:
-        """Return the content type and content by name; None if the name is unknown."""
+        """Return the content type and the content with this name, or None if it does not exist."""
         with self._news:
             page, other = self._own.page, self._other.page
             stand = f"{self._run} {self._own.count} {self._other.count}"
@@ -171,16 +175,16 @@ class Server:
         return (JSON, asked.news()) if asked is not None else None
 
     def news(self, after: int) -> tuple[int, str] | None:
-        """Wait for news after a number; return their number and text.
+        """Wait for an event later than `after`. Return its number and text, or None when the server closes.
 
-        After `SILENCE` without news, the number is the same. None when the server closes.
+        After `SILENCE` without events, return the same number.
         """
         with self._news:
             self._news.wait_for(lambda: self._closed or self._number > after, SILENCE)
             return None if self._closed else (self._number, self._told())
 
     def _told(self) -> str:
-        """Return the current state as JSON: `run` identifies the server, `build` and `against` count the pages so far."""
+        """Return the current state as JSON. `run` identifies the server; `build` and `against` are the numbers of pages so far."""
         own, other = self._own, self._other
         findings = [*own.findings, *(one for one in other.findings if one not in own.findings)]
         told = {
@@ -191,7 +195,7 @@ class Server:
 
 
 def findings_of(diagnostics: Sequence[Diagnostic], workspace: Workspace | None) -> list[dict[str, object]]:
-    """Convert diagnostics to the JSON format of the page; `file` is the path in the workspace."""
+    """Convert diagnostics to the JSON format of the page, with file paths relative to the workspace."""
     return [
         {
             "code": d.code.code, "severity": d.severity.value, "message": d.message, "help": d.help,
@@ -203,7 +207,7 @@ def findings_of(diagnostics: Sequence[Diagnostic], workspace: Workspace | None) 
 
 
 def _location_json(span: Span | None, workspace: Workspace | None) -> dict[str, object]:
-    """Return `file` (path in the workspace) and `line` of a span; null if it is not in a file."""
+    """Return the `file` (path in the workspace) and `line` of a span. Both are null if the span is not in a file."""
     if span is None or span.option is not None or workspace is None:
         return {"file": None, "line": None}
     return {"file": workspace.relative(span.file), "line": span.line}
@@ -237,7 +241,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(body=False)
 
     def log_message(self, *_: Any) -> None:
-        """Log nothing."""
+        """Do not log requests."""
 
     def _answer(self, *, body: bool) -> None:
         self.server.wait_no_more(self.connection)
@@ -270,7 +274,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._begin(status, "text/plain; charset=utf-8", 0)
 
     def _events(self, *, body: bool) -> None:
-        """Send news as server-sent events (WHATWG HTML 9.2) until one side closes the connection."""
+        """Send events as server-sent events (WHATWG HTML 9.2) until one side closes the connection."""
         self._begin(HTTPStatus.OK, "text/event-stream", None)
         seen = 0
         try:
@@ -282,5 +286,5 @@ class _Handler(BaseHTTPRequestHandler):
                 self.wfile.write(f"data: {told}\n\n".encode() if number > seen else b": nothing new\n\n")
                 self.wfile.flush()
                 seen = number
-        except OSError:  # the browser has gone away
+        except OSError:  # the browser has closed the connection
             self.close_connection = True

@@ -1,1 +1,1 @@
-"""`thingc lsp`: the language server, which works on unsaved text. Start reading at `server`."""
+"""`thingc lsp`: the language server, which analyses unsaved text. The entry point is `server`."""

@@ -1,4 +1,4 @@
-"""The analysis of one document with unsaved text."""
+"""Analyse one document with unsaved text."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 
 class OpenText(FrozenStruct):
-    """A file that is open in the editor: its URI as the editor writes it, the version of its text, and the text."""
+    """A file that is open in the editor, with its URI as given by the editor, and the version of its text."""
 
     uri: str
     version: int
@@ -41,13 +41,17 @@ class OpenText(FrozenStruct):
 class Analysis(FrozenStruct, eq=False):
     """The results of checking a document (absolute `path`) with the `open` texts, by absolute path.
 
-    `workspace` is None if none was found. `documents` are the tree of the document and of those that it names, None if the text cannot be
-    parsed at all. `schemas` are those of its parts, by reference. `model`, `records` (by definition text), `assembly` and `robots` are the
-    results of the passes, as far as the input is valid. Parts without a cached answer are missing everywhere. `findings` are the
-    diagnostics of `check`, in order. `whole`: the text is well-formed, so that no name is missing because of a syntax error; if it is not,
-    `last` is the last analysis that was. `in_reach` returns further names of the workspace.
+    A file that is not a document (Python code of a part) only has its text. Parts without a cached result are missing in all attributes.
 
-    A file that is not a document (Python of a part) has only its text.
+    Attributes:
+        workspace: The workspace, or None if none was found.
+        documents: The document and the documents that it refers to, or None if the text cannot be parsed.
+        schemas: The schemas of its parts, by reference.
+        model: Like `records` (by definition text), `assembly` and `robots`, the result of a pass, if the input is valid.
+        findings: The diagnostics of `check`, in order.
+        whole: Whether the text is well-formed. If not, names may be missing because of a syntax error.
+        last: The last analysis of well-formed text, if `whole` is false.
+        in_reach: A function that returns further names of the workspace.
     """
 
     path: str
@@ -65,35 +69,35 @@ class Analysis(FrozenStruct, eq=False):
     looked_at: frozenset[str] = frozenset()
     in_reach: AvailableNames | None = None
     _kept: dict[str, Any] = {}
-    """Cached results for these texts. A copy with other texts needs an empty cache."""
+    """Cached results for these texts. A copy of this object with other texts needs an empty cache."""
 
     @property
     def known(self) -> Analysis:
-        """The analysis to take names from: this one, or the last one with well-formed text. Its spans are in its own text."""
+        """The analysis that provides names: this one, or the last one with well-formed text. Its spans refer to its own text."""
         return self if self.whole or self.last is None else self.last
 
     @property
     def text(self) -> str:
-        """The text of the document, empty if it is not open and cannot be read."""
+        """The text of the document, or an empty string if it is not open and cannot be read."""
         return self.text_of(self.path)
 
     @property
     def tree(self) -> MappingNode | None:
-        """The tree of the document, None if it cannot be parsed."""
+        """The tree of the document, or None if it cannot be parsed."""
         return None if self.documents is None else self.documents.root.tree
 
     @property
     def kind(self) -> str:
-        """`assembly`, `materials`, `variants` or `workspace`; empty if unknown."""
+        """`assembly`, `materials`, `variants` or `workspace`, or an empty string if unknown."""
         return "" if self.documents is None else self.documents.root.kind
 
     def document(self, path: str) -> Document | None:
-        """Return the document at an absolute path: this one or one that it names; None if there is none."""
+        """Return the document at an absolute path if it is this document or one that it refers to, else None."""
         by_path = {} if self.documents is None else self.documents.by_path
         return next((one for one in by_path.values() if one.path == path), None)
 
     def text_of(self, path: str) -> str:
-        """Return the text of a file in this analysis, empty if it cannot be read."""
+        """Return the text of a file in this analysis, or an empty string if it cannot be read."""
         if path in self.open:
             return self.open[path].text
         document = self.document(path)
@@ -111,11 +115,11 @@ class Analysis(FrozenStruct, eq=False):
         return self.once(f"lines {path}", lambda: TextLines(self.text_of(path)))
 
     def uri(self, path: str) -> str:
-        """Return the URI of a file, as the editor writes it if the file is open."""
+        """Return the URI of a file, in the form used by the editor if the file is open."""
         return self.open[path].uri if path in self.open else Path(path).as_uri()
 
     def once(self, name: str, make: Callable[[], T]) -> T:
-        """Return a cached result of this analysis; compute it at the first call."""
+        """Return a cached result of this analysis, and compute it at the first call."""
         if name not in self._kept:
             self._kept[name] = make()
         kept: T = self._kept[name]
@@ -123,7 +127,7 @@ class Analysis(FrozenStruct, eq=False):
 
     @property
     def facts(self) -> DocumentFacts:
-        """The facts for schemas of editors (`tools/schemas/`): names, including those in lines with errors."""
+        """The facts that schemas for editors need (`tools/schemas/`): names, including names in lines with errors."""
         if (tree := self.tree) is None:
             return DocumentFacts()
         return self.once("facts", lambda: facts_of(tree, self.model, self.records, self.schemas, {}))
@@ -138,10 +142,10 @@ def analyse(
     path: str, opened: Mapping[str, OpenText], options: Options, lend: Lend | None = None, memo: Memo | None = None,
     last: Analysis | None = None,
 ) -> Analysis:
-    """Check the document at an absolute path, with the `opened` texts instead of those on disk.
+    """Check the document at an absolute path, with the `opened` texts instead of the files on disk.
 
-    `options` specify whether code may run, and the store. `lend` returns the source of parts (None: as for `check`; see `cached_parts` for
-    parts that are pending). `memo` caches results of the previous analysis, `last`. Errors are in the findings.
+    `options` specify the store and whether code may run. `lend` returns the source of parts; by default, it is the same as for `check`.
+    `cached_parts` describes pending parts. `memo` caches results of the previous analysis, `last`. Errors are part of the findings.
     """
     if not is_document_path(path):
         return Analysis(path=path, open=opened)
@@ -177,7 +181,7 @@ def _of_workspace(environment: Environment, opened: Mapping[str, OpenText], last
 
 
 def _remembering(analysis: Analysis, last: Analysis | None) -> Analysis:
-    """Return the analysis; if its text is not well-formed, with the last one that was."""
+    """Add the last analysis of well-formed text to an analysis whose text is not well-formed."""
     whole = analysis.documents is not None and not any(
         one.code is Code.SYNTAX and one.span is not None and one.span.file == analysis.path for one in analysis.findings
     )

@@ -1,6 +1,6 @@
-"""Answers about parts without waiting, from the store and the lock; background workers compute the rest.
+"""Provide schemas and records of parts without waiting, from the store and the lock. Background workers compute missing ones.
 
-Also the names that documents of a workspace can use besides their own, available parts and other documents, and their schemas.
+This module also provides the names that documents of a workspace can use: their own, available parts, other documents, and their schemas.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ if TYPE_CHECKING:
 _T = TypeVar("_T")
 
 WAITED_FOR: FailureKind = "unlocked"
-"""The kind of failure that marks a part as pending, until workers answer. (If code may run, no other failure has this kind.)"""
+"""The kind of failure that marks a part as pending until workers have finished. If code may run, no other failure has this kind."""
 
 
 @dataclass(slots=True)
 class PendingRequests:
-    """Requests to workers:
+    """Requests to workers.
 
-    `references` to describe; `definitions` to build by text, each with whether convex pieces are needed; and `slices`, the slicings of
-    records.
+    `references` are parts to describe. `definitions` are parts to build, by text, and whether convex pieces are needed. `slices` are the
+    slicings of records.
     """
 
     references: dict[str, None] = field(default_factory=dict)
@@ -65,11 +65,10 @@ class PendingRequests:
 
 
 class CachedParts:
-    """A source of parts without workers. Parts without a cached answer fail with `WAITED_FOR`; the compiler leaves out diagnostics of such
-    parts, and of everything that depends on them.
+    """A source of parts that does not start workers.
 
-    `failed` and `undescribed` are failures that the store does not cache: parts that crash or hang. `unanswered` are the requests without
-    an answer.
+    Parts without a cached result fail with `WAITED_FOR`, and the compiler omits diagnostics that depend on them. `failed` and `undescribed`
+    are failures that the store does not cache, such as crashes and timeouts. `unanswered` are the requests without a result.
     """
 
     def __init__(self, service: GeometryService) -> None:
@@ -88,7 +87,7 @@ class CachedParts:
 
     @property
     def inputs(self) -> frozenset[str]:
-        """Absolute paths of all files that answers depend on, existing or not."""
+        """Absolute paths of all files that the results depend on, including files that do not exist."""
         return self.service.inputs
 
     def anticipate(self) -> bool:
@@ -144,8 +143,8 @@ def _waited_for(answer: object) -> bool:
 class AvailableNames:
     """The names that documents of one workspace can use.
 
-    `at_hand` is the source of parts; None if no code may run: then only parts that a document names are known. `wake` is called when
-    workers have new requests.
+    `at_hand` is the source of parts, or None if no code may run. Without it, only parts used by a document are known. `wake` is called when
+    there are new requests for workers.
     """
 
     def __init__(self, workspace: Workspace, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
@@ -154,8 +153,9 @@ class AvailableNames:
         self._schemas = Schemas(workspace, _Parts(at_hand, wake))
 
     def schema_of(self, analysis: Analysis, scalars: Mapping[Path, str]) -> dict[str, Any] | None:
-        """Return the schema of a document as typed; if it has never been well-formed, the general schema of its kind, found by its
-        `scalars`. None for files that are not documents.
+        """Return the schema of a document, or None for files that are not documents.
+
+        If the document has never been well-formed, return the general schema of its kind, which is determined by its `scalars`.
         """
         tree = analysis.tree
         if tree is None:
@@ -166,7 +166,7 @@ class AvailableNames:
 
 
 class _Parts:
-    """The reachable parts with cached answers. Workers are asked for missing schemas; no parts are built."""
+    """The available parts with cached results. Missing schemas are requested from workers. No parts are built."""
 
     def __init__(self, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
         self._at_hand = at_hand
@@ -181,7 +181,7 @@ class _Parts:
         return [] if self._at_hand is None else self._at_hand.service.not_python()
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """See `AvailableParts`. Pending parts are left out."""
+        """See `AvailableParts`. Pending parts are omitted."""
         answers = {} if self._at_hand is None else self._at_hand.describe(references)
         known = {name: one for name, one in answers.items() if not isinstance(one, PartFailure) or one.kind != WAITED_FOR}
         if len(known) < len(answers):
@@ -194,16 +194,17 @@ class _Parts:
 
 
 QUIET = 0.3
-"""Time [s] without new requests before definitions are built: a user who types `120 mm` does not need a part of 1 mm."""
+"""Time [s] without new requests before parts are built. While a user types `120 mm`, no part of 1 mm is needed."""
 IMPATIENT = 1.0
-"""Time [s] after which the workers of an obsolete request are ended."""
+"""Time [s] after which workers that process an obsolete request are ended."""
 
 Answered = Callable[["Workspace", Mapping[str, PartFailure], Mapping[str, PartFailure]], None]
-"""`answered(workspace, undescribed, failed)`: all answers are in the store, except these failures, by reference and by definition text."""
+"""Callback `answered(workspace, undescribed, failed)`: all results are in the store, except failures by reference and by definition text.
+"""
 
 
 class BackgroundWorkers:
-    """A thread that sends the latest requests to workers, and calls `answered`."""
+    """A thread that sends the latest requests to workers and then calls `answered`."""
 
     def __init__(self, workspace: Workspace, store: Store, options: Options, answered: Answered) -> None:
         self.workspace = workspace
@@ -217,7 +218,7 @@ class BackgroundWorkers:
         self._thread: threading.Thread | None = None
 
     def want(self, wanted: PendingRequests) -> None:
-        """Replace the pending requests. Requests that were answered are not repeated."""
+        """Replace the pending requests. Requests that already have results are not repeated."""
         with self._changed:
             if self._ended or wanted == self._wanted or wanted.within(self._asked):
                 return
@@ -229,7 +230,7 @@ class BackgroundWorkers:
             self._give_up_soon()
 
     def renew(self) -> None:
-        """Forget all requests, so that they are sent again after a file of parts was saved."""
+        """Forget all requests. They are sent again, because a file of parts was saved."""
         with self._changed:
             self._asked, self._wanted = PendingRequests(), PendingRequests()
             self._give_up_soon()
@@ -248,7 +249,7 @@ class BackgroundWorkers:
             timer.start()
 
     def _give_up(self, work: PendingRequests) -> None:
-        """End the workers if they still work on an obsolete request."""
+        """End the workers if they still process an obsolete request."""
         with self._changed:
             if self._at_work is not work or self._wanted is work or self._ended:
                 return
@@ -279,7 +280,7 @@ class BackgroundWorkers:
             self._answered(self.workspace, undescribed, failed)
 
     def _found_out(self, work: PendingRequests, workers: EndingWorkers) -> tuple[dict[str, PartFailure], dict[str, PartFailure]]:
-        """Compute all requests; answers are in the store then. Returns the failures, by reference and by definition text."""
+        """Compute all requests and cache the results in the store. Return the failures, by reference and by definition text."""
         service = geometry_of(self.workspace, self._options, self._store, workers=workers)
         definitions = [definition for definition, _ in work.definitions.values()]
         convex = {text for text, (_, pieces) in work.definitions.items() if pieces}

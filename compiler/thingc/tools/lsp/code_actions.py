@@ -1,4 +1,4 @@
-"""Diagnostics in LSP format, and edits: fixes (as in `thingc check --fix`), missing components, formatting."""
+"""Convert diagnostics to LSP, and compute edits: fixes (as in `thingc check --fix`), missing components, and formatting."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from thingc.tools.lsp.analysis import Analysis, is_document_path
 from thingc.tools.lsp.positions import TextLines, TextPlace, equal_ends
 
 MOST_LINES = 3000
-"""Maximum number of changed lines to compare one by one; for more, there is one edit."""
+"""Maximum number of changed lines that are compared individually. Above it, the result is a single edit."""
 
 
 def edits(before: TextLines, after: str) -> list[dict[str, Any]]:
-    """Return the LSP edits from one text to another, empty if they are equal."""
+    """Return the LSP edits that convert one text to another, or an empty list if they are equal."""
     old, new = before.with_breaks(), TextLines(after).with_breaks()
     top, end = equal_ends(old, new)
     old_middle, new_middle = old[top : len(old) - end], new[top : len(new) - end]
@@ -39,12 +39,12 @@ def edits(before: TextLines, after: str) -> list[dict[str, Any]]:
 
 
 def _start(lines: TextLines, number: int) -> int:
-    """Return the offset of a line (from 0), or of the end of the text."""
+    """Return the offset of a line (from 0), or the offset of the end of the text."""
     return lines.starts[number] if number < len(lines.starts) else len(lines.text)
 
 
 def formatted(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the edits that format a document; None if it is not a well-formed document."""
+    """Return the edits that format a document, or None if it is not a well-formed document."""
     after = format_document(analysis.path, text.encode(errors="surrogatepass"), Report()) if analysis.documents is not None else None
     return None if after is None else edits(analysis.lines(), after.decode())
 
@@ -54,9 +54,9 @@ _TOP = {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 0}
 
 
 def by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
-    """Return the diagnostics in LSP format by absolute path of their file.
+    """Return the diagnostics in LSP format by the absolute path of their file.
 
-    Diagnostics without an existing file (for example a missing lock) belong to the document, which is always included.
+    Diagnostics whose file does not exist (such as a missing lock file) are assigned to the document. The document is always included.
     """
     return analysis.once("said", lambda: _by_file(analysis))
 
@@ -70,9 +70,9 @@ def _by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
 
 
 def as_protocol(diagnostic: Diagnostic, span: Span | None, analysis: Analysis) -> dict[str, Any]:
-    """Convert a diagnostic at a span (None: the beginning of the file).
+    """Convert a diagnostic to LSP. If `span` is None, use the beginning of the file.
 
-    The help is a separate line, notes with a location are related information.
+    The help is a separate line. Notes with a location become related information.
     """
     loose = [note.message for note in diagnostic.notes if note.span is None]
     words = [diagnostic.message, *([] if diagnostic.help is None else [diagnostic.help]), *loose]
@@ -118,7 +118,7 @@ def _fixes(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any
 
 
 def _sure(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:
-    """Return the edits of `--fix` for a diagnostic."""
+    """Return the edits that `--fix` makes for a diagnostic."""
     documents = () if analysis.documents is None else tuple(analysis.documents.by_path.values())
     return safe_edits(
         CheckResult(found=[diagnostic], documents=documents), {}, is_document_path,
@@ -127,7 +127,7 @@ def _sure(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:
 
 
 def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any]]:
-    """Yield the action that adds a missing component: of the part with this name, else a frame with the mounts in use."""
+    """Yield the action that adds a missing component: a part of this name if it exists, else a frame with the mounts in use."""
     document = None if analysis.documents is None else analysis.documents.root
     if diagnostic.code is not Code.UNKNOWN_COMPONENT or diagnostic.span is None or document is None or document.text != analysis.text:
         return
@@ -152,7 +152,7 @@ def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[d
 
 
 def _as_name(text: str) -> str:
-    """Convert the name of a class to that of a component: `RotorBrace` to `rotor_brace`."""
+    """Convert the name of a class to the name of a component: `RotorBrace` becomes `rotor_brace`."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", text).lower()
 
 

@@ -1,7 +1,7 @@
-"""Completion: keys, names, words, mounts, units, and names in expressions.
+"""Complete keys, names, words, mounts, units, and names in expressions.
 
-Most items come from the schema of the document (`tools/schemas/`), walked along the path of the cursor. The rest needs the robot: frames of
-mounts, units that fit, numbered items of a `repeat`.
+Most items come from the schema of the document (`tools/schemas/`) at the path of the cursor. Other items require the robot: frames of
+mounts, units that fit, and numbered items of a `repeat`.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ COMPOUND = (
     "mm^2", "cm^2", "m^2", "mm^3", "cm^3", "m^3", "kg/m^3", "g/cm^3", "mm/s", "m/s", "deg/s", "rad/s", "m/s^2", "N*m", "N*mm", "kgf*cm",
     "kg*m^2", "g*cm^2", "N*m*s/rad", "N*s/m", "N*m/rad", "N*m/deg", "N/m", "N/mm", "mm/rad", "mm/rev", "rad/m",
 )
-"""Compound units that are offered; documents can use others, too."""
+"""Compound units that are offered. Documents can also use others."""
 _DIMENSIONS: dict[str, Dimension] = {
     **{name: unit[2] for name, unit in UNITS.items()}, **{name: parse_quantity(f"1 {name}").dimension for name in COMPOUND},
 }
 _FIRST = ("mm", "deg", "g", "kg", "ms", "s", "N", "N*m", "rad", "m")
-"""The most frequent units, first in lists."""
+"""The most common units, which are listed first."""
 
 
 _USUAL = ("params", "parameters", "attach", "at", "limit", "drive", "components", "joints", "poses", "modes", "pose", "value")
-"""The most frequent optional keys."""
+"""The most common optional keys."""
 
 
 class CompletionItem(FrozenStruct):
-    """A completion item:
+    """A completion item that replaces the characters from `start` to before `end` by `text`.
 
-    `text` replaces the characters from `start` to before `end`; `shown` is its label. Items are sorted by ascending `rank`.
+    `shown` is its label. Items are sorted by ascending `rank`.
     """
 
     shown: str
@@ -68,7 +68,7 @@ class CompletionItem(FrozenStruct):
 
 
 def completion(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the LSP completion list at a place."""
+    """Return the LSP completion list for a position."""
     lines = analysis.lines()
     offered = items(analysis, text, lines.index(place))
     answer = [
@@ -84,7 +84,7 @@ def completion(analysis: Analysis, text: str, place: TextPlace, params: Mapping[
 
 
 def items(analysis: Analysis, text: str, offset: int) -> list[CompletionItem]:
-    """Return the completion items before the character `offset`, the most likely first."""
+    """Return the completion items at the offset `offset`, the most likely item first."""
     cursor = cursor_at(text, offset, toml=analysis.path.lower().endswith(".toml"))
     known = analysis.known
     schema = None if cursor is None or known.in_reach is None else known.in_reach.schema_of(known, cursor.scalars)
@@ -98,7 +98,7 @@ def items(analysis: Analysis, text: str, offset: int) -> list[CompletionItem]:
 
 
 class _Asked:
-    """One request: the document, the cursor in it and the schema."""
+    """A completion request: the document, the cursor and the schema."""
 
     def __init__(self, analysis: Analysis, text: str, offset: int, cursor: Cursor, walk: SchemaWalk) -> None:
         self.analysis = analysis.known
@@ -111,7 +111,7 @@ class _Asked:
     # --- keys ---------------------------------------------------------------------------------------------------------
 
     def keys(self) -> Iterator[CompletionItem]:
-        """Yield the keys that the mapping may have in addition."""
+        """Yield the keys that can be added to the mapping."""
         for number, offer in enumerate(self.walk.key_offers(self.cursor.path)):
             if self.cursor.header and not offer.mapping:
                 continue
@@ -145,7 +145,7 @@ class _Asked:
     # --- values -------------------------------------------------------------------------------------------------------
 
     def values(self) -> Iterator[CompletionItem]:
-        """Yield the possible values, or completions of what is typed."""
+        """Yield the possible values that match the typed text."""
         typed = self.cursor.typed
         if typed.lstrip().startswith("="):
             yield from self._in_expression()
@@ -173,13 +173,13 @@ class _Asked:
                     yield self._item(f"={name}", self._quoted(f"={name}"), _VARIABLE, rank=100, detail=quantity.shown(6))
 
     def _word(self, word: str, *, rank: int, description: str) -> CompletionItem:
-        """Create an item for a word of the schema: a name, a part, a document."""
+        """Create an item for a word of the schema, such as a name, a part or a document."""
         kind, detail, text = _VALUE, "", self._quoted(word)
         if self.cursor.path[-1:] == ("part",):
             kind, detail = _CLASS, ", ".join(self.walk.parameters_of(word))
             module = f"{word.partition(':')[0]}:"
             if any(path[-1:] == ("part",) and one.startswith(module) for path, one in self.cursor.scalars.items()):
-                rank -= 1000  # the document uses parts of this module
+                rank -= 1000  # the document already uses parts of this module
             text += self._params(word)
         elif "." in word and (frame := frame_words(self.analysis, word)):
             kind, detail = _REFERENCE, frame
@@ -188,7 +188,7 @@ class _Asked:
         return self._item(word, text, kind, rank=rank, detail=detail, description=description)
 
     def _params(self, part: str) -> str:
-        """Return the text of the required `params:` of a part, with example values; empty if not needed."""
+        """Return the text of the required `params:` of a part with example values, or an empty string if none are required."""
         owner = self.cursor.path[:-1]
         needed = self.walk.needed_parameters(part)
         if not needed or "params" in self.cursor.keys.get(owner, ()) or self.cursor.quote:
@@ -203,14 +203,14 @@ class _Asked:
         return f"\n{' ' * (len(line) - len(line.lstrip()))}params: {{{pairs}}}"
 
     def _behind_dot(self) -> Iterator[CompletionItem]:
-        """Yield completions of a reference up to a dot: mounts of a component, and nested components."""
+        """Yield completions of a reference after a dot: mounts of a component, and nested components."""
         head = self.cursor.typed[: self.cursor.typed.rindex(".") + 1]
         start = self.cursor.start + len(head)
         mounts: dict[str, str] = {}
         for offer in self.walk.value_offers(self.cursor.path):
             if isinstance(offer.value, str) and offer.value.startswith(head) and not self._own(offer.value):
                 mounts.setdefault(offer.value, offer.description)
-        if not mounts and self.walk.takes_mounts(self.cursor.path):  # the last valid document did not have the component
+        if not mounts and self.walk.takes_mounts(self.cursor.path):  # the component is not in the last valid document
             mounts = dict(self.walk.mounts_of(head.rstrip(".")))
         for number, (word, description) in enumerate(mounts.items()):
             rest = word[len(head) :]
@@ -244,7 +244,7 @@ class _Asked:
                 )
 
     def _own(self, word: str) -> bool:
-        """Return whether a word refers to the element itself, for example a mount of the same component."""
+        """Return whether a word refers to the element itself, for example to a mount of the same component."""
         path = self.cursor.path
         if path[:1] == ("components",) and len(path) > 2 and path[2] in ("attach", "at"):
             return path[-1] != "mount" and re.fullmatch(rf"{re.escape(str(path[1]))}(_(\d+|\$\w+))?", word.partition(".")[0]) is not None
@@ -254,7 +254,7 @@ class _Asked:
         return len(path) > 2 and path[-1] in ("extends", "joint") and word == path[1]
 
     def _taken(self, word: str) -> bool:
-        """Return whether another value of the same kind has the same word; then it is offered last."""
+        """Return whether another value of the same kind already uses the word. Such items are listed last."""
         kind = self.cursor.path[-1:]
         if kind not in (("drive",), ("parent",), ("child",)) and self.cursor.path[2:3] != ("attach",):
             return False
@@ -265,7 +265,7 @@ class _Asked:
     # --- quantities and expressions ----------------------------------------------------------------------------------
 
     def _dimensions(self) -> tuple[Dimension, ...]:
-        """Return the possible dimensions of the value; for limits of a joint, those of its type."""
+        """Return the possible dimensions of the value. For limits of a joint, they depend on its type."""
         path = self.cursor.path
         dimensions = self.walk.dimensions(path)
         if set(dimensions) != {ANGLE, LENGTH}:
@@ -277,7 +277,7 @@ class _Asked:
         return ((ANGLE,) if known[-1].angle else (LENGTH,)) if known else dimensions
 
     def _units(self, start: int, end: int, close: bool) -> Iterator[CompletionItem]:
-        """Yield the units that fit a number that ends at `start`; `close`: there is no space after it."""
+        """Yield the units that fit a number that ends at `start`. `close` specifies that no space follows the number."""
         dimensions = self._dimensions()
         for number, unit in enumerate(_by_use(dimensions)):
             space = " " if close and unit != "°" else ""
@@ -287,7 +287,7 @@ class _Asked:
             )
 
     def _in_expression(self) -> Iterator[CompletionItem]:
-        """Yield the names in an expression: parameters, functions and constants; after a number, units."""
+        """Yield the names that an expression can use here: parameters, functions and constants, or units after a number."""
         match = _IN_EXPRESSION.search(self.cursor.typed)
         if match is None:
             return
@@ -319,7 +319,7 @@ class _Asked:
             yield offer(shown=name, text=name, kind=_CONSTANT, rank=201, detail=quantity.shown(6))
 
     def _parameters(self) -> Iterator[tuple[str, Quantity]]:
-        """Yield the parameters of the document that an expression may use here."""
+        """Yield the parameters of the document that an expression can use here."""
         for name, quantity in parameters_of(self.analysis).items():
             if isinstance(quantity, Quantity) and self.cursor.path[:2] != ("parameters", name):
                 yield name, quantity
@@ -336,7 +336,7 @@ class _Asked:
         )
 
     def _quoted(self, word: str) -> str:
-        """Quote a word as needed at this place: not inside quotes; always in TOML; in YAML if necessary."""
+        """Quote a word if necessary: always in TOML, in YAML only if required, and never inside quotes."""
         cursor = self.cursor
         if cursor.quote:
             return word if self.text.startswith(cursor.quote, cursor.end) else f"{word}{cursor.quote}"
@@ -345,7 +345,7 @@ class _Asked:
 
 
 def _by_use(dimensions: tuple[Dimension, ...]) -> list[str]:
-    """Return the units of these dimensions, the most frequent first."""
+    """Return the units of these dimensions, the most common units first."""
     fitting = [name for name, one in _DIMENSIONS.items() if one in dimensions or any(fits(one, other) for other in dimensions)]
     return sorted(fitting, key=lambda name: _FIRST.index(name) if name in _FIRST else len(_FIRST))
 

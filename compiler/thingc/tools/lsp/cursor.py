@@ -1,8 +1,8 @@
-"""Find the context of the cursor in a document that may not parse, and the keys and scalars of the document.
+"""Find the context of the cursor in a document that may not be parsable, and the keys and scalars of the document.
 
-For incomplete keys and values, open brackets or quotes, and empty lines, this finds the path of keys, whether a key or a value is expected,
-the typed text, and the characters that a completion replaces. This module contains the readers for YAML and TOML; `scan.py` has their
-common code.
+For incomplete keys and values, open brackets or quotes, and empty lines, this module finds the path of keys, the kind of token that is
+expected (key or value), the typed text, and the characters that a completion replaces. It contains the readers for YAML and TOML. Their
+common code is in `scan.py`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LINE_OF_TABLE = re.compile(
 
 @dataclass(slots=True)
 class TomlScan(Scan):
-    """TOML that may not parse: tables by their headers, lines of `key = value`; the rest as far as possible."""
+    """Scanner of TOML that may not be parsable. It reads headers of tables and lines `key = value`, and other text as far as possible."""
 
     table: Path = ()
     counts: dict[Path, int] = field(default_factory=dict)
@@ -96,11 +96,11 @@ class TomlScan(Scan):
             at += 1
 
     def ends_flow(self, line: int, column: int) -> bool:
-        """Return whether the line has a key of its own, or is a header (see `Scan`)."""
+        """Return whether the line has its own key or is a header (see `Scan`)."""
         return _LINE_OF_TABLE.match(self.text, line) is not None
 
     def quotes(self, at: int, column: int) -> tuple[int, int, int]:
-        """See `Scan`. Three quotes may span lines, one may not."""
+        """See `Scan`. Only values in triple quotes can span several lines."""
         quote = self.text[at]
         if self.text.startswith(quote * 3, at):
             close = self.text.find(quote * 3, at + 3)
@@ -126,7 +126,7 @@ _PLAIN_KEY_IN_FLOW = re.compile(r"(?:[^,{}\[\]\r\n:# \t]|:(?![\s,{}\[\]]|$)|[ \t
 class _Frame:
     """An unfinished block mapping or list: the column of its keys or dashes, its path, and its last key or index.
 
-    `state` of the last entry: `open` (no value yet), `scalar` (a plain value, which may continue), `done`.
+    `state` describes the last entry: `open` (no value yet), `scalar` (a plain value, which may continue on the next line), or `done`.
     """
 
     column: int
@@ -142,7 +142,7 @@ class _Frame:
 
 @dataclass(slots=True)
 class YamlScan(Scan):
-    """YAML that may not parse: blocks by their columns; the rest as far as possible."""
+    """Scanner of YAML that may not be parsable. It reads blocks by their columns, and other text as far as possible."""
 
     stack: list[_Frame] = field(default_factory=lambda: [_Frame(0, (), False)])
 
@@ -176,7 +176,7 @@ class YamlScan(Scan):
         return self.text[here] == "-" and (here + 1 >= end or self.text[here + 1] in " \t")
 
     def _blank(self, column: int) -> None:
-        """Handle a cursor on an empty line or in its indentation."""
+        """Process a cursor on an empty line or in its indentation."""
         top = self.stack[-1]
         if top.state == "open" and (column > top.column or (top.sequence and column >= top.column)):
             self.place = CursorPlace(role="key", path=top.inner(), start=self.target, end=self.target, either=True)
@@ -230,7 +230,7 @@ class YamlScan(Scan):
         return self.text[here : end if comment is None else comment.start()].rstrip(" \t")
 
     def _word(self, here: int, end: int, path: Path, *, either: bool = False) -> int:
-        """Handle a line, from `here` on, that is not yet an entry of the mapping at a path."""
+        """Process the text from `here` on, which is not yet an entry of the mapping at a path."""
         quote = self.text[here] if self.text[here] in "\"'" else ""
         start, stop = here + len(quote), here + len(self._written(here, end))
         comment = self.text.find("#", stop, end)
@@ -266,9 +266,9 @@ class YamlScan(Scan):
         return self.behind_value(after)
 
     def _text_block(self, end: int, frame: _Frame) -> int:
-        """Read a block scalar after `|` or `>`: lines that are indented further than its key, and empty lines.
+        """Read a block scalar after `|` or `>`: empty lines, and lines with more indentation than its key.
 
-        Returns the start of the next line.
+        Return the start of the next line.
         """
         frame.state = "done"
         at = self.after_break(end)
@@ -294,19 +294,18 @@ class YamlScan(Scan):
         return [Token(name=name, start=at, end=at + len(name))], end
 
     def ends_flow(self, line: int, column: int) -> bool:
-        """Return whether the line is indented no further than the key, and begins a block entry (see `Scan`)."""
+        """Return whether the line starts a block entry and is not indented more than the key (see `Scan`)."""
         match = _LINE_OF_BLOCK.match(self.text, line)
         return match is not None and len(match.group(1)) <= column
 
 
 class Cursor(CursorPlace):
-    """The cursor in a text; positions are offsets in characters.
+    """The cursor in a text. Positions are offsets in characters.
 
-    `typed` is the text from `start` to the cursor; a completion replaces `start` to before `end`, on the same line. `separated`: a key
-    already has its `:` or `=`. `toml`: the language is TOML.
+    `typed` is the text from `start` to the cursor. A completion replaces the text from `start` to before `end`, on the same line.
+    `separated` specifies that a key already has its `:` or `=`. `toml` specifies that the language is TOML.
 
-    `keys` and `scalars` are those of the whole text: the keys of every mapping (without the one at the cursor), and the text of every
-    scalar.
+    `keys` are the keys of every mapping in the text, without the key at the cursor, and `scalars` the text of every scalar.
     """
 
     typed: str
@@ -317,7 +316,7 @@ class Cursor(CursorPlace):
 
 
 def cursor_at(text: str, offset: int, *, toml: bool) -> Cursor | None:
-    """Return the cursor before the character `offset`; None in comments and multi-line texts, where nothing is completed."""
+    """Return the cursor at the offset `offset`, or None in comments and multi-line strings, where nothing is completed."""
     scan: Scan = (TomlScan if toml else YamlScan)(text, offset)
     scan.run()
     place = scan.place

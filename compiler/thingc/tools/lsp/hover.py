@@ -22,7 +22,7 @@ _CODES = {code.code: code for code in Code}
 
 
 def hover(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the LSP hover at a place, None if there is none."""
+    """Return the LSP hover at a position, or None."""
     lines = analysis.lines()
     cursor = cursor_at(text, lines.index(place), toml=analysis.path.lower().endswith(".toml"))
     if cursor is None or cursor.start == cursor.end:
@@ -34,7 +34,7 @@ def hover(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, 
 
 
 def words_at(analysis: Analysis, cursor: Cursor, written: str) -> str:
-    """Return the Markdown for the key or value `written` at a cursor, empty if there is nothing to show."""
+    """Return the Markdown for the key or value `written` at a cursor, or an empty string."""
     if cursor.role == "key" and written in _CODES:
         code = _CODES[written]
         return f"**{code.code}**: {code.title}\n\nFix: {code.cure}\n\nRun `thingc explain {code.code}` for details."
@@ -50,7 +50,7 @@ def words_at(analysis: Analysis, cursor: Cursor, written: str) -> str:
 
 
 def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
-    """Format the value of a quantity or an expression."""
+    """Format the value of a quantity or expression."""
     values = evaluate_expression(analysis, cursor.path, written)
     if not values or (not written.startswith("=") and not written.strip()[-1:].isalpha()):
         return ""
@@ -86,7 +86,7 @@ def _referred(analysis: Analysis, path: Path, written: str) -> str:
         return _of_mode(analysis, written)
     if key == "joint":
         return _of_joint(analysis, written)
-    if written.count("$") == 1:  # inside a repeat: the first match
+    if written.count("$") == 1:  # inside a repeat, use the first match
         items = re.compile(re.sub(r"\\\$[A-Za-z]\w*", r"\\w+", re.escape(written)))
         written = next(filter(items.fullmatch, analysis.facts.mounts), written)
     return _of_mount(analysis, written) or _of_component(analysis, written) or (_of_joint(analysis, written) if key == "drive" else "")
@@ -107,7 +107,7 @@ def _of_parameter(analysis: Analysis, name: str) -> str:
 
 
 def _of_component(analysis: Analysis, name: str) -> str:
-    """Describe a component: what it is, its mass and its pose."""
+    """Describe a component: its kind, its mass and its pose."""
     facts = analysis.facts
     piece = next((one for one in facts.pieces if name == one.name or name in one.items), None)
     what = piece.what if piece is not None else facts.components.get(name, "")
@@ -181,7 +181,7 @@ def _motion(edge: JointEdge) -> str:
 
 
 def _of_pose(analysis: Analysis, name: str) -> str:
-    """Describe a pose: the joint values (patterns and nested poses resolved), and the modes that start in it."""
+    """Describe a pose: the joint values, with patterns and nested poses resolved, and the modes that start in it."""
     model = analysis.model
     pose = None if model is None else next((one for one in model.poses if one.name == name and name in analysis.facts.poses), None)
     if model is None or pose is None:
@@ -198,7 +198,7 @@ def _of_pose(analysis: Analysis, name: str) -> str:
 
 
 def _of_mode(analysis: Analysis, name: str) -> str:
-    """Describe a mode: its root, base and start pose."""
+    """Describe a mode: its root, its base and its start pose."""
     mode = None if analysis.model is None else next((one for one in analysis.model.modes if one.name == name and one.stated), None)
     if mode is None:
         return ""

@@ -1,6 +1,6 @@
-"""Navigation and renaming of names in documents and modules of parts; symbols, folding and semantic tokens of a document.
+"""Navigation and renaming of names in documents and in modules of parts, and symbols, folding and semantic tokens of a document.
 
-If the text cannot be parsed, names are those of the last text that could, on lines that have not changed; renaming is not possible.
+If the text cannot be parsed, the names of the last parsable text are used on lines that have not changed. Renaming is not possible then.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _KINDS = {
     "component": 5, "joint": 6, "parameter": 13, "pose": 24, "mode": 10, "mount": 11, "export": 11, "sensor": 8, "test": 17, "link": 23,
     "material": 14, "index": 13, "part": 5, "part mount": 8, "part parameter": 13,
 }
-"""Symbol kinds of LSP by kind of name: a component is a class, a joint a method, a pose an event, ..."""
+"""Symbol kinds of LSP by kind of name. For example, a component is a class, a joint a method, and a pose an event."""
 MAX_SYMBOLS = 500
 
 
@@ -41,30 +41,33 @@ class _Names:
         self.now, self.then = steady(known, analysis.text), steady(analysis.text, known)
 
     def at(self, place: TextPlace) -> NamePlace | None:
-        """Return the name at a place of the text, None if there is none."""
+        """Return the name at a position of the text, or None."""
         path = self.analysis.path
         cursor = self.then(Span(file=path, line=place.line, column=place.column, end_line=place.line, end_column=place.column))
         return None if cursor is None else self.sight.index.at(path, cursor.line, cursor.column)
 
     def range(self, span: Span) -> Any:
-        """Return the LSP range of a span; None if its line has changed."""
+        """Return the LSP range of a span, or None if its line has changed."""
         where = self.now(span) if span.file == self.analysis.path else span
         return None if where is None else TextLines(self.sight.read(span.file) or "").range(where)
 
     def locations(self, spans: Iterable[Span]) -> list[dict[str, Any]]:
-        """Return LSP locations of spans, in order."""
+        """Return the LSP locations of spans, in order."""
         places = ((span, self.range(span)) for span in dict.fromkeys(spans))
         return [{"uri": self.analysis.uri(span.file), "range": there} for span, there in places if there is not None]
 
 
 def _names(analysis: Analysis, *, near: bool = False) -> _Names | None:
-    """Return the names visible from a document (`near`: only in it and in documents that it names); None if it is not in a workspace."""
+    """Return the names visible from a document, or None if it is not in a workspace.
+
+    With `near`, only the document and the documents that it refers to are searched.
+    """
     workspace = analysis.known.workspace or Workspace.find(analysis.path, Report())
     if workspace is None:
         return None
     documents = analysis.known.documents
     last = [documents.root] if documents is not None and not analysis.whole else []
-    near = near and analysis.known.kind == "assembly"  # documents that variants name are not among their documents
+    near = near and analysis.known.kind == "assembly"  # a document with variants does not contain the documents that the variants use
     only = [one.path for one in documents.by_path.values()] if near and documents is not None else None
     return _Names(analysis, index_workspace(workspace, {path: one.text for path, one in analysis.open.items()}, last, only))
 
@@ -76,7 +79,7 @@ def _found(analysis: Analysis, place: TextPlace, *, near: bool = False) -> tuple
 
 
 def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return where the name at a place is declared; for a declaration in Python, the documents that use it."""
+    """Return the declaration of the name at a position. For a declaration in Python, return the documents that use it."""
     named = _found(analysis, place, near=not analysis.path.endswith(".py"))
     if named is None:
         return []
@@ -112,7 +115,7 @@ def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 
 def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the name at a place, None if there is none. Raises `RenameRefused` if it cannot be renamed."""
+    """Return the name at a position, or None. Raises `RenameRefused` if it cannot be renamed."""
     named = _found(analysis, place)
     if named is None:
         return None
@@ -124,7 +127,7 @@ def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any)
 
 
 def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the edits that rename the name at a place everywhere. Raises `RenameRefused`, with the reason."""
+    """Return the edits that rename the name at a position everywhere. Raises `RenameRefused` with the reason."""
     named = _found(analysis, place)
     if named is None:
         raise RenameRefused("there is no name here")
@@ -141,7 +144,7 @@ def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
 
 
 def workspace_symbols(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the names of a workspace that contain the letters of the query in this order."""
+    """Return the names in a workspace that contain the letters of the query in the given order."""
     names, wanted = _names(analysis), params.get("query", "").lower()
     symbols: list[dict[str, Any]] = []
     for one in names.sight.index.places if names is not None else ():
@@ -160,7 +163,7 @@ def _has(text: str, letters: str) -> bool:
 
 
 TOKENS = ("parameter", "variable", "function", "number", "unit")
-"""Token types in expressions: `variable` is a constant or the index of a repeat. LSP has no `unit`; editors get `keyword`."""
+"""Token types in expressions. `variable` is a constant or the index of a repeat. LSP has no type `unit`, so editors get `keyword`."""
 _SECTIONS = {
     "components": 5, "joints": 6, "parameters": 13, "poses": 24, "modes": 10, "mounts": 11, "sensors": 8, "tests": 17, "links": 23,
     "tendons": 6, "materials": 14, "choices": 10, "list": 18,
@@ -175,7 +178,7 @@ def symbols(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any
 
 
 def _symbols_in(analysis: Analysis, mapping: Node | None, kind: int | None) -> list[dict[str, Any]]:
-    """Return the keys of a mapping as symbols of a `kind`; None: they are sections, which contain names."""
+    """Return the keys of a mapping as symbols of a `kind`. If it is None, the keys are sections, which contain names."""
     if not isinstance(mapping, MappingNode):
         return []
     listed = []
@@ -192,7 +195,7 @@ def _symbols_in(analysis: Analysis, mapping: Node | None, kind: int | None) -> l
 
 
 def folds(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the folding ranges: values on several lines, from the line of the key on, and comments."""
+    """Return the folding ranges: comments, and values on several lines, which start at the line of the key."""
     ends: dict[int, int] = {}
     for key, node in _inside(analysis.known.tree):
         whole = _now(analysis, _around(key, node))
@@ -215,7 +218,7 @@ def _comments(text: str) -> Iterator[dict[str, Any]]:
 
 
 def tokens(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the semantic tokens of expressions, in LSP's relative encoding, with the types of `TOKENS`."""
+    """Return the semantic tokens of expressions in LSP's relative encoding, with the types in `TOKENS`."""
     known = analysis.known
     if known.documents is None:
         return None
@@ -262,14 +265,14 @@ def _inside(node: Node | None) -> Iterator[tuple[Span, Node]]:
 
 
 def _around(key: Span, node: Node) -> Span:
-    """Return the span of a key and its value (in TOML, a table may begin before its key)."""
+    """Return the span of a key and its value. In TOML, a table may start before its key."""
     begin = min((key.line, key.column), (node.span.line, node.span.column))
     end = max((key.end_line, key.end_column), (node.span.end_line, node.span.end_column))
     return Span(file=key.file, line=begin[0], column=begin[1], end_line=end[0], end_column=end[1])
 
 
 def _now(analysis: Analysis, span: Span) -> Span | None:
-    """Convert a span of the text that names come from to the current text; None if its lines have changed."""
+    """Convert a span in the text that provides names to the current text, or None if its lines have changed."""
     known = analysis.known
     if known.whole and known is analysis:
         return span

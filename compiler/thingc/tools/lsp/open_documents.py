@@ -1,4 +1,4 @@
-"""The open documents of an editor and their analyses, which are repeated when a dependency changes."""
+"""Manage the open documents of an editor and their analyses, which are repeated when a dependency changes."""
 
 from __future__ import annotations
 
@@ -28,27 +28,27 @@ from thingc.tools.lsp.cached_parts import AvailableNames, BackgroundWorkers, Cac
 from thingc.tools.lsp.code_actions import by_file
 
 Publish = Callable[[str, "int | None", "list[dict[str, Any]]"], None]
-"""`publish(uri, version, diagnostics)`; the version is None for a file that is not open."""
+"""Callback `publish(uri, version, diagnostics)`. The version is None for a file that is not open."""
 
 PAUSE = 0.1
 """Polling interval [s] for files on disk."""
 HEAD = 70_000
-"""Number of characters of a file in which the key `thingc` is searched."""
+"""Number of characters at the beginning of a file that are searched for the key `thingc`."""
 IMPATIENT = 0.2
-"""Time [s] for which changes do not interrupt the analysis of the active document. Analyses of other documents are interrupted at once."""
+"""Time [s] during which changes do not interrupt the analysis of the active document. Other analyses are interrupted immediately."""
 
 
 class Superseded(Exception):
-    """The texts have changed during an analysis."""
+    """Raised if the texts have changed during an analysis."""
 
 
 class OpenDocuments:
     """The open texts of an editor and their analyses.
 
-    One thread changes the texts (`put`, `take_away`, `saved`), another one analyses them: `next` analyses one document and publishes its
-    diagnostics, `analysis` serves a request. `options` specify whether code of workspaces may run, and the store. `refused` converts an
-    exception to a diagnostic. `wake` is called if `next` has work that no change of a text has caused: workers have answered, or a file was
-    saved by another program.
+    One thread changes the texts (`put`, `take_away`, `saved`). Another thread analyses them: `next` analyses one document and publishes its
+    diagnostics, and `analysis` serves a request. `options` specify the store and whether code of workspaces may run. `refused` converts an
+    exception to a diagnostic. `wake` is called if `next` has work for another reason: workers have finished, or another program saved a
+    file.
     """
 
     def __init__(self, options: Options, publish: Publish, refused: Callable[[Exception], Diagnostic], wake: Callable[[], None]) -> None:
@@ -80,22 +80,22 @@ class OpenDocuments:
             self._note(path)
 
     def take_away(self, path: str) -> None:
-        """Close a file: its content on disk is used."""
+        """Close a file. Its content on disk is used from now on."""
         with self._lock:
             self.texts = {one: text for one, text in self.texts.items() if one != path}
             self._note(path)
 
     def saved(self, path: str) -> None:
-        """Update after a file on disk has changed. For open documents, the text of the editor is used."""
+        """Update after a file on disk has changed. Open documents keep the text in the editor."""
         with self._lock:
             if path not in self.texts or not is_document_path(path):
                 for root in [root for root, one in self._at_hand.items() if path in one.inputs]:
-                    del self._at_hand[root]  # its answers are outdated
+                    del self._at_hand[root]  # its results are outdated
                     self._workers[root].renew()
                 self._note(path)
 
     def _note(self, path: str) -> None:
-        """Mark a file, and everything that depends on it, as outdated."""
+        """Mark a file and everything that depends on it as outdated."""
         self._changes += 1
         self._outdated[path] = None
         for one, analysis in self._analyses.items():
@@ -105,7 +105,7 @@ class OpenDocuments:
     # --- analyses ------------------------------------------------------------------------------------------------
 
     def next(self) -> bool:
-        """Analyse one outdated document, the active one first, and publish the diagnostics. Returns whether there was one."""
+        """Analyse one outdated document, preferably the active one, and publish its diagnostics. Return whether there was one."""
         with self._lock:
             path = self._recent if self._recent in self._outdated else next(iter(self._outdated), None)
             if path is not None and path not in self.texts:
@@ -123,7 +123,7 @@ class OpenDocuments:
         return True
 
     def analysis(self, path: str) -> Analysis:
-        """Return the current analysis of a file. Raises `Superseded` if the texts have changed and the analysis takes long."""
+        """Return the current analysis of a file. Raises `Superseded` if the texts change while a long analysis is running."""
         with self._lock:
             known = self._analyses.get(path)
             if known is not None and path not in self._outdated:
@@ -143,7 +143,7 @@ class OpenDocuments:
             self._analyses[path] = analysis
             self._watched.note(analysis.looked_at)
         if known is None:
-            gc.freeze()  # most objects live as long as the document is open, and collecting them takes longer than several keystrokes
+            gc.freeze()  # most objects live as long as the document is open, and a garbage collection takes longer than several keystrokes
         return analysis
 
     def _analysed(self, path: str, texts: Mapping[str, OpenText], memo: Memo, known: Analysis | None) -> Analysis:
@@ -159,7 +159,10 @@ class OpenDocuments:
             return Analysis(path=path, open=texts, findings=(self._refused(fault),), whole=False, last=known and known.known)
 
     def _ours(self, path: str, texts: Mapping[str, OpenText], known: Analysis | None) -> bool:
-        """Return whether a file is a document, was one before its first line was edited, or is named by one; other YAML is ignored."""
+        """Return whether a file is a document. Other YAML files are ignored.
+
+        A file stays a document while its first line is edited, and if a document refers to it.
+        """
         mine = texts.get(path)
         return (
             mine is None or os.path.basename(path) == OWN_FILE or known is not None and known.known.documents is not None
@@ -182,7 +185,7 @@ class OpenDocuments:
         for analysis in analyses:
             for file, diagnostics in by_file(analysis).items():
                 of_file = said.setdefault(file, [])
-                if analysis.open.get(file) is self.texts.get(file):  # else they are for an older text
+                if analysis.open.get(file) is self.texts.get(file):  # otherwise they refer to an older text
                     of_file.extend(one for one in diagnostics if one not in of_file)
         for file in dict.fromkeys((path, *said, *self._published)):
             diagnostics = said.get(file, [])
@@ -195,7 +198,7 @@ class OpenDocuments:
     # --- parts ---------------------------------------------------------------------------------------------------
 
     def _lend(self, path: str) -> Callable[[Workspace, Store], PartSource]:
-        """Return a function that returns the source of parts of a document, without waiting."""
+        """Return a function that returns the source of parts for a document without waiting."""
         def lend(workspace: Workspace, store: Store) -> PartSource:
             at_hand = self._at_hand.get(workspace.root)
             if at_hand is None or at_hand.workspace != workspace:
@@ -218,7 +221,7 @@ class OpenDocuments:
         return known
 
     def _ask_workers(self) -> None:
-        """Send the requests without an answer to workers."""
+        """Send the requests without results to workers."""
         with self._lock:
             for root, workers in self._workers.items():
                 wanted = PendingRequests()
@@ -228,7 +231,7 @@ class OpenDocuments:
                 workers.want(wanted)
 
     def _answered(self, workspace: Workspace, undescribed: Mapping[str, PartFailure], failed: Mapping[str, PartFailure]) -> None:
-        """Store the answers of workers, and mark the waiting documents as outdated."""
+        """Store the failures of workers, and mark the waiting documents as outdated."""
         with self._lock:
             at_hand = self._at_hand.get(workspace.root)
             if at_hand is not None:
@@ -264,7 +267,7 @@ class OpenDocuments:
 
 
 class _SupersededMemo(Memo):
-    """A memo that interrupts an obsolete analysis."""
+    """A memo that interrupts an analysis of outdated texts."""
 
     __slots__ = ("_superseded",)
 

@@ -1,4 +1,4 @@
-"""Convert positions between thingc (lines and columns from 1, in characters) and LSP (from 0, in UTF-16 units), and URIs to paths."""
+"""Convert positions between thingc (line and column in characters, from 1) and LSP (in UTF-16 units, from 0), and URIs to paths."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _BREAK = re.compile(r"\r\n|\r|\n")
 
 
 class TextPlace(FrozenStruct):
-    """A position between two characters, as in a `Span`: line and column from 1."""
+    """A position between two characters, as in a `Span`. Line and column start at 1."""
 
     line: int
     column: int
 
 
 class TextLines:
-    """A text and the offsets of its lines, which end at line feeds and carriage returns only."""
+    """A text and the offsets of its lines. Only line feeds and carriage returns end a line."""
 
     __slots__ = ("starts", "text")
 
@@ -41,14 +41,14 @@ class TextLines:
         return [self.text[start:end] for start, end in pairwise((*self.starts, len(self.text)))]
 
     def line(self, number: int) -> str:
-        """Return a line (from 1) without its line break, empty outside of the text."""
+        """Return a line (from 1) without its line break, or an empty string outside the text."""
         if not 0 < number <= len(self.starts):
             return ""
         end = self.starts[number] if number < len(self.starts) else len(self.text)
         return self.text[self.starts[number - 1] : end].rstrip("\r\n")
 
     def index(self, place: TextPlace) -> int:
-        """Return the offset of a position, limited to the text."""
+        """Return the offset of a position, clamped to the text."""
         if place.line < 1:
             return 0
         if place.line > len(self.starts):
@@ -56,7 +56,7 @@ class TextLines:
         return self.starts[place.line - 1] + max(0, min(place.column - 1, len(self.line(place.line))))
 
     def place(self, position: Any) -> TextPlace:
-        """Convert an LSP position (`{"line": 0, "character": 0}`), limited to the text."""
+        """Convert an LSP position (`{"line": 0, "character": 0}`), clamped to the text."""
         number = max(0, min(position["line"], len(self.starts) - 1))
         before = self.line(number + 1).encode("utf-16-le", "surrogatepass")[: 2 * max(0, position["character"])]
         return TextPlace(line=number + 1, column=len(before.decode("utf-16-le", "replace")) + 1)
@@ -67,7 +67,7 @@ class TextLines:
         return {"line": max(0, line - 1), "character": len(before) + (0 if before.isascii() else sum(ord(one) > 0xFFFF for one in before))}
 
     def range(self, span: Span) -> dict[str, dict[str, int]]:
-        """Convert a span of this text to an LSP range."""
+        """Convert a span in this text to an LSP range."""
         return {"start": self.position(span.line, span.column), "end": self.position(span.end_line, span.end_column)}
 
     def range_of(self, start: int, end: int) -> dict[str, dict[str, int]]:
@@ -80,7 +80,7 @@ class TextLines:
 
 
 def path_of(uri: str) -> str | None:
-    """Return the absolute path of a URI; None if it is not a file of this machine."""
+    """Return the absolute path of a URI, or None if it is not a file on this machine."""
     try:
         parts = urlsplit(uri)
         if parts.scheme != "file" or parts.netloc not in ("", "localhost"):
@@ -92,14 +92,14 @@ def path_of(uri: str) -> str | None:
 
 
 def equal_ends(old: list[str], new: list[str]) -> tuple[int, int]:
-    """Return the number of equal lines at the beginning of two texts, and at the end of the rest."""
+    """Return the number of equal lines at the beginning of two texts, and at the end of the remaining lines."""
     top = len(os.path.commonprefix([old, new]))
     return top, len(os.path.commonprefix([old[top:][::-1], new[top:][::-1]]))
 
 
 @lru_cache(maxsize=4)
 def steady(before: str, after: str) -> Callable[[Span], Span | None]:
-    """Return a function that converts spans in `before` to spans in `after`; None if a line has changed."""
+    """Return a function that converts spans in `before` to spans in `after`, or to None if a line has changed."""
     if before == after:
         return lambda span: span
     old, new = before.splitlines(), after.splitlines()

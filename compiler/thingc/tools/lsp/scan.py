@@ -1,6 +1,6 @@
-"""The common part of the YAML and TOML readers for text that may not parse.
+"""Common code of the YAML and TOML scanners for text that may not be parsable.
 
-Reading never fails. It collects keys and scalars by path as far as possible, and finds the context of the cursor.
+Scanning never fails. It collects as many keys and scalars as possible, by path, and finds the context of the cursor.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
 
 MAX_LEVELS = 100
-"""Maximum nesting of brackets; deeper ones are skipped."""
+"""Maximum nesting of brackets. Deeper brackets are skipped."""
 
 _LINE = re.compile(r"[^\r\n]*")
 _SPACES = re.compile(r"[ \t]*")
@@ -27,7 +27,7 @@ Role = Literal["key", "value"]
 
 
 class Token(FrozenStruct):
-    """A key or a segment of one: its name, from offset `start` to before `end`, inside of its `quote` if any."""
+    """A key or a segment of a dotted key: its name, from offset `start` to before `end`, inside its `quote` if any."""
 
     name: str
     start: int
@@ -38,8 +38,9 @@ class Token(FrozenStruct):
 class CursorPlace(FrozenStruct):
     """The context of the cursor: a `key` of the mapping at `path`, or the `value` there.
 
-    The existing token is from `start` to before `end` (empty if equal). `either`: the first key of a mapping, or a value on a line of its
-    own. `quote` is the opening quote; `flow`: inside brackets; `header`: in the header of a TOML table.
+    The existing token extends from `start` to before `end`; it is empty if they are equal. `either` marks a position for the first key of a
+    mapping or for a value on its own line. `quote` is the opening quote. `flow` means inside brackets, and `header` in the header of a TOML
+    table.
     """
 
     role: Role
@@ -54,10 +55,10 @@ class CursorPlace(FrozenStruct):
 
 @dataclass(slots=True)
 class Scan(ABC):
-    """One pass over a text, with the cursor before the character `target`.
+    """One pass over a text, with the cursor at the offset `target`.
 
-    `keys` are the keys of every mapping with their offsets, `scalars` the texts of all plain and quoted values. `place` is the context of
-    the cursor, None if nothing can be completed (in a comment or a block scalar).
+    `keys` are the keys of every mapping with their offsets, and `scalars` the texts of all plain and quoted values. `place` is the context
+    of the cursor, or None if nothing can be completed (in a comment or a block scalar).
     """
 
     text: str
@@ -68,19 +69,19 @@ class Scan(ABC):
     muted: bool = False
     depth: int = 0
     left: int | None = None
-    """Where an unclosed bracket was left: the start of a line that belongs to its parent."""
+    """Offset at which an unclosed bracket ended: the start of a line that belongs to its parent."""
 
     SEPARATOR: ClassVar[str]
     PLAIN: ClassVar[re.Pattern[str]]
-    """Pattern of a plain value inside brackets."""
+    """Regular expression of a plain value inside brackets."""
     QUOTES_OVER_LINES: ClassVar[bool]
-    """Whether a quoted value may span lines."""
+    """Whether a quoted value can span several lines."""
 
-    # --- what each language has of its own ----------------------------------------------------------------------------
+    # --- methods of the languages -----------------------------------------------------------------------------------------
 
     @abstractmethod
     def line(self, at: int) -> int:
-        """Read from the line at `at`; return the start of the next line."""
+        """Read the line at `at`. Return the start of the next line."""
 
     @abstractmethod
     def key_tokens(self, at: int) -> tuple[list[Token], int]:
@@ -88,7 +89,7 @@ class Scan(ABC):
 
     @abstractmethod
     def ends_flow(self, line: int, column: int) -> bool:
-        """Return whether the line at `line` cannot belong to an open bracket of a key in that column."""
+        """Return whether the line at `line` cannot be inside an open bracket that belongs to a key in that column."""
 
     def run(self) -> None:
         """Read the text."""
@@ -96,15 +97,15 @@ class Scan(ABC):
         while at <= len(self.text):
             at = self.line(at)
 
-    # --- what was met -------------------------------------------------------------------------------------------------
+    # --- results ----------------------------------------------------------------------------------------------------------
 
     def gap(self, low: int, high: int, role: Role, path: Path, *, either: bool = False, flow: bool = False) -> None:
-        """Handle an empty range from `low` to `high`, inclusive: a cursor there begins a key or a value at `path`."""
+        """Process an empty range from `low` to `high`, inclusive. A cursor in it starts a key or a value at `path`."""
         if low <= self.target <= high and self.place is None:
             self.place = CursorPlace(role=role, path=path, start=self.target, end=self.target, either=either, flow=flow)
 
     def token(self, place: CursorPlace, high: int) -> None:
-        """Handle a token; spaces after it, up to `high`, belong to the typed text."""
+        """Process a token. Spaces after it, up to `high`, are part of the typed text."""
         if place.start <= self.target <= high:
             self.place = replace(place, end=max(place.end, self.target))
 
@@ -116,39 +117,39 @@ class Scan(ABC):
         """Record a key of the mapping at `path`."""
         self.keys.setdefault(path, {}).setdefault(name, at)
 
-    # --- small steps --------------------------------------------------------------------------------------------------
+    # --- helper methods ---------------------------------------------------------------------------------------------------
 
     def after(self, pattern: re.Pattern[str], at: int) -> int:
-        """Return the end of a match of the pattern at `at`; `at` if there is none."""
+        """Return the end of a match of the pattern at `at`, or `at` if it does not match."""
         match = pattern.match(self.text, at)
         return at if match is None else match.end()
 
     def line_end(self, at: int) -> int:
-        """Return the end of the line, before its line break."""
+        """Return the end of the line, without its line break."""
         return self.after(_LINE, at)
 
     def after_break(self, end: int) -> int:
-        """Return the start of the next line; after the last line, an offset beyond the text."""
+        """Return the start of the next line, or an offset beyond the text after the last line."""
         return len(self.text) + 1 if end >= len(self.text) else end + (2 if self.text.startswith("\r\n", end) else 1)
 
     def spaces(self, at: int) -> int:
-        """Return the offset of the first character from `at` on that is not a space or tab."""
+        """Return the offset of the first character at or after `at` that is not a space or tab."""
         return self.after(_SPACES, at)
 
     def comment(self, at: int) -> int:
-        """Skip the comment at `at`; return its end."""
+        """Skip the comment at `at`. Return its end."""
         end = self.line_end(at)
         self.mute(at, end)
         return end
 
     def rest(self, at: int) -> int:
-        """Skip the rest of a line, which may contain a comment; return the start of the next line."""
+        """Skip the rest of a line, which may contain a comment. Return the start of the next line."""
         end = self.line_end(at)
         comment = self.text.find("#", at, end)
         return self.after_break(end if comment < 0 else self.comment(comment))
 
     def behind_value(self, at: int) -> int:
-        """Return where reading continues after a value: at the next line, or where an open bracket was left."""
+        """Return the offset at which scanning continues after a value: the next line, or the end of an unclosed bracket."""
         if self.left is None:
             return self.rest(at)
         line, self.left = self.left, None
@@ -157,7 +158,7 @@ class Scan(ABC):
     # --- brackets -----------------------------------------------------------------------------------------------------
 
     def skip(self, at: int, column: int) -> int:
-        """Skip spaces, lines and comments inside brackets. Sets `left` at a line that belongs to the parent."""
+        """Skip spaces, line breaks and comments inside brackets. Set `left` at a line that belongs to the parent."""
         first: int | None = None
         while True:
             at = self.spaces(at)
@@ -178,7 +179,7 @@ class Scan(ABC):
             at = line
 
     def brackets(self, at: int, path: Path, column: int) -> int:
-        """Read `{...}` or `[...]` at `at`, the value of a key in that column; return its end."""
+        """Read `{...}` or `[...]` at `at`, which is the value of a key in that column. Return its end."""
         mapping = self.text[at] == "{"
         index, here, fresh = 0, at + 1, True
         self.depth += 1
@@ -204,7 +205,7 @@ class Scan(ABC):
         return here
 
     def entry(self, at: int, path: Path, column: int) -> int:
-        """Read one `key: value` in braces; return its end."""
+        """Read one `key: value` in braces. Return its end."""
         tokens, end = self.key_tokens(at)
         after = self.spaces(end)
         separated = self.text.startswith(self.SEPARATOR, after)
@@ -219,12 +220,12 @@ class Scan(ABC):
         return here if ended else self.value_in(here, path, column)
 
     def segments(self, tokens: list[Token], path: Path, high: int, separated: bool, *, flow: bool = False, header: bool = False) -> Path:
-        """Record the segments of a key; the last one only if it is `separated` from its value. Returns the path of the value."""
+        """Record the segments of a key, the last one only if it is `separated` from its value. Return the path of the value."""
         for token in tokens:
             last = token is tokens[-1]
             place = CursorPlace(role="key", path=path, start=token.start, end=token.end, quote=token.quote, flow=flow, header=header)
             self.token(place, high if last and not token.quote else token.end)
-            if token.quote and self.target in (token.start - 1, token.end + 1):  # just outside of the quotes: replace them, too
+            if token.quote and self.target in (token.start - 1, token.end + 1):  # just outside the quotes: replace the quotes, too
                 self.place = CursorPlace(role="key", path=path, start=token.start - 1, end=token.end + 1, flow=flow, header=header)
             if separated or not last:
                 self.add(path, token.name, token.start)
@@ -232,7 +233,7 @@ class Scan(ABC):
         return path
 
     def value_in(self, at: int, path: Path, column: int) -> int:
-        """Read one value inside brackets; return its end."""
+        """Read one value inside brackets. Return its end."""
         character = self.text[at]
         if character in "{[":
             return self.brackets(at, path, column) if self.depth < MAX_LEVELS else at + 1
@@ -246,7 +247,7 @@ class Scan(ABC):
         return high
 
     def quoted(self, at: int, path: Path, column: int, *, flow: bool = False) -> int:
-        """Read a quoted value; return its end."""
+        """Read a quoted value. Return its end."""
         start, end, after = self.quotes(at, column)
         self.scalars[path] = self.text[start:end]
         last = min(end, self.line_end(max(start, min(self.target, end))))
@@ -259,7 +260,7 @@ class Scan(ABC):
     def quotes(self, at: int, column: int) -> tuple[int, int, int]:
         """Return the range inside the quotes at `at`, and the offset after them.
 
-        A quote that is never closed, or only after a line that belongs to another entry, ends with its line.
+        A quoted value ends at the end of the line if its closing quote is missing or follows a line that belongs to another entry.
         """
         quote = self.text[at]
         here = at + 1

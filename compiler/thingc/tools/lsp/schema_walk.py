@@ -1,6 +1,6 @@
-"""Look up keys and values in a JSON Schema for a place of a document.
+"""Look up keys and values in a JSON Schema for a path in a document.
 
-The schemas are those of `thingc schema`. Conditions are evaluated with the known keys and scalars of the text (`cursor`).
+The schemas are generated as by `thingc schema`. Conditions are evaluated with the known keys and scalars of the text (`cursor`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class KeyOffer(FrozenStruct):
 
 
 class ValueOffer(FrozenStruct):
-    """A possible value, as written in a document, with its description."""
+    """A possible value in the syntax of documents, with its description."""
 
     value: str | bool
     description: str
@@ -42,7 +42,7 @@ class SchemaWalk:
         self.scalars = scalars
 
     def at(self, path: Path) -> list[Schema]:
-        """Return the schemas that may apply at a path, with references and conditions resolved. More specific ones come first."""
+        """Return the schemas that may apply at a path, with references and conditions resolved, the most specific schemas first."""
         schemas = self._flat(self.schema, ())
         for depth, step in enumerate(path):
             below = path[: depth + 1]
@@ -50,7 +50,7 @@ class SchemaWalk:
         return schemas
 
     def key_offers(self, path: Path) -> list[KeyOffer]:
-        """Return the keys that the mapping at a path can have in addition, required ones first."""
+        """Return the keys that can be added to the mapping at a path, required keys first."""
         flats = self.at(path)
         there = set(self.keys.get(path, ()))
         required = {name for flat in flats if "properties" in flat for name in (*flat.get("required", ()), *_one_of_which(flat, there))}
@@ -74,7 +74,7 @@ class SchemaWalk:
         return list(offers.values())
 
     def dimensions(self, path: Path) -> tuple[Dimension, ...]:
-        """Return the dimensions of possible quantities at a path, empty if none has a unit."""
+        """Return the possible dimensions of quantities at a path, or an empty tuple if none has a unit."""
         return _dimensions(self.at(path))
 
     def parameters_of(self, part: str) -> list[str]:
@@ -94,7 +94,7 @@ class SchemaWalk:
         return needed
 
     def mounts_of(self, component: str) -> list[tuple[str, str]]:
-        """Return the usual mounts of the part of a component, as references with descriptions."""
+        """Return the default mounts of the part of a component, as references with descriptions."""
         part = self.scalars.get(("components", component, "part"))
         attach = {} if part is None else self._definition(f"mounts of {part}")
         mounts = attach.get("else", attach).get("properties", {})
@@ -109,7 +109,7 @@ class SchemaWalk:
         return definition
 
     def _flat(self, schema: Any, path: Path, met: tuple[str, ...] = ()) -> list[Schema]:
-        """Return a schema and all that it refers to, with the branches of its conditions that hold."""
+        """Return a schema, all schemas that it refers to, and the applicable branches of its conditions."""
         if not isinstance(schema, dict):
             return []
         flats = [schema]
@@ -131,7 +131,7 @@ class SchemaWalk:
         return node
 
     def _holds(self, condition: Schema, path: Path) -> bool:
-        """Return whether a condition about keys and plain values holds."""
+        """Return whether a condition on keys and plain values is satisfied."""
         if "anyOf" in condition and not any(self._holds(one, path) for one in condition["anyOf"]):
             return False
         there = self.keys.get(path, ())
@@ -144,12 +144,12 @@ class SchemaWalk:
 
 
 def described(flats: list[Schema]) -> str:
-    """Return the first description of a place that does not describe one of its values."""
+    """Return the first description that does not describe one of the possible values."""
     return next((str(flat["description"]) for flat in flats if flat.get("description") and "const" not in flat), "")
 
 
 def described_as(flats: list[Schema], value: str) -> str:
-    """Return the description of a value, if it is one of those offered."""
+    """Return the description of a value, if the schema lists it."""
     return next((text for flat in flats for word, text in _words(flat) if word == value and text), "")
 
 
@@ -164,7 +164,7 @@ def _children(schema: Schema, step: str | int) -> Iterator[Any]:
 
 
 def _may_join(schema: Schema, name: str, there: set[str]) -> bool:
-    """Return whether a mapping with the keys `there` may have one more; only rules about keys are checked."""
+    """Return whether a key can be added to a mapping with the keys `there`. Only rules about keys are checked."""
     if name not in schema.get("properties", {}):
         return True
     together = {*there, name}
@@ -184,20 +184,20 @@ def _may_join(schema: Schema, name: str, there: set[str]) -> bool:
 
 
 def _one_of_which(schema: Schema, there: set[str]) -> Iterator[str]:
-    """Yield the keys of which exactly one is required, if none is there."""
+    """Yield the alternative keys if exactly one of them is required and none exists."""
     choices = [branch["required"] for branch in schema.get("oneOf", ()) if set(branch) == {"required"}]
     if not any(there >= set(choice) for choice in choices):
         yield from (choice[0] for choice in choices if len(choice) == 1)
 
 
 def _of_mapping(schema: Schema) -> bool:
-    """Return whether a schema is one of mappings, or does not restrict its values."""
+    """Return whether a schema describes mappings or does not restrict its values."""
     kind = schema.get("type")
     return kind == "object" or (kind is None and not any(word in schema for word in ("const", "enum", "pattern")))
 
 
 def _words(schema: Schema) -> Iterator[tuple[str | bool, str]]:
-    """Yield the words that a schema offers, with descriptions."""
+    """Yield the words that a schema lists, with descriptions."""
     text = str(schema.get("description", ""))
     if isinstance(schema.get("const"), (str, bool)):
         yield schema["const"], text
@@ -214,7 +214,7 @@ _ALL = {unit[2] for unit in UNITS.values()} - {NUMBER}
 
 
 def _dimensions(flats: list[Schema]) -> tuple[Dimension, ...]:
-    """Return the dimensions of quantities that the patterns accept: of single units, else of the examples."""
+    """Return the dimensions of the quantities that the patterns accept, determined by single units, or else by the examples."""
     dimensions: dict[Dimension, None] = {}
     for schema in flats:
         pattern = schema.get("pattern")

@@ -1,11 +1,11 @@
 """The language server: LSP messages over standard input and output.
 
-`FEATURES` maps each request to a function `feature(analysis, text, place, params)` of a module in this folder. `analysis` is that of the
-document (`analysis.Analysis`; if its text cannot be parsed, `analysis.known` has the names of the last one that could), `text` is its text,
-`place` the cursor as in a `Span` (line 1, column 1 for requests without a position), and `params` the parameters as plain JSON. The result
-is plain JSON in the form of LSP; `analysis.lines().range(span)` converts ranges, `analysis.uri(path)` paths. A feature that fails raises
-`RenameRefused` with a message for the user. To add a feature, write a function and add it to `FEATURES`, with its LSP server options, if
-any.
+`FEATURES` maps each request to a function `feature(analysis, text, place, params)` of a module in this folder. `analysis` is the analysis
+of the document (`analysis.Analysis`). If its text cannot be parsed, `analysis.known` has the names of the last parsable text. `text` is its
+text, `place` the cursor as in a `Span` (line 1, column 1 for requests without a position), and `params` the parameters as plain JSON. The
+result is plain JSON in the form of LSP; `analysis.lines().range(span)` converts ranges, `analysis.uri(path)` paths. A feature that fails
+raises `RenameRefused` with a message for the user. To add a feature, write a function and add it to `FEATURES`, with its LSP server
+options, if any.
 
 Only this module uses pygls.
 """
@@ -43,8 +43,8 @@ NOT_INITIALIZED = -32002
 class Feature(FrozenStruct):
     """The handler of a request (`module:function` in this folder), and its LSP server options.
 
-    If `document` is false, the request is not about a document (workspace symbols), and the analysis is that of the last document. With
-    `everywhere`, `analysis.open` contains all open texts, not only those that the document depends on.
+    If `document` is false, the request is not about a document (for example workspace symbols), and the analysis of the last document is
+    used. With `everywhere`, `analysis.open` contains all open texts, not only the texts that the document depends on.
     """
 
     answer: str
@@ -54,7 +54,7 @@ class Feature(FrozenStruct):
 
 
 LEGEND = {"tokenTypes": ["parameter", "variable", "function", "number", "keyword"], "tokenModifiers": []}
-"""The legend of semantic tokens, in the order of `navigation.TOKENS`: units are keywords."""
+"""The legend of semantic tokens, in the order of `navigation.TOKENS`. Units are keywords."""
 
 FEATURES: dict[str, Feature] = {
     "textDocument/codeAction": Feature(answer="code_actions:actions", options={"codeActionKinds": ["quickfix"]}),
@@ -78,9 +78,9 @@ FEATURES: dict[str, Feature] = {
 
 
 def serve(options: Options, version: str, refused: Callable[[Exception], Diagnostic], stdin: BinaryIO, stdout: BinaryIO) -> bool:
-    """Serve an editor until it disconnects; return whether it has sent `shutdown` before.
+    """Serve an editor until it disconnects. Return whether it sent `shutdown` before.
 
-    `options` specify the store; the editor specifies whether code may run. `refused` converts an exception to a diagnostic.
+    `options` specify the store. The editor specifies whether code may run. `refused` converts an exception to a diagnostic.
     """
     from lsprotocol import types
     from pygls.lsp import get_method_options_type
@@ -99,7 +99,7 @@ def serve(options: Options, version: str, refused: Callable[[Exception], Diagnos
             told = types.PublishDiagnosticsParams(
                 uri=uri, version=version, diagnostics=converter.structure(diagnostics, list[types.Diagnostic]),
             )
-            with contextlib.suppress(RuntimeError):  # the server is leaving
+            with contextlib.suppress(RuntimeError):  # the server is stopping
                 loop.call_soon_threadsafe(server.text_document_publish_diagnostics, told)
 
         answering.begin(replace(options, lock=True, code=trusted), publish, refused)
@@ -117,7 +117,7 @@ def serve(options: Options, version: str, refused: Callable[[Exception], Diagnos
 
 
 def _notify(server: LanguageServer, answering: _Answering) -> None:
-    """Register the notifications about opened, changed, saved and closed documents."""
+    """Register the notifications for opened, changed, saved and closed documents."""
     from lsprotocol import types
 
     @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
@@ -153,14 +153,14 @@ def _server(version: str) -> LanguageServer:
     logging.getLogger("pygls").propagate = False
 
     class Protocol(LanguageServerProtocol):
-        """Sends results without conversion, since they are plain JSON."""
+        """A protocol that sends results without conversion, because they are plain JSON."""
 
         def get_result_type(self, method: str) -> Any:  # type: ignore[override]
-            """Return the type of a result; None: unconverted."""
+            """Return the type of a result, or None to send it without conversion."""
             return None if method in FEATURES else super().get_result_type(method)
 
         def structure_message(self, data: dict[str, Any]) -> Any:
-            """Convert a message; answer invalid requests with an error."""
+            """Convert a message. Answer invalid requests with an error."""
             try:
                 return super().structure_message(data)
             except JsonRpcException as fault:
@@ -169,10 +169,10 @@ def _server(version: str) -> LanguageServer:
                 raise
 
     class Quiet(LanguageServer):
-        """Does not show internal errors to the user, who cannot fix them."""
+        """A server that does not show internal errors to the user."""
 
         def report_server_error(self, error: Exception, source: Any) -> None:
-            """Log errors of the protocol; the editor gets them as a response."""
+            """Log errors of the protocol. The editor receives them as a response."""
             logging.getLogger("thingc.tools.lsp").debug("%s: %s", source, error)
 
     return Quiet(
@@ -189,9 +189,9 @@ def _handler(answering: _Answering, feature: Feature, plain: Callable[[Any], Any
 
 
 class _Answering:
-    """The open documents of an editor, and the single thread that analyses them and answers requests in order.
+    """The open documents of an editor, and the thread that analyses them and answers requests in order.
 
-    There are none before `begin`.
+    There are no documents before `begin`.
     """
 
     def __init__(self) -> None:
@@ -200,7 +200,7 @@ class _Answering:
         self._recent = ""
 
     def begin(self, options: Options, publish: Publish, refused: Callable[[Exception], Diagnostic]) -> None:
-        """Open the documents at the first call; ignore further calls."""
+        """Create the documents at the first call. Ignore further calls."""
         if self._opened is None:
             self._opened = OpenDocuments(options, publish, refused, self._wake)
 
@@ -234,7 +234,7 @@ class _Answering:
             self._wake()
 
     async def answered(self, feature: Feature, params: dict[str, Any]) -> Any:
-        """Answer a request, after all earlier ones. Raises `JsonRpcException`."""
+        """Answer a request after all earlier requests. Raises `JsonRpcException`."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, partial(self._answer, feature, params))
 
     def _answer(self, feature: Feature, params: dict[str, Any]) -> Any:
@@ -263,7 +263,7 @@ class _Answering:
             raise JsonRpcException(f"thingc failed: {type(fault).__name__}: {fault}", code=INTERNAL_ERROR) from None
 
     def _wake(self) -> None:
-        with contextlib.suppress(RuntimeError):  # the server is leaving
+        with contextlib.suppress(RuntimeError):  # the server is stopping
             self._thread.submit(self._work)
 
     def _work(self) -> None:

@@ -1,4 +1,4 @@
-"""Values to show: parameters and expressions, their inlay hints, and frames of mounts. Errors are not reported here."""
+"""Values to display: parameters and expressions, their inlay hints, and frames of mounts. Errors are not reported here."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def parameters_of(analysis: Analysis) -> Mapping[str, ExpressionValue]:
 
 
 def evaluate_expression(analysis: Analysis, path: Path, text: str) -> tuple[ExpressionValue, ...]:
-    """Return the value of the text at a path: a quantity, or an expression of parameters; empty if it is neither or invalid.
+    """Return the value of the text at a path, which is a quantity or an expression of parameters, or an empty tuple if it is invalid.
 
-    Inside a `repeat`, the values for the first and the last item, if they differ.
+    Inside a `repeat`, return the values for the first and the last item if they differ.
     """
     parameters, tree = parameters_of(analysis), analysis.known.tree
     expression = text.lstrip().startswith("=")
@@ -50,7 +50,7 @@ def evaluate_expression(analysis: Analysis, path: Path, text: str) -> tuple[Expr
 
 
 def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
-    """Return the bounds [SI] of the parameter of a component at the cursor; infinite if unknown."""
+    """Return the bounds [SI] of the parameter of a component at the cursor. Unknown bounds are infinite."""
     low, high = -math.inf, math.inf
     path, known = cursor.path, analysis.known
     if len(path) != 4 or path[0] != "components":
@@ -70,7 +70,7 @@ def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
 
 
 def parse_expression_value(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
-    """Parse a quantity, or evaluate an expression with these names; None for anything else."""
+    """Parse a quantity, or evaluate an expression with these names. Return None for other text."""
     try:
         stripped = text.strip()
         return evaluate(parse_expression(stripped), names) if stripped.startswith("=") else parse_quantity(stripped)
@@ -79,7 +79,7 @@ def parse_expression_value(text: str, names: Mapping[str, ExpressionValue]) -> E
 
 
 def shown(values: tuple[ExpressionValue, ...]) -> str:
-    """Format values in a line: `42 mm`, `50 g ... 100 g`."""
+    """Format values on one line: `42 mm`, `50 g ... 100 g`."""
     return " ... ".join(one.shown(6) if isinstance(one, Quantity) else str(one).lower() if isinstance(one, bool) else one for one in values)
 
 
@@ -87,7 +87,7 @@ def _worked_out(tree: MappingNode | None) -> dict[str, ExpressionValue]:
     waiting = {} if tree is None else {name: one.value for name, one in symbols_of(tree).parameters.items()}
     known: dict[str, ExpressionValue] = {}
     growing = True
-    while growing:  # in any order: each pass evaluates those whose names are known
+    while growing:  # parameters can be in any order: each pass evaluates those whose names are known
         growing = False
         for name, text in list(waiting.items()):
             value = parse_expression_value(text, known)
@@ -102,7 +102,7 @@ _TYPE = 1
 
 
 def hints(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the inlay hints in a range. If the text cannot be parsed, those of the last text that could, on unchanged lines."""
+    """Return the inlay hints in a range. If the text cannot be parsed, use the last parsable text on unchanged lines."""
     known = analysis.known
     if known.tree is None:
         return []
@@ -127,9 +127,9 @@ Steps = tuple[str, ...]
 
 
 def frame_words(analysis: Analysis, reference: str) -> str:
-    """Format the frame of a mount `component.mount` in that of the component: `(12, 0, 30) mm, z along +y`; empty if unknown.
+    """Format the frame of a mount `component.mount` relative to the component: `(12, 0, 30) mm, z along +y`, or an empty string if unknown.
 
-    A mount in a nested assembly is in the frame of its part, which is named.
+    A mount in a nested assembly is relative to its part, whose name is included.
     """
     model = analysis.known.model
     place = None if model is None else _found(analysis.known, model, reference.split("."), ())
@@ -140,7 +140,7 @@ def frame_words(analysis: Analysis, reference: str) -> str:
 
 
 def in_words(pose: Pose) -> str:
-    """Format a frame in a line: its origin, and the direction of z."""
+    """Format the origin and the z direction of a frame on one line."""
     return f"{length_words(pose.translation)}, z along {direction_words(transpose(pose.rotation)[2])}"
 
 
@@ -150,7 +150,7 @@ def length_words(vector: Vector) -> str:
 
 
 def _found(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], above: Steps) -> tuple[Pose, Steps] | None:
-    """Return the frame of a mount, and the path of the component whose frame it is in; None if unknown."""
+    """Return the frame of a mount, and the path of the component that it is relative to, or None if unknown."""
     component = next((one for one in model.components if one.name == steps[0]), None)
     rest = steps[1:]
     if component is None or not rest:

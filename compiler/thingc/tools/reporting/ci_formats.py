@@ -37,7 +37,7 @@ def repository(folder: str) -> str:
 
 
 def within(file: str, base: str) -> str | None:
-    """Return an absolute `file` relative to the folder `base`, with `/`; None if it is outside of it."""
+    """Return an absolute `file` relative to the folder `base`, with `/`, or None if it is outside of it."""
     try:
         relative = os.path.relpath(file, base)
     except ValueError:  # another drive

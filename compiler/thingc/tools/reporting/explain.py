@@ -23,7 +23,7 @@ def _data() -> dict[str, Any]:
 
 
 def find(word: str) -> Code | None:
-    """Return the code for `TC302`, `tc302`, `302` or `unknown_component`; None if there is none."""
+    """Return the code for `TC302`, `tc302`, `302` or `unknown_component`, or None if there is none."""
     asked = word.strip().upper()
     asked = asked.removeprefix("TC") if re.fullmatch(r"TC\d+", asked) else asked
     return next((code for code in Code if asked in (code.code.removeprefix("TC"), code.name)), None)

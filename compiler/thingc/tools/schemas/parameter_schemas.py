@@ -79,7 +79,7 @@ def within(low: str | None, high: str | None) -> str:
 
 
 def parse_value(text: str) -> Quantity | None:
-    """Parse a quantity; None for anything else."""
+    """Parse a quantity, or None for anything else."""
     try:
         return parse_quantity(text)
     except UnitError:

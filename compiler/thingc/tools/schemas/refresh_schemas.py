@@ -122,13 +122,13 @@ class ParsedDocument(FrozenStruct):
         return self.documents.root.kind
 
     def model(self, workspace: Workspace, schemas: Mapping[str, PartSchema | PartFailure]) -> AssemblyDefinition | None:
-        """Return the model of its valid part; None if there is none."""
+        """Return the model of its valid part, or None if there is none."""
         sources = Sources(workspace=workspace, documents=self.documents, specs=self.specs, schemas=schemas)
         return resolve(sources, Settings(), Report())
 
 
 def read_document(path: str, workspace: Workspace) -> ParsedDocument | None:
-    """Read a document; None if nothing of it can be read. Its errors are not reported here: `thingc check` does that."""
+    """Read a document, or None if nothing of it can be read. Its errors are not reported here: `thingc check` does that."""
     report = Report()
     documents = load(path, workspace, report, kinds=KINDS)
     if documents is None:
@@ -215,7 +215,7 @@ class Schemas:
         )
 
     def general(self, kind: str) -> dict[str, Any] | None:
-        """Return the general schema of a kind of document; None for an unknown kind."""
+        """Return the general schema of a kind of document, or None for an unknown kind."""
         if kind not in KINDS:
             return None
         if kind not in self._general:
@@ -226,7 +226,7 @@ class Schemas:
         self, path: str, tree: MappingNode, model: AssemblyDefinition | None, records: Records,
         known: Mapping[str, PartSchema | PartFailure],
     ) -> dict[str, Any] | None:
-        """Return the schema of a document (absolute path) as typed, with the current state of other files; None for unknown kinds.
+        """Return the schema of a document (absolute path) as typed, with the current state of other files, or None for unknown kinds.
 
         `model` and `records` are those of the valid part of its `tree`; `known` are the schemas of the parts that it names. Nothing is
         written.

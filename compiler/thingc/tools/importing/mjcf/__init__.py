@@ -1,1 +1,1 @@
-"""Import MJCF files with MuJoCo's `MjSpec`. MuJoCo is imported only when needed, and opens no files."""
+"""Import MJCF files with MuJoCo's `MjSpec`. MuJoCo is imported lazily and does not open any files."""

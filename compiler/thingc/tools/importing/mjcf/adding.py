@@ -1,4 +1,4 @@
-"""Contact pairs, equalities, actuators and sensors that documents cannot express, as elements to add to the MuJoCo model."""
+"""Contact pairs, equalities, actuators and sensors that documents cannot express. They are added to the MuJoCo model."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle")
 GAINS, BIASES = ("fixed", "affine", "muscle"), ("none", "affine", "muscle")
 Kind = Literal["body", "joint", "geom", "site", "tendon", "actuator"]
 OBJECTS: dict[int, Kind] = {1: "body", 2: "body", 3: "joint", 5: "geom", 6: "site", 18: "tendon", 19: "actuator"}
-"""Kinds of the objects of sensors, by `mjtObj`."""
+"""Kinds of objects of sensors, by `mjtObj`."""
 REFERRING = ("site", "joint", "tendon", "actuator", "body", "geom", "subtree", "objname", "refname")
-"""Attributes of sensors that name an element, possibly with the suffix 1 or 2."""
+"""Attributes of sensors that refer to an element. The suffix 1 or 2 may follow."""
 INERTIAL, OF_AXES = 1, ("framequat", "framexaxis", "frameyaxis", "framezaxis")
-"""The object type of the inertial frame, whose axes MuJoCo recomputes, and the sensors that read axes."""
+"""The object type of inertial frames, whose axes MuJoCo recomputes, and the sensors whose readings depend on axes."""
 
 
 class Added:
-    """The elements to add, in order.
+    """Collects the elements to add, in order.
 
-    `kept` are the numbers of joints, sites, geoms, actuators, tendons and bodies that are imported (a body only if its inertial frame is
-    unchanged). `heads` maps each body to the first body of its link.
+    `kept` contains the numbers of imported joints, sites, geoms and actuators. `tendons` are the imported tendons. `heads` maps each body
+    to the first body of its link.
     """
 
     def __init__(self, original: CompiledSource, kept: Mapping[str, Set[int]], tendons: Tendons, heads: Mapping[int, int]) -> None:
         self.original, self.model, self.tendons = original, original.model, tendons.of
         masses = [heads[body] for body in heads if self.model.body_mass[body] > 0.0]
-        whole = {head for head in heads.values() if masses.count(head) < 2}  # bodies merged into one link have another inertial frame
+        whole = {head for head in heads.values() if masses.count(head) < 2}  # merging bodies changes the inertial frame
         self.kept: dict[str, Set[int]] = {**kept, "tendon": tendons.of.keys(), "body": whole}
         self.elements: list[SourceAdded] = []
 
     def _target(self, kind: Kind, number: int) -> SourceTarget | None:
-        """Return a reference to the element with this number, or None if it is not imported."""
+        """Return a reference to an element, or None if it is not imported."""
         return SourceTarget(kind=kind, name=self.original.names[kind][number]) if number in self.kept[kind] else None
 
     def _add(
         self, section: Literal["contact", "equality", "actuator", "sensor"], tag: str, number: int,
         attributes: Sequence[tuple[str, str | SourceTarget | None]],
     ) -> bool:
-        """Add an element, unless one of its targets is not imported. Returns whether it was added."""
+        """Add an element unless one of its targets is not imported. Return whether it was added."""
         said = tuple((key, value) for key, value in attributes if value is not None)
         if len(said) < len(attributes):
             return False
@@ -57,7 +57,7 @@ class Added:
         return True
 
     def actuator(self, number: int) -> bool:
-        """Add an actuator if possible. Returns whether it was added."""
+        """Add an actuator if its targets are imported. Return whether it was added."""
         model, acts_on = self.model, self._acts_on(number)
         words = [
             names[at] if (at := int(getattr(model, f"actuator_{word}type")[number])) < len(names) else ""
@@ -79,7 +79,7 @@ class Added:
         return self._add("actuator", "general", number, (*acts_on, *differing(wanted, usual)))
 
     def _acts_on(self, number: int) -> Sequence[tuple[str, SourceTarget | None]]:
-        """Return the attributes that name the target of an actuator, empty for unsupported types."""
+        """Return the attributes that specify the target of an actuator, or nothing for unsupported types."""
         kind, ends = int(self.model.actuator_trntype[number]), [int(one) for one in self.model.actuator_trnid[number]]
         if kind == AT_TENDON:
             return [("tendon", self._target("tendon", ends[0]))]
@@ -89,9 +89,10 @@ class Added:
         return [(key, self._target("site", site)) for key, site in zip(keys, ends, strict=True) if site >= 0] if keys else []
 
     def equality(self, number: int) -> bool:
-        """Add an equality of tendons if possible; return whether it was added.
+        """Add an equality of tendons if possible. Return whether it was added.
 
-        MuJoCo's equality uses lengths relative to the reference pose, which is q = 0 in a document, so no joint may have another reference.
+        The lengths in a MuJoCo equality are relative to the reference pose. In a document the reference pose is q = 0, so none is
+        added if an imported joint has another reference.
         """
         model = self.model
         ends = [at for at in (int(model.eq_obj1id[number]), int(model.eq_obj2id[number])) if at >= 0]
@@ -104,7 +105,7 @@ class Added:
         return self._add("equality", "tendon", number, (*tied, *differing(said, {"solref": SOLREF, "solimp": SOLIMP})))
 
     def pair(self, number: int) -> bool:
-        """Add a contact pair with its own and inherited properties if both geoms are imported. Returns whether it was added."""
+        """Add a contact pair with its explicit and inherited properties if both geoms are imported. Return whether it was added."""
         model, place = self.model, int(self.original.spec.pairs[number].id)
         ends = [(f"geom{k}", self._target("geom", int(getattr(model, f"pair_geom{k}")[place]))) for k in (1, 2)]
         said = [(word, floats(getattr(model, f"pair_{word}")[place])) for word in ("friction", "solref", "solreffriction", "solimp")]
@@ -113,7 +114,7 @@ class Added:
         return self._add("contact", "pair", number, (*ends, ("condim", numbers([model.pair_dim[place]])), *values))
 
     def sensor(self, number: int) -> bool:
-        """Add a sensor as written if all elements it refers to are imported. Returns whether it was added."""
+        """Add a sensor unchanged if all elements that it refers to are imported. Return whether it was added."""
         model, element, attributes = self.model, self.original.element("sensor", number), list[tuple[str, str | SourceTarget | None]]()
         for name, value in element.attributes.items():
             if name.rstrip("12") in REFERRING:

@@ -1,4 +1,4 @@
-"""A compiled MuJoCo model with the names and source locations of its elements, without redundant sites."""
+"""A compiled MuJoCo model with the names and source locations of its elements. Redundant sites are removed."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from thingc.tools.importing.xml_source import Losses, SourceElement
 WORLD = 0
 KINDS = ("body", "joint", "geom", "site", "camera", "actuator", "sensor", "equality", "tendon")
 ROUNDED = 1e-14
-"""Relative tolerance of equal numbers, as a fraction of the largest."""
+"""Relative tolerance when comparing numbers, as a fraction of the largest number."""
 MANY = {"body": "bodies", "equality": "equalities"}
 SOLREF, SOLIMP = "0.02 1", "0.9 0.95 0.001 0.5 2"
-"""MuJoCo's default softness of constraints."""
+"""MuJoCo's default softness parameters of constraints."""
 SITE = 6
 SPHERE, CYLINDER, STEP = 4, 5, 3
-"""Types of wraps: around a geom with or without a side site, or through a site."""
+"""Types of wraps: around a geom without or with a side site, or through a site."""
 AT_SITE, AT_CRANK = 4, 2
 OF_LOOP = re.compile(r":(parent|child|held)(_1)?")
-"""Suffixes of the sites that thingc writes for loops and holds."""
+"""Suffixes of the sites that thingc writes for loops and held components."""
 
 
 class CompiledSource:
-    """A model: `spec` as written, `model` as compiled. Elements are identified by their number in the model.
+    """A MuJoCo model before (`spec`) and after compilation (`model`). Elements are identified by their index in `model`.
 
-    All elements have a name, generated if the source has none. `geoms_of` and `sites_of` are keyed by body. `frames_of` are the sites that
-    equal the frame of their body. `second_names` maps the name of a site to the names of its duplicates.
+    All elements have names, which are generated if the source has none. `geoms_of` and `sites_of` are lists by body. `frames_of` contains
+    the sites that coincide with the frame of their body. `second_names` maps the name of a site to the names of its duplicates.
     """
 
     def __init__(self, flat: FlattenedSource, spec: Any, model: Any) -> None:
@@ -60,7 +60,7 @@ class CompiledSource:
     def _speeds(self) -> Iterator[tuple[str, float]]:
         """Yield the velocity limits [rad/s or m/s] of joints by name.
 
-        MJCF has no such limits; models that thingc writes store them in numeric elements `NAME:velocity`. Other numeric elements are
+        MJCF has no velocity limits. Models written by thingc store them in numeric elements `NAME:velocity`. Other numeric elements are
         losses.
         """
         for one in self.spec.numerics:
@@ -71,7 +71,7 @@ class CompiledSource:
                 self.losses.note(f"the number `{one.name}`", "documents cannot store custom data", self.flat.place(one.info))
 
     def _leave_out_doubles(self) -> None:
-        """Omit redundant sites. Duplicates get the name of the original."""
+        """Remove redundant sites. References to a duplicate use the name of the original."""
         poses = {site: pose_of(self.model.site_pos[site], self.model.site_quat[site]) for site in self.sites}
         second, frames, closed = _doubles(self.model, self.sites, self.bodies, poses)
         for site, other in second.items():
@@ -82,7 +82,7 @@ class CompiledSource:
         self.sites_of = [[site for site in sites if site not in left_out] for sites in self.sites_of]
 
     def _names(self, kind: str, made_up: Any) -> dict[int, str]:
-        """Return the names of all elements of a kind, by number."""
+        """Return the names of all elements of a kind, by index."""
         taken = {one.name for one in self.written[kind].values()}
         names = self.names[kind] = dict[int, str]()
         counts: Counter[str] = Counter()
@@ -104,18 +104,18 @@ class CompiledSource:
         self.losses.note(what, why, self.where(kind, number))
 
     def element(self, kind: str, number: int) -> SourceElement:
-        """Return the source element; for elements without location, the root."""
+        """Return the source element, or the root if the location is unknown."""
         return self.flat.element(self.written[kind][number].info)
 
     def bounds(self, name: str, number: int) -> tuple[float, float] | None:
-        """Return the range `name` of an element, such as `actuator_ctrl`; None if it has no limits."""
+        """Return the range `name` of an element, such as `actuator_ctrl`, or None if it is unlimited."""
         if not getattr(self.model, f"{name}limited")[number]:
             return None
         low, high = floats(getattr(self.model, f"{name}range")[number])
         return low, high
 
     def frame(self, written: Any) -> Pose:
-        """Return the pose of an element in its body as written, including the frames around it."""
+        """Return the pose of an element in its body as specified, including enclosing `<frame>` elements."""
         pose, frame = self._own(written), written.frame
         while frame is not None:
             pose, frame = self._own(frame) @ pose, frame.frame
@@ -130,7 +130,7 @@ class CompiledSource:
 
 
 def _by_body(bodies: Iterable[Any], count: int) -> list[list[int]]:
-    """Group the numbers of elements by body, in order."""
+    """Group the indices of elements by body, in order."""
     by_body: list[list[int]] = [[] for _ in range(count)]
     for number, body in enumerate(bodies):
         by_body[int(body)].append(number)
@@ -138,23 +138,23 @@ def _by_body(bodies: Iterable[Any], count: int) -> list[list[int]]:
 
 
 def floats(values: Any) -> tuple[float, ...]:
-    """Convert an array to floats, without -0."""
+    """Convert an array to floats, replacing -0 by 0."""
     return tuple(float(one) + 0.0 for one in values)
 
 
 def pose_of(pos: Any, quat: Any) -> Pose:
-    """Return the pose of a position [m] and a nonzero quaternion (w, x, y, z)."""
+    """Convert a position [m] and a nonzero quaternion (w, x, y, z) to a pose."""
     (x, y, z), (w, i, j, k) = floats(pos), floats(quat)
     return NO_POSE if (w, x, y, z, i, j, k) == (1.0, *(0.0,) * 6) else Pose(rotation=rotation_of((w, i, j, k)), translation=(x, y, z))
 
 
 def numbers(values: Any) -> str:
-    """Format numbers as an attribute, with the shortest digits that give the same doubles."""
+    """Format numbers as an attribute, with the fewest digits that preserve each double."""
     return " ".join(repr(int(one)) if one == int(one) and abs(one) < 1e15 else repr(one) for one in floats(values))
 
 
 def differing(wanted: Sequence[tuple[str, str]], otherwise: dict[str, str]) -> Raw:
-    """Return the attributes that differ from their defaults `otherwise` by more than MuJoCo's rounding."""
+    """Return the attributes that differ from the defaults `otherwise` by more than MuJoCo's rounding errors."""
     return tuple((name, value) for name, value in wanted if not _alike(value, otherwise.get(name, "")))
 
 
@@ -175,9 +175,12 @@ def _alike(one: str, other: str) -> bool:
 def _doubles(
     model: Any, names: Mapping[int, str], bodies: Mapping[int, str], poses: Mapping[int, Pose],
 ) -> tuple[dict[int, int], set[int], set[int]]:
-    """Find the redundant sites of a model, by number: duplicates with their originals, frames of bodies, and ends of loops.
+    """Find the redundant sites of a model, by index.
 
-    `names` are the names of sites, `bodies` those of bodies, `poses` the poses of sites in their bodies.
+    `names` are the names of sites, `bodies` the names of bodies, and `poses` the poses of sites in their bodies.
+
+    Returns:
+        The original of each duplicate, the sites that coincide with the frame of their body, and the sites at the ends of loops.
     """
     second: dict[int, int] = {}
     kept: dict[int, list[int]] = {}
@@ -199,12 +202,12 @@ def _doubles(
 
 
 def _is_second(name: str, other: str, body: str) -> bool:
-    """Return whether a site with this name may be a duplicate of `other` that thingc wrote."""
+    """Return whether `name` can be a duplicate of the site `other` that thingc wrote."""
     return "/" in name and ("/" not in other or name.startswith(f"{body}/")) or name.endswith(":volume")
 
 
 def _used(model: Any) -> Iterator[int]:
-    """Yield the sites of sensors, tendons and actuators."""
+    """Yield the sites used by sensors, tendons and actuators."""
     for kind, thing in (("objtype", "objid"), ("reftype", "refid")):
         at = zip(getattr(model, f"sensor_{kind}"), getattr(model, f"sensor_{thing}"), strict=True)
         yield from (int(number) for of, number in at if int(of) == SITE)
@@ -219,7 +222,7 @@ def _used(model: Any) -> Iterator[int]:
 
 
 def _joined(model: Any) -> Iterator[int]:
-    """Yield the sites of equalities."""
+    """Yield the sites used by equalities."""
     for kind, *ends in zip(model.eq_objtype, model.eq_obj1id, model.eq_obj2id, strict=True):
         if int(kind) == SITE:
             yield from map(int, ends)

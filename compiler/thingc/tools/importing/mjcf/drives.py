@@ -18,18 +18,19 @@ FIXED_GAIN, NO_BIAS, AFFINE = 0, 0, 1
 NOT_DYNAMIC, EXACT = 0, 3
 HINGE, SLIDE = 3, 2
 UNSAID = ("actlimited", "actearly", "armature", "delay")
-"""Attributes of actuators that documents cannot express; 0 by default."""
+"""Attributes of actuators that documents cannot express. Their default is 0."""
 
 
 class _Length(FrozenStruct, kw_only=False):
-    """A driven coordinate or tendon: its limits [rad or m] and the limits of its total force [N m or N]; None if unlimited."""
+    """The limits [rad or m] of a driven coordinate or tendon, and the limits of the total force on it [N m or N]; None if unlimited."""
 
     ends: tuple[float, float] | None
     most: tuple[float, float] | None
 
     def effort(self, force: tuple[float, float] | None) -> float | None:
-        """Return the maximum effort of a drive [N m or N], from its own range of forces, else from that of the coordinate or tendon; None
-        if unlimited.
+        """Return the maximum effort of a drive [N m or N], or None if unlimited.
+
+        The force range `force` of the drive has precedence over the range of the coordinate or tendon.
         """
         bounds = self.most if force is None else force
         return None if bounds is None else max(map(abs, bounds))
@@ -38,9 +39,9 @@ class _Length(FrozenStruct, kw_only=False):
 class Actuators:
     """The imported actuators.
 
-    `of_joint` and `of_tendon` are drives by the number of the joint or tendon; `driven` are their targets by the number of the actuator.
-    Others are `adhesions`, `added`, or losses; `kept` are the numbers of all but losses. `joints` and `tendons` are the imported ones; `on`
-    maps each imported body to its link and its pose in it.
+    `of_joint` and `of_tendon` are drives by the index of the joint or tendon, and `driven` are their targets by the index of the actuator.
+    Other actuators are `adhesions`, `added` elements, or losses. `kept` contains the indices of all actuators that are not losses. `joints`
+    and `tendons` are the imported ones. `on` maps each imported body to its link and its pose in the link.
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class Actuators:
         self.adhesions = tuple(adhesions)
 
     def _driving(self, number: int, what: SourceTarget, target: int, drives: dict[int, SourceDrive], length: _Length) -> str:
-        """Add an actuator to `drives` under the number of its target. Return why documents cannot express it, or an empty text."""
+        """Add an actuator to `drives` with the index of its target. Return why documents cannot express it, or an empty string."""
         if target in drives:
             return f"`{what.name}` is already driven by `{drives[target].name}`, and a {what.kind} in a document has one drive"
         drive = self._drive(number, length)
@@ -99,7 +100,7 @@ class Actuators:
                 self.original.lose("actuator", number, f"`{name}` of {what}", "documents have no such property")
 
     def _drive(self, number: int, length: _Length) -> SourceDrive | None:
-        """Return the drive of an actuator, or None if documents have no such kind."""
+        """Return the drive of an actuator, or None if documents do not support its kind."""
         model = self.model
         gain, *gains = floats(model.actuator_gainprm[number])
         constant, position, velocity, *others = floats(model.actuator_biasprm[number])
@@ -140,7 +141,7 @@ class Actuators:
         self, number: int, gain: float, gear: float, control: tuple[float, float] | None, force: tuple[float, float] | None,
         length: _Length,
     ) -> SourceDrive:
-        """Return a motor. Its gain becomes part of its gear, because motors in documents have no gain. The control range is unchanged."""
+        """Return a motor. Motors in documents have no gain, so the gain is multiplied into the gear. The control range does not change."""
         original, ends = self.original, force
         if gain != 1.0:
             ends = None if force is None else (force[0] / gain, force[1] / gain)
@@ -169,5 +170,5 @@ class Actuators:
 
 
 def _range_keys(kind: str, bounds: tuple[float, float] | None) -> dict[str, str]:
-    """Return the attributes of the range of `ctrl` or `force`."""
+    """Return the attributes that specify the range of `ctrl` or `force`."""
     return {f"{kind}limited": "false"} if bounds is None else {f"{kind}range": numbers(bounds)}

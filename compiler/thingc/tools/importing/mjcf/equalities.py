@@ -21,10 +21,10 @@ STIFF = {"solref": SOLREF, "solimp": "0.9999 0.9999 0.001 0.5 2"}
 
 
 class Equalities:
-    """The imported equalities:
+    """The imported equalities.
 
-    `follows` are mimics by the number of the following joint, `loops` are loops. Others are `added`, or losses. `on` maps each imported
-    body to its link and its pose in it.
+    `follows` are mimics by the index of the following joint, and `loops` are loops. Other equalities are `added` elements or losses. `on`
+    maps each imported body to its link and its pose in the link.
     """
 
     def __init__(self, original: CompiledSource, drives: Actuators, on: Mapping[int, tuple[int, Pose]], added: Added) -> None:
@@ -51,7 +51,7 @@ class Equalities:
         return differing(wanted, otherwise)
 
     def _follow(self, number: int) -> str:
-        """Add an equality of joints to `follows`. Return why documents cannot express it, or an empty text."""
+        """Add an equality of joints to `follows`. Return why documents cannot express it, or an empty string."""
         model, original = self.model, self.original
         one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
         a, b, *higher = floats(model.eq_data[number][:5])
@@ -80,14 +80,14 @@ class Equalities:
             return None
         kind = int(self.model.eq_type[number])
         return SourceLoop(
-            name=self.original.equalities[number].removesuffix(":loop"),  # the suffix that thingc writes
+            name=self.original.equalities[number].removesuffix(":loop"),  # thingc appends this suffix
             kind="ball" if kind == CONNECT else "fixed", ends=(ends[0], ends[1]),
             where=self.original.where("equality", number), raw=self._raw(number, {}),
             equality=self.original.written["equality"][number].name,
         )
 
     def _ends(self, number: int) -> Iterator[tuple[str, Pose]]:
-        """Yield the imported links joined by an equality, each with the pose of the connection in the link."""
+        """Yield the two imported links of an equality, each with the pose of the connection in the link."""
         model, data = self.model, floats(self.model.eq_data[number])
         kind = int(model.eq_type[number])
         for index, thing in enumerate((int(model.eq_obj1id[number]), int(model.eq_obj2id[number]))):
@@ -103,7 +103,7 @@ class Equalities:
 
 
 def _shifted(coefficients: Sequence[float], by: float) -> list[float]:
-    """Return the coefficients in q of a polynomial in q - `by`."""
+    """Return the coefficients of a polynomial in q that equals a polynomial in q - `by`."""
     return [
         sum_of(one * math.comb(power, k) * (-by) ** (power - k) for power, one in enumerate(coefficients) if power >= k)
         for k in range(len(coefficients))
@@ -158,7 +158,7 @@ def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings:
 
 
 def free_joint(original: CompiledSource, joint: int) -> Raw:
-    """Return the attributes of a free joint (stiffness, damping and others), which documents cannot express."""
+    """Return the attributes of a free joint that documents cannot express, such as stiffness and damping."""
     model, dof = original.model, int(original.model.jnt_dofadr[joint])
     wanted = [("stiffness", numbers([model.jnt_stiffness[joint]]))]
     wanted += [(name, numbers([getattr(model, f"dof_{name}")[dof]])) for name in ("damping", "frictionloss", "armature")]
@@ -166,7 +166,7 @@ def free_joint(original: CompiledSource, joint: int) -> Raw:
 
 
 def _raw(model: Any, joint: int, dof: int, effort: float | None) -> Raw:
-    """Return the attributes that documents cannot express, in addition to an `effort` limit [N m or N]."""
+    """Return the attributes that documents cannot express, besides an `effort` limit [N m or N]."""
     wanted = [
         ("solreflimit", numbers(model.jnt_solref[joint])), ("solimplimit", numbers(model.jnt_solimp[joint])),
         ("solreffriction", numbers(model.dof_solref[dof])), ("solimpfriction", numbers(model.dof_solimp[dof])),

@@ -1,7 +1,7 @@
-"""Convert an MJCF file with all included files to one text, with one tag per line, so that MuJoCo's line numbers lead to the source.
+"""Flatten an MJCF file and its included files to one text with one tag per line, so that MuJoCo's line numbers can be mapped to the source.
 
-MuJoCo would open every file that the source names. Instead, included files and meshes are read here, with limits, and passed in memory.
-Elements that documents do not support, and elements that would need unlimited memory, are omitted and listed.
+MuJoCo would open every file that the source refers to. Instead, included files and meshes are read here, with limits, and passed in memory.
+Elements that documents do not support, and elements that could use unlimited memory, are omitted and recorded as losses.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from thingc.tools.importing.xml_source import Losses, SourceElement, read_xml
 from thingc.tools.importing.xml_values import NOT_FINITE
 
 MOST_COPIES, MOST_ELEMENTS = 10_000, 100_000
-"""Maximum number of copies of an element by `<replicate>`, and of elements of a model, including copies."""
+"""Maximum number of copies of an element created by `<replicate>`, and of elements of a model, including copies."""
 MOST_STEPS = 100_000
-"""Maximum number of steps of the simulation by which MuJoCo finds the length range of a muscle."""
+"""Maximum number of simulation steps that MuJoCo uses to compute the length range of a muscle."""
 MOST_MESH_BYTES = 500_000_000
-"""Maximum total size of meshes, counting every use: MuJoCo computes a hull for each."""
+"""Maximum total size of meshes [bytes]. Repeated uses are counted, because MuJoCo computes a convex hull for each."""
 LEFT_OUT = {
     "texture": "not imported: shapes have the colours of their materials", "hfield": "documents have no height fields",
     "skin": "documents have no skins", "flex": "documents only have rigid links", "flexcomp": "documents only have rigid links",
@@ -35,16 +35,16 @@ LEFT_OUT = {
     "statistic": "MuJoCo computes them", "light": "lights belong to a scene", "visual": "rendering settings belong to a scene",
 }
 ABSENT = ".absent"
-"""Suffix, before the file type, of the names of files that replace missing meshes."""
+"""Suffix of the names of files that replace missing meshes, in front of the file extension."""
 SMALL_SOLID = b"v 0 0 0\nv .001 0 0\nv 0 .001 0\nv 0 0 .001\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 
 
 class FlattenedSource(FrozenStruct):
-    """The flattened source.
+    """A flattened source.
 
-    `lines` are the source elements by line of `text`. `files` are the contents that MuJoCo gets, by their names in the text; `meshes` maps
-    these names to paths relative to the folder of the source; `models` are the texts of attached models. `included` are the roots of
+    `lines` are the source elements by line of `text`. `files` are the contents passed to MuJoCo, by their names in the text, and `meshes`
+    maps these names to paths relative to the folder of the source. `models` are the texts of attached models. `included` are the roots of
     included files.
     """
 
@@ -58,23 +58,23 @@ class FlattenedSource(FrozenStruct):
     losses: tuple[SourceLoss, ...]
 
     def element(self, said: str) -> SourceElement:
-        """Return the element in the line that a MuJoCo message names (`line 7`), or the root if it names none."""
+        """Return the element at the line number in a MuJoCo message (`line 7`), or the root if the message has none."""
         number = [int(one) for one in re.findall(r"line\s*=?\s*(\d{1,9})\b", said)]
         return self.lines[number[-1] - 1] if number and 1 <= number[-1] <= len(self.lines) else self.root
 
     def named(self, element: SourceElement) -> SourceElement:
-        """Return the root that defines the name of the model of an element: that of its own file if it has a name, else the first root."""
+        """Return the root element with the model name for an element: the root of its own file if it has a name, else the main root."""
         roots = (one for one in self.included if one.where.file == element.where.file and one.attributes.get("model", "").strip())
         return next(roots, self.root)
 
     def place(self, said: str, attribute: str | None = None) -> Span:
-        """Return the source location of the line in a message of MuJoCo."""
+        """Return the source location of the line number in a MuJoCo message."""
         element = self.element(said)
         return element.where if attribute is None else element.place(attribute)
 
 
 class Flattening:
-    """Flatten a file. Without `meshes`, unreadable meshes are replaced by a small solid."""
+    """Flattens a file. If `meshes` is false, unreadable meshes are replaced by a small solid."""
 
     def __init__(self, root: SourceElement, packages: Packages, report: Report, meshes: bool) -> None:
         self.root, self.packages, self.report, self.with_meshes = root, packages, report, meshes
@@ -93,7 +93,7 @@ class Flattening:
         self.sizes: dict[str, int] = {}
 
     def flat(self) -> FlattenedSource | None:
-        """Return the flattened file; None if an included file or a mesh is missing or invalid, which is reported."""
+        """Return the flattened file, or None after reporting a missing or invalid file."""
         before = len(self.report.diagnostics)
         text = self._file(self.root)
         if len(self.report.diagnostics) > before:
@@ -104,7 +104,7 @@ class Flattening:
         )
 
     def _file(self, root: SourceElement) -> str:
-        """Return the text of a file, after adding the texts of attached models. Line numbers are unique across all texts."""
+        """Return the text of a file, preceded by the texts of its attached models. Line numbers are unique across all texts."""
         self._include(root)
         sections = [*self._children(root)]
         for model in (one for section in sections if section.tag == "asset" for one in self._children(section) if one.tag == "model"):
@@ -124,7 +124,7 @@ class Flattening:
         return "\n" * start + "\n".join(self.texts[start:])
 
     def _children(self, element: SourceElement) -> Iterator[SourceElement]:
-        """Yield the child elements, with included ones in place of `<include>`."""
+        """Yield the child elements. `<include>` is replaced by the elements of the included file."""
         for child in element.children:
             if id(child) in self.elements:
                 for one in self.elements[id(child)]:
@@ -148,9 +148,9 @@ class Flattening:
             waiting += reversed(inner.children)
 
     def _read(self, element: SourceElement) -> SourceElement | None:
-        """Read an included file and return its root, None after errors.
+        """Read an included file and return its root, or None after reporting errors.
 
-        The path is relative to the including file, else to the first file.
+        The path is relative to the including file, or else to the main file.
         """
         name, where = element.attributes.get("file", ""), element.place("file")
         if element.children:
@@ -174,7 +174,7 @@ class Flattening:
     def _write(self, element: SourceElement, copies: int) -> None:
         """Add the lines of an element that will be copied `copies` times.
 
-        Above the maximum number of elements, report it once and add nothing.
+        If the model exceeds the maximum number of elements, report it once and add nothing.
         """
         if self.made > MOST_ELEMENTS:
             return
@@ -192,10 +192,10 @@ class Flattening:
                 return
         if element.tag in LEFT_OUT or element.tag == "geom" and ("hfield" in (element.attributes.get("type"), *element.attributes)):
             self.losses.note(f"`<{element.tag}>`", LEFT_OUT.get(element.tag, LEFT_OUT["hfield"]), element.where)
-            if element.tag != "extension":  # without it, MuJoCo rejects elements that use its plugin instances
+            if element.tag != "extension":  # MuJoCo requires `<extension>` for elements that use a plugin
                 return
         if element.tag == "layer":
-            return  # only in textures, which are left out
+            return  # layers only occur in textures, which are omitted
         if element.tag == "lengthrange" and _steps(element) > MOST_STEPS:
             message = f"this requires more than {MOST_STEPS:,} steps of simulation per muscle"
             self.report.add(Code.SOURCE_VALUE, message, element.where, help="reduce `inttotal`, or increase `timestep`")
@@ -218,7 +218,7 @@ class Flattening:
         self._line(f"</{element.tag}>", element)
 
     def _look_at_numbers(self, element: SourceElement) -> None:
-        """Report numbers that are not finite, because MuJoCo accepts them and they propagate."""
+        """Report numbers that are not finite. MuJoCo accepts them."""
         for name, value in element.attributes.items():
             wrong = next((word for word in value.split() if word.lower().lstrip("+-") in NOT_FINITE), None)
             if wrong is not None and name != "name" and value not in self.names:
@@ -231,9 +231,10 @@ class Flattening:
         self.lines.append(element)
 
     def _mesh(self, element: SourceElement) -> dict[str, str]:
-        """Return the attributes of a mesh: its name (default: from its file) and its file name in the text.
+        """Return the attributes of a mesh, including its name (by default the name of its file) and its file name in the text.
 
-        The file name is a hash of the content and the attributes, since MuJoCo would otherwise return a cached mesh.
+        The file name contains a hash of the content and the attributes. With a constant name, MuJoCo could return another mesh from its
+        cache.
         """
         file = element.attributes["file"]
         file = os.path.basename(file.replace("\\", "/")) if self.strip else file
@@ -257,7 +258,7 @@ class Flattening:
 
 
 def _steps(element: SourceElement) -> float:
-    """Return the number of simulation steps of a `<lengthrange>`, 0 for values that MuJoCo will reject."""
+    """Return the number of simulation steps that a `<lengthrange>` requires, or 0 for values that MuJoCo rejects."""
     try:
         total, step = (float(element.attributes.get(name, usual)) for name, usual in (("inttotal", "10"), ("timestep", "0.01")))
     except ValueError:

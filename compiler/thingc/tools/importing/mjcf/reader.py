@@ -1,4 +1,4 @@
-"""Read MJCF: the bodies of the compiled model, their tree, masses and shapes."""
+"""Read MJCF: bodies, their tree, masses and shapes, from the compiled model."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _ALIKE = 1e-9
 
 
 def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes: bool) -> SourceRobot | None:
-    """Read the robot of a file whose root is `<mujoco>`; None if MuJoCo cannot read it, which is reported.
+    """Read the robot of a file with the root element `<mujoco>`. Return None after reporting that MuJoCo cannot read it.
 
-    Without `meshes`, unreadable meshes are massless.
+    If `meshes` is false, unreadable meshes are massless.
     """
     flat = Flattening(root, packages, report, meshes).flat()
     original = None if flat is None else _compiled(flat, report)
@@ -41,7 +41,7 @@ def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes
 
 
 def _compiled(flat: FlattenedSource, report: Report) -> CompiledSource | None:
-    """Compile the model. MuJoCo's error is reported at the line that it names."""
+    """Compile the model. Errors of MuJoCo are reported at the line in the message."""
     import mujoco
 
     try:
@@ -54,7 +54,7 @@ def _compiled(flat: FlattenedSource, report: Report) -> CompiledSource | None:
         for joint in spec.joints:
             joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about nearly singular inertias, which are checked per link
+            warnings.simplefilter("ignore")  # MuJoCo warns about nearly singular inertias, which are checked per link
             model = spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as fault:
         text = str(fault)
@@ -84,7 +84,7 @@ class _Reader:
         self.link_names = {*original.bodies.values()}
 
     def robot(self) -> SourceRobot | None:
-        """Return the robot: the bodies attached to the world, or the floating body with the most joints."""
+        """Return the robot: all bodies attached to the world, or else the floating body with the most joints."""
         if len(self.parents) > MOST_LINKS:
             message = f"the robot has {len(self.parents):,} bodies, but at most {MOST_LINKS:,} are supported"
             self.report.add(Code.SOURCE_TREE, message, self.original.flat.root.where)
@@ -132,7 +132,8 @@ class _Reader:
         )
 
     def _lose_layout(self, root: int, hangings: Sequence[Attachment], posed: bool, sensed: set[str], added: Added) -> None:
-        """Record losses for changed indices in the arrays of `MjData` and, without keyframes, for joints with another start value."""
+        """Record losses for changed indices in arrays of `MjData` and, if the source has no keyframes, for changed start values of joints.
+        """
         for joint in (joint for one in hangings for joint in one.joints if not posed and joint.follows is None):
             if joint.begin is not None and abs(joint.begin - joint.start) > _ALIKE:
                 what = f"the start position of joint `{joint.name}`, {joint.start:g}"
@@ -145,13 +146,14 @@ class _Reader:
             self._lose_indices(array, [sizes.get(int(one), 1) for one in self.model.jnt_type], order)
 
     def _joint_order(self, root: int, hangings: Sequence[Attachment]) -> list[int]:
-        """Return the numbers of the joints in the order of a model of the document."""
+        """Return the indices of the joints in the order of a model generated from the document."""
         numbers_of = {name: number for number, name in self.original.joints.items()}
         tree = downwards(self.original.bodies[root], hangings)
         return [*self.joints[root][: root in self.free], *(numbers_of[joint.name] for one in tree for joint in one.joints)]
 
     def _lose_indices(self, array: str, sizes: Sequence[int], kept: Sequence[int]) -> None:
-        """Record the entries of an array that have other indices in a model of the document, which has the `kept` elements."""
+        """Record the entries of an array whose indices differ in a model generated from the document, where only the elements `kept` exist.
+        """
         starts, runs, here = [0, *accumulate(map(int, sizes))], list[list[int]](), 0
         for there, size in ((starts[number], int(sizes[number])) for number in kept):
             if runs and runs[-1][0] + runs[-1][2] == there:
@@ -167,7 +169,8 @@ class _Reader:
     def _hangings(
         self, body: int, on: dict[int, tuple[int, Pose]], between: list[SourceLink], drives: Actuators, couplings: Equalities,
     ) -> Iterator[Attachment]:
-        """Yield the attachments of a body to its parent, one per joint. The massless links between them are added to `between`."""
+        """Yield the attachments of a body to its parent, one per joint. The massless links between these joints are appended to `between`.
+        """
         original, (parent, pose) = self.original, on[self.parents[body]]
         name, above, place, where = original.bodies[body], original.bodies[parent], pose @ self._pose(body), original.where("body", body)
         *inner, last = self.joints[body] or [-1]
@@ -189,9 +192,10 @@ class _Reader:
         return pose_of(self.model.body_pos[body], self.model.body_quat[body])
 
     def _kept(self) -> set[int]:
-        """Return the bodies of the robot: of the bodies attached to the world together, and each floating body, the group with most joints.
+        """Return the bodies of the robot.
 
-        All other bodies are losses, and so are geoms and sites of the world if the world is not part of the robot.
+        All bodies attached to the world form one group, and each floating body forms another. The group with the most joints is the robot.
+        All other bodies are losses. If the world is not part of the robot, its geoms and sites are losses, too.
         """
         tops = [body for body, parent in enumerate(self.parents) if parent == WORLD and body != WORLD]
         groups: dict[int, set[int]] = {WORLD: {WORLD}} | {body: set() for body in tops if body in self.free or body in self.mocap}
@@ -218,7 +222,7 @@ class _Reader:
         return kept
 
     def _on_world(self, *, planes: bool) -> list[tuple[str, int]]:
-        """Return the kind and number of geoms and sites of the world: only its planes, or all others."""
+        """Return the kind and index of geoms and sites of the world: only planes if `planes`, else all others."""
         model = self.model
         geoms = [("geom", k) for k in range(model.ngeom) if model.geom_bodyid[k] == WORLD and (model.geom_type[k] == PLANE) == planes]
         sites = [] if planes else [("site", k) for k in range(model.nsite) if model.site_bodyid[k] == WORLD]
@@ -227,7 +231,7 @@ class _Reader:
     def _carriers(self, kept: set[int], root: int) -> dict[int, tuple[int, Pose]]:
         """Return the link of each body, and the pose of the body in the link.
 
-        A fixed body without mass and shapes, all of whose children are such bodies, is a mount of its parent.
+        A body becomes a mount of its parent if it is fixed and has no mass and no shapes, and the same holds for all bodies below it.
         """
         bare = {
             body for body in kept if body != root and not self.joints[body] and self.model.body_mass[body] <= 0.0
@@ -246,7 +250,7 @@ class _Reader:
         return on
 
     def _heads(self, on: dict[int, tuple[int, Pose]], root: int) -> dict[int, int]:
-        """Return for each body the first of the bodies that it is rigidly connected to."""
+        """Return the first body of each group of rigidly connected bodies, by body."""
         heads = {root: root}
         for body in sorted(on):
             if body != root:
@@ -281,7 +285,7 @@ class _Reader:
         rows = ((moments[0], 0.0, 0.0), (0.0, moments[1], 0.0), (0.0, 0.0, moments[2]))
         inertia = symmetric(multiply(multiply(turn, rows), transpose(turn)))
         full = floats(written.fullinertia)
-        if all(map(math.isfinite, full)):  # MuJoCo's values are rotated to principal axes and back: prefer the written ones
+        if all(map(math.isfinite, full)):  # MuJoCo rotates the values to principal axes and back: prefer those of the source
             a, b, c, d, e, f = full
             said = ((a, d, e), (d, b, f), (e, f, c))
             largest = max(map(abs, full))
@@ -292,7 +296,7 @@ class _Reader:
 
 
 def _name(root: SourceElement) -> str:
-    """Return the name of the model, without the mode that thingc appends to names."""
+    """Return the name of the model, without the name of the mode that thingc appends."""
     name = root.attributes.get("model", "").strip()
     ours = mode_of(root.source[: root.start]) == SOURCE_MODE
     return (name.removesuffix(f"_{SOURCE_MODE}") if ours else name) or "robot"

@@ -29,11 +29,11 @@ OF_ALL: dict[str, tuple[SensorType, ReadingName]] = {
 OF_ROOT: dict[str, ReadingName] = {"subtreecom": "position", "subtreelinvel": "velocity", "subtreeangmom": "momentum"}
 IMU: frozenset[SensorType] = frozenset({"accelerometer", "gyro"})
 LOOKING = turned_y(math.pi)
-"""A camera of MuJoCo looks along its -z axis, a camera of a document along z of its mount; y is up in both."""
+"""Rotation of a camera. It looks along -z in MuJoCo and along z of its mount in a document; y is up in both."""
 
 
 class _Place(FrozenStruct):
-    """The kind of a sensor in a document, and the names of its site, reference site, joint or tendon."""
+    """A kind of sensor of a document with its target: a site and an optional reference site, a joint, or a tendon."""
 
     kind: SensorType
     site: str | None = None
@@ -43,7 +43,7 @@ class _Place(FrozenStruct):
 
 
 class _Sensing:
-    """Read sensors. `kept` are the imported bodies, `driven` maps actuator numbers to driven targets, and `root` is the root body."""
+    """Reads sensors. `kept` are the imported bodies, `driven` are the targets of drives by actuator, and `root` is the root body."""
 
     def __init__(self, original: CompiledSource, kept: set[int], added: Added, driven: Mapping[int, SourceTarget], root: int) -> None:
         import mujoco
@@ -54,7 +54,8 @@ class _Sensing:
         self.kinds: dict[int, str] = {int(value): name.removeprefix("mjSENS_").lower() for name, value in types}
 
     def all(self) -> tuple[SourceSensor, ...]:
-        """Return the supported sensors, combining sensors at the same place. Other sensors and duplicates are added or losses."""
+        """Return the supported sensors; sensors at the same place are combined. Other sensors and duplicates are added elements or losses.
+        """
         read: list[tuple[int, _Place, ReadingName]] = []
         placed_before: set[tuple[_Place, ReadingName] | None] = {None}
         for number in range(self.model.nsensor):
@@ -108,7 +109,7 @@ class _Sensing:
         return None
 
     def _sensor(self, place: _Place, readings: list[tuple[int, ReadingName]]) -> SourceSensor:
-        """Return the sensor of a document that combines these readings."""
+        """Return a sensor of a document that combines these readings."""
         model, original = self.model, self.original
         numbers: dict[str, dict[str, float]] = {"noise": {}, "cutoff": {}}
         for number, reading in readings:
@@ -139,9 +140,9 @@ def sensors(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], kept: set[int], added: Added, driven: Mapping[int, SourceTarget],
     root: int,
 ) -> tuple[SourceSensor, ...]:
-    """Return the sensors that documents support, and cameras. Other sensors are added or losses.
+    """Return the sensors that documents support, and the cameras. Other sensors are added elements or losses.
 
-    `driven` are the targets of drives by the number of the actuator, `root` is the root body.
+    `driven` are the targets of drives by the index of the actuator, and `root` is the root body.
     """
     return (*_Sensing(original, kept, added, driven, root).all(), *_cameras(original, on))
 

@@ -21,11 +21,12 @@ OPTIONS = (
 )
 _ALIKE = 1e-9
 _OPEN = 1e-4
-"""Maximum gap [m] of a loop in a keyframe without a loss."""
+"""Maximum gap [m] of a loop in a keyframe that is not reported as a loss."""
 
 
 def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
-    """Return the options that documents support (`timestep` [s], `integrator`, `cone`, `impratio`) if not MuJoCo's defaults."""
+    """Return the options that documents support (`timestep` [s], `integrator`, `cone`, `impratio`) and that differ from MuJoCo's defaults.
+    """
     option = original.model.opt
     said: list[tuple[str, float | str]] = [
         ("timestep", float(option.timestep)), ("integrator", INTEGRATORS[int(option.integrator)]), ("cone", CONES[int(option.cone)]),
@@ -40,7 +41,7 @@ def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
 
 
 def options(original: CompiledSource) -> tuple[tuple[tuple[str, ...], str], ...]:
-    """Return the other options that differ from MuJoCo's defaults, by path: `("option", "flag", "contact")`."""
+    """Return all other options that differ from MuJoCo's defaults, by path: `("option", "flag", "contact")`."""
     import mujoco
 
     ours, usual = original.model.opt, mujoco.MjSpec().option
@@ -67,10 +68,10 @@ def _format_setting(name: str, value: Any) -> str:
 def touching(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int], still: int | None, added: Added,
 ) -> tuple[tuple[str, str], ...]:
-    """Return the pairs of links that never touch, without those connected by a joint.
+    """Return the pairs of links that never touch, except pairs connected by a joint.
 
-    In a document, links connected by a joint never touch; in MuJoCo, this depends on an option, and does not hold for children of the
-    static body `still`. Differences are losses if the shapes would touch.
+    In a document, links connected by a joint never touch. In MuJoCo, this depends on an option, and children of the static body `still` can
+    touch it. These differences are losses if the shapes could touch.
     """
     import mujoco
 
@@ -91,7 +92,7 @@ def touching(
     masks = {body: _masks(original, body) for body in heads}
 
     def meet(head: int, other: int) -> bool:
-        """Return whether two links have shapes that would touch, ignoring excluded pairs of bodies."""
+        """Return whether two links have shapes that could touch, disregarding excluded pairs of bodies."""
         pairs = ((one, two) for one in members[head] for two in members[other] if _pair(one, two) not in written)
         return any(_meet(masks[one], masks[two]) for one, two in pairs)
 
@@ -112,7 +113,7 @@ def touching(
 
 
 def _excluded(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> Iterator[tuple[int, int]]:
-    """Yield the excluded pairs of bodies. Those with a body that is not imported are losses."""
+    """Yield the excluded pairs of bodies. Pairs with a body that is not imported are losses."""
     numbers_of = {name: number for number, name in original.bodies.items()}
     for one in original.spec.excludes:
         first, second = (numbers_of[name] for name in (one.bodyname1, one.bodyname2))
@@ -127,7 +128,10 @@ def _excluded(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> I
 
 
 def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touch: Set[int]) -> None:
-    """Record effects that MuJoCo computes per body, for links of several bodies. `touch` are the moving links with collision shapes."""
+    """Record losses of effects that MuJoCo computes per body, for links that consist of several bodies.
+
+    `touch` are the moving links with collision shapes.
+    """
     model = original.model
     fluid = bool(model.opt.density or model.opt.viscosity)
     for body in sorted(body for bodies in members.values() for body in bodies) if fluid else ():
@@ -151,7 +155,7 @@ def _pair(one: int, other: int) -> tuple[int, int]:
 
 
 def _masks(original: CompiledSource, body: int) -> tuple[int, int]:
-    """Return all bits of `contype`, and of `conaffinity`, of the geoms of a body, without planes of the world."""
+    """Return the union of the bits of `contype` and of `conaffinity` over the geoms of a body, except planes of the world."""
     model, kinds, affinities = original.model, 0, 0
     for geom in original.geoms_of[body]:
         if body or model.geom_type[geom]:
@@ -166,7 +170,7 @@ def _meet(ours: tuple[int, int], theirs: tuple[int, int]) -> bool:
 def poses(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], root: int, base: SourceBase, joints: Mapping[str, SourceJoint],
 ) -> tuple[SourcePose, ...]:
-    """Return keyframes as poses, clamped to the limits of the joints. Velocities and activations are losses."""
+    """Return the keyframes as poses, clamped to the joint limits. Velocities and activations are losses."""
     model, poses = original.model, []
     places = [one.where for one in original.flat.lines if one.tag == "key"][::2]
     following = {joint.name: joint.follows for joint in joints.values() if joint.follows is not None}
@@ -205,7 +209,7 @@ def poses(
 
 
 def _open_loops(original: CompiledSource, key: int) -> Iterator[tuple[str, float]]:
-    """Yield the equalities between bodies that a keyframe violates by more than `_OPEN`, by name, with the distance [m]."""
+    """Yield the name and distance [m] of each equality between bodies that a keyframe violates by more than `_OPEN`."""
     import mujoco
 
     model, data = original.model, mujoco.MjData(original.model)
@@ -213,7 +217,7 @@ def _open_loops(original: CompiledSource, key: int) -> Iterator[tuple[str, float
     mujoco.mj_fwdPosition(model, data)
     between = {int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)}
     for number in (number for number in range(model.neq) if int(model.eq_type[number]) in between):
-        rows = [k for k in range(data.ne) if data.efc_id[k] == number]  # equalities come first, and the distance precedes the rotation
+        rows = [k for k in range(data.ne) if data.efc_id[k] == number]  # equalities come first, and positions before rotations
         gap = hypot(*floats(data.efc_pos[rows[:3]]))
         if gap > _OPEN:
             yield original.equalities[number], gap

@@ -14,7 +14,7 @@ from thingc.tools.importing.source_model import Raw, ShapeKind, Sizes, SourceSha
 
 KINDS: dict[int, ShapeKind] = {0: "plane", 2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 HIDDEN = 3
-"""The first group of geoms that MuJoCo hides by default."""
+"""First group of geoms that MuJoCo hides by default."""
 FRICTION = (1.0, 0.005, 0.0001)
 USUAL = {
     "solref": SOLREF, "solimp": SOLIMP, "margin": "0", "gap": "0", "solmix": "1", "contype": "1", "conaffinity": "1",
@@ -22,12 +22,15 @@ USUAL = {
 }
 """MuJoCo's defaults of geoms."""
 SPHERE, CYLINDER = 4, 5
-"""Types of wraps around a geom. A hidden geom that a tendon wraps around has no other purpose."""
+"""Types of wraps around a geom. If a tendon wraps around a hidden geom, the geom has no other purpose."""
 GREY = (0.5, 0.5, 0.5, 1.0)
 
 
 class Geoms:
-    """The shapes of bodies. `files` are the meshes that are written from the model, by name; `shown` are the numbers of imported geoms."""
+    """The shapes of bodies.
+
+    `files` are the meshes written from the model, by name. `shown` contains the indices of imported geoms.
+    """
 
     def __init__(self, original: CompiledSource) -> None:
         self.original, self.model = original, original.model
@@ -64,7 +67,7 @@ class Geoms:
         return [one for one, there in ((visual, drawn), (touching, touches)) if there]
 
     def _color(self, geom: int) -> tuple[float, float, float, float] | None:
-        """Return the colour of a geom or else of its material, or None for MuJoCo's default."""
+        """Return the colour of a geom or of its material, or None for MuJoCo's default."""
         material = int(self.model.geom_matid[geom])
         r, g, b, a = floats(self.model.geom_rgba[geom])
         if (r, g, b, a) == GREY and material >= 0:
@@ -74,8 +77,8 @@ class Geoms:
     def _mesh(self, geom: int, centred: Pose) -> tuple[Vector, Pose, str]:
         """Return the scale, pose and URI of a mesh.
 
-        MuJoCo moves a mesh to its principal axes. In the source its vertices are as in its file, `scale R^T (v - p)` with the reference
-        pose.
+        MuJoCo moves the vertices of a mesh to its principal axes. In the source, vertices are as in the file, transformed by `scale R^T (v
+        - p)` with the reference pose.
         """
         written = self.original.written["geom"][geom]
         mesh = self.original.spec.mesh(written.meshname)
@@ -90,7 +93,7 @@ class Geoms:
         return (x, y, z), self.original.frame(written) @ at, uri
 
     def _anew(self, mesh: int, name: str, geom: int) -> str:
-        """Write the mesh of MuJoCo to a new file; return its URI. Used if no file of the source can be used."""
+        """Write MuJoCo's version of a mesh to a new file and return its URI. Used if the file of the source is not supported."""
         file = f"mujoco://{name}.obj"
         if file not in self.files:
             model = self.model
@@ -104,14 +107,14 @@ class Geoms:
         return file
 
     def _friction(self, geom: int) -> tuple[float, ...]:
-        """Return the friction of a geom that contacts use, or nothing for MuJoCo's defaults."""
+        """Return the friction coefficients of a geom that contacts use, or an empty tuple for MuJoCo's defaults."""
         slide, torsion, roll = floats(self.model.geom_friction[geom])
         dimensions = int(self.model.geom_condim[geom])
         said = (slide, torsion, roll) if dimensions == 6 else (slide, torsion) if dimensions == 4 else (slide,)
         return () if said == (FRICTION[0],) or dimensions == 1 else said
 
     def _raw(self, geom: int, friction: tuple[float, ...]) -> Raw:
-        """Return the other contact attributes. thingc gives geoms with friction a priority, so that it applies on any floor."""
+        """Return the other contact attributes. thingc gives geoms with friction a higher priority, so it applies on any floor."""
         model = self.model
         wanted = [(name, numbers(values if getattr(values, "shape", ()) else [values])) for name in USUAL
                   for values in [getattr(model, f"geom_{name}")[geom]]]
@@ -125,7 +128,7 @@ class Geoms:
 
 
 def sizes_of(kind: ShapeKind, sizes: Any) -> Sizes:
-    """Convert MuJoCo's three size numbers to the size of a `SourceShape`."""
+    """Convert MuJoCo's three size parameters to the size of a `SourceShape`."""
     a, b, c = floats(sizes)
     match kind:
         case "sphere":

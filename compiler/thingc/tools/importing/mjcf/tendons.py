@@ -23,10 +23,10 @@ USUAL = {
 
 
 class Tendons:
-    """The tendons that documents support, by number (`of`); others are losses.
+    """The tendons that documents support, by index (`of`). Other tendons are losses.
 
-    `joints` and `sites` are the numbers of imported ones, `on` maps each imported body to its link and its pose in it, `heads` to the first
-    body that it is rigidly connected to.
+    `joints` and `sites` are the indices of imported elements. `on` maps each imported body to its link and its pose in the link. `heads`
+    maps it to the first body that it is rigidly connected to.
     """
 
     def __init__(
@@ -44,11 +44,11 @@ class Tendons:
                 self.of[number] = self._tendon(number, wraps)
 
     def driven(self, drives: Mapping[int, SourceDrive]) -> tuple[SourceTendon, ...]:
-        """Return all tendons with these drives, which are keyed by number."""
+        """Return all tendons with their drives, which are given by index of the tendon."""
         return tuple(replace(one, drive=drives.get(number)) for number, one in self.of.items())
 
     def _unsaid(self, wrap: int) -> str:
-        """Return why a document cannot express a step of a path, or an empty text if it can."""
+        """Return why a document cannot express a step of a path, or an empty string."""
         model = self.model
         kind, thing, side = (int(one[wrap]) for one in (model.wrap_type, model.wrap_objid, model.wrap_prm))
         gone = "it uses elements that are not imported"
@@ -88,7 +88,7 @@ class Tendons:
                 turns = turns and int(model.jnt_type[joint]) == HINGE
         limited, (lower, upper) = bool(model.tendon_limited[number]), floats(model.tendon_range[number])
         if not moves:
-            lower = max(lower, 0.0)  # the length of a path is never negative
+            lower = max(lower, 0.0)  # the length of a path cannot be negative
         ends = SourceLimits(lower=lower, upper=upper) if limited and lower < upper else SourceLimits()
         damping, friction, armature, stiffness = (
             max(float(getattr(model, f"tendon_{word}")[number]), 0.0) for word in ("damping", "frictionloss", "armature", "stiffness")
@@ -123,7 +123,7 @@ class Tendons:
         ))
 
     def _raw(self, number: int, made: SourceTendon) -> Raw:
-        """Return the attributes that differ in the document or that it cannot express."""
+        """Return the attributes that documents cannot express or for which they have another default."""
         model = self.model
         plain = ("stiffness", "damping", "frictionloss", "armature", "margin", "group", *(() if made.moves else ("width",)))
         wanted = [(word, numbers([getattr(model, f"tendon_{word}")[number]])) for word in plain]
