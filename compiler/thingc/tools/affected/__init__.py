@@ -1,1 +1,1 @@
-"""Find the documents that depend on changed files, without running their Python code."""
+"""Find the documents that depend on changed files, without running Python code of the workspace."""

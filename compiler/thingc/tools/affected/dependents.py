@@ -1,4 +1,5 @@
-"""Find changed files with git, and the documents that depend on them, from documents and the syntax trees of part files."""
+"""Find changed files with git, and the documents that depend on them. Dependencies come from documents and the syntax trees of part files.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +23,8 @@ KINDS = ("assembly", "materials", "variants")
 class AffectedDocuments(FrozenStruct):
     """The documents that depend on a changed file.
 
-    All paths are absolute and sorted. `roots` are the documents to build: the assemblies that have modes or are not nested in another of
-    these documents.
+    All paths are absolute and sorted. `roots` are the documents to build: assemblies that have modes or are not nested in another of these
+    documents.
     """
 
     documents: tuple[str, ...]
@@ -31,11 +32,15 @@ class AffectedDocuments(FrozenStruct):
 
 
 class _Needs(FrozenStruct, kw_only=False):
-    """The dependencies of a document. Paths are real paths; the files need not exist.
+    """The dependencies of a document. Paths are real paths; the files do not have to exist.
 
-    `files` are the files that it depends on, and `folders` are those in which it depends on every non-Python file. `assembly` and `modes`
-    tell whether it is an assembly, and whether it has modes. `nested` are the other documents that it uses, and `varies` the assemblies of
-    a variants document.
+    Attributes:
+        files: The files that it depends on.
+        folders: The folders in which it depends on every non-Python file.
+        assembly: Whether it is an assembly.
+        modes: Whether it has modes.
+        nested: The other documents that it uses.
+        varies: The assemblies of a variants document.
     """
 
     files: frozenset[str]
@@ -47,18 +52,19 @@ class _Needs(FrozenStruct, kw_only=False):
 
 
 def touched(changed: Collection[str] | None, folder: str, store: Store | None) -> AffectedDocuments:
-    """Return the documents below a folder that depend on one of the `changed` paths, which need not exist, or all if it is None.
+    """Return the documents below a folder that depend on one of the `changed` paths, or all documents if it is None.
 
-    A document depends on the documents it names, on the code of its parts (including modules imported from the workspace), on part files,
-    and on the settings and the lock of the workspace. The files that a part reads while it is built are not known in advance, so a document
-    depends on every non-Python file in its part folders. Without a store, the workspace is untrusted, and no file outside of it is read.
+    Changed paths do not have to exist. A document depends on the documents that it refers to, on the code of its parts (including modules
+    imported from the workspace), on part files, and on the settings and the lock of the workspace. The files that a part reads while it is
+    built are not known in advance, so a document depends on every non-Python file in its part folders. Without a store, the workspace is
+    untrusted, and no file outside of it is read.
     """
     real = None if changed is None else frozenset(os.path.realpath(path) for path in changed)
     if real is not None and not real:
         return AffectedDocuments(documents=(), roots=())
     needs = {path: _needs(path, store) for path in documents_in(folder)}
     met = sorted(path for path, need in needs.items() if real is None or _meets(path, need, real))
-    # A variants document does not read the assemblies that it varies, so they are added here.
+    # a variants document does not read the assemblies that it varies, so they are added here
     varied = {os.path.realpath(path) for path in met}
     met = sorted({*met, *(path for path, need in needs.items() if need.varies & varied)})
     inside = {inner for path in met for inner in needs[path].nested}
@@ -95,7 +101,7 @@ def _needs(path: str, store: Store | None) -> _Needs:
 
 
 def _files(documents: Documents) -> Iterator[str]:
-    """Yield the paths of the documents and of the files that they name, which need not exist."""
+    """Yield the paths of the documents and of the files that they refer to. The files do not have to exist."""
     yield from documents.files
     for document in documents.by_path.values():
         yield document.path
@@ -107,7 +113,7 @@ def _files(documents: Documents) -> Iterator[str]:
 
 
 def _texts(document: Document, key: str) -> Iterator[str]:
-    """Yield every text under a key at any depth, because variants name parts, too."""
+    """Yield every text under a key at any depth. Variants refer to parts, too."""
     waiting: list[Node] = [document.tree]
     while waiting:
         node = waiting.pop()
@@ -123,13 +129,13 @@ def _texts(document: Document, key: str) -> Iterator[str]:
 
 
 class NotARepository(Exception):
-    """Git failed: there is no repository, no such revision, or no git. The message is one line, from git if possible."""
+    """Raised if git failed: there is no repository, the revision does not exist, or git is missing. The message is one line."""
 
 
 def changed_since(revision: str, folder: str) -> list[str]:
-    """Return the absolute paths of the files below a folder that differ from the merge base of `revision` and HEAD, sorted.
+    """Return the sorted absolute paths of the files below a folder that differ from the merge base of `revision` and HEAD.
 
-    Committed, uncommitted, untracked and deleted files count; ignored files do not. Raises `NotARepository`.
+    These include committed, uncommitted, untracked and deleted files, but not ignored files. Raises `NotARepository`.
     """
     base = git(folder, "merge-base", "--end-of-options", revision, "HEAD").strip()
     top = git(folder, "rev-parse", "--show-toplevel").rstrip("\n")
@@ -137,10 +143,10 @@ def changed_since(revision: str, folder: str) -> list[str]:
 
 
 def changed_paths(folder: str, *commits: str, trusted: bool = False) -> list[str]:
-    """Return the files below a folder that differ between two commits, or between a commit and the checkout, as sorted paths.
+    """Return the sorted paths of the files below a folder that differ between two commits, or between a commit and the checkout.
 
-    The paths are relative to the repository. In the checkout, uncommitted and untracked changes count. Changes inside a submodule do not
-    count: to find them, git would run commands from the configuration of the submodule. Raises `NotARepository`.
+    Paths are relative to the repository. Uncommitted and untracked files in the checkout are included. Changes inside a submodule are not
+    included, because git would run commands from the configuration of the submodule to find them. Raises `NotARepository`.
     """
     options = ("--name-only", "--no-renames", "--ignore-submodules=dirty", "-z")
     names = git(folder, "diff", *options, *commits, "--", ".", trusted=trusted).split("\0")
@@ -150,15 +156,15 @@ def changed_paths(folder: str, *commits: str, trusted: bool = False) -> list[str
 
 
 def git(folder: str, *words: str, trusted: bool = False) -> str:
-    """Run a git command and return its output as text. Arguments and errors are those of `run_git`."""
-    return os.fsdecode(run_git(folder, *words, trusted=trusted))  # without newline translation: a name may contain a carriage return
+    """Run a git command and return its output as text. See `run_git` for arguments and exceptions."""
+    return os.fsdecode(run_git(folder, *words, trusted=trusted))  # without newline translation: a name can contain a carriage return
 
 
 def run_git(folder: str, *words: str, given: bytes = b"", trusted: bool = False) -> bytes:
-    """Run a git command in a folder and return its output. `given` is its standard input.
+    """Run a git command in a folder and return its output. `given` is passed to its standard input.
 
-    No command from the configuration of the repository runs: no file system monitor, hook, filter or transport. The configuration of the
-    user and of the system applies. If the repository is `trusted`, its filters and transports may run. Raises `NotARepository`.
+    Commands from the configuration of the repository do not run: no file system monitor, hook, filter or transport. The configuration of
+    the user and of the system applies. If the repository is `trusted`, its filters and transports may run. Raises `NotARepository`.
     """
     if any("\0" in word for word in words):
         raise NotARepository("a revision cannot contain NUL")

@@ -46,7 +46,7 @@ OPTIONS = {
     "standing_on": ("mode",), "gravity": ("mode",), "type": ("joint",), "parent": ("joint",),
     "child": ("joint",), "loop": ("joint",), "kind": ("test",),
 }
-"""Kinds of elements to which each option applies."""
+"""Kinds of elements that each option applies to."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -86,7 +86,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `add`; exit code 0 if the element has been added."""
+    """Run `add`. Return the exit code, which is 0 if the element was added."""
     try:
         return _add(arguments, console.options_of(arguments))
     except console.WrongCommandLine as fault:
@@ -125,7 +125,7 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
 def _write(
     arguments: argparse.Namespace, options: Options, documents: Documents | None, addition: DocumentEdit, memo: Memo | None = None,
 ) -> int:
-    """Write the files and the document, unless there would be errors. `memo` caches the documents. Raises `ReplacementRefused`."""
+    """Write the files and the document unless they would have errors. `memo` caches the documents. Raises `ReplacementRefused`."""
     with provisional(addition.files) as keep:
         diagnostics: list[Diagnostic] = []
         changes: dict[str, Change] = {}
@@ -150,7 +150,8 @@ def _wrong(diagnostics: Sequence[Diagnostic]) -> bool:
 
 
 def _with_addition(root: Document, addition: DocumentEdit) -> Document:
-    """Return the document with the addition, formatted if it was formatted before. Raises `WrongCommandLine` if it cannot be edited."""
+    """Return the document with the addition. It is formatted if it was formatted before. Raises `WrongCommandLine` if it cannot be edited.
+    """
     document = root
     try:
         for keys in addition.placed:
@@ -172,7 +173,7 @@ def _article(what: str) -> str:
 def _say(
     arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], *, done: Sequence[str] = (), texts: Mapping[str, str] | None = None,
 ) -> int:
-    """Print what was added, or why nothing was; `texts` are the contents of the changed documents."""
+    """Print what was added, or the errors. `texts` are the contents of the changed documents."""
     if arguments.format == "text":
         console.say(*done)
     return console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=texts, added=list(done))

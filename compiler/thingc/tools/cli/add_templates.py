@@ -36,7 +36,7 @@ from thingc.tools.templates import new_assembly, new_part
 BASES: tuple[BaseType, ...] = get_args(BaseType)
 """Types of bases of modes."""
 NAME = r"[A-Za-z][A-Za-z0-9_]*"
-"""Pattern of valid names."""
+"""Regular expression of valid names."""
 
 
 class DocumentEdit(FrozenStruct, dict=True):
@@ -76,7 +76,7 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Documen
 
 
 def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geometry: GeometryService, reference: str) -> DocumentEdit:
-    """Create a component of an existing part. Errors in the part are left to `check`."""
+    """Create a component of an existing part. Errors in the part are not reported here, but by `check`."""
     if documents is None:
         message = f"`{shortened(reference)}` already exists; to place it, add a document"
         raise console.WrongCommandLine(message, "write --to robot.yaml")
@@ -98,7 +98,7 @@ def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geo
 
 
 def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
-    """Return the default mount for --on: the `usual` one, or the only one. Raises `WrongCommandLine`."""
+    """Return the default mount for --on: the mount `usual`, or the only one. Raises `WrongCommandLine`."""
     if usual in mounts or not mounts:
         return usual
     if len(mounts) > 1:
@@ -131,7 +131,7 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
 
 
 def _reference(word: str) -> str:
-    """Derive the reference from the name of a class: `front_bracket:FrontBracket`."""
+    """Derive the reference of a new part from the name of its class: `front_bracket:FrontBracket`."""
     name = _class_name(word)
     return f"{_snake(name)}:{name}"
 
@@ -141,7 +141,7 @@ def _class_name(word: str) -> str:
 
 
 def _snake(name: str) -> str:
-    """Convert the name of a class to snake case: `FrontBracket` to `front_bracket`, `MG90S` to `mg90s`."""
+    """Convert a class name to snake case: `FrontBracket` becomes `front_bracket`, and `MG90S` becomes `mg90s`."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Z][a-z])", "_", name).lower()
 
 
@@ -167,7 +167,8 @@ def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Doc
 def _nested_path(name: str, beside: str | None) -> str:
     """Return the path of a document for a name: in the folder of `beside`, with its suffix unless a file with another suffix exists.
 
-    Names with the suffix of a document are paths already."""
+    A name with the suffix of a document is already a path.
+    """
     if name.lower().endswith(DOCUMENT_SUFFIXES):
         return os.path.abspath(name)
     folder, suffix = ("", ".yaml") if beside is None else (os.path.dirname(beside), os.path.splitext(beside)[1])
@@ -176,7 +177,7 @@ def _nested_path(name: str, beside: str | None) -> str:
 
 
 def _own_mount(path: str) -> str:
-    """Return the default mount of a nested document. Errors in the document are left to `check`."""
+    """Return the default mount of a nested document. Errors in the document are not reported here, but by `check`."""
     try:
         with open(path, "rb") as stream:
             tree = read_tree(path, stream.read(), Report())
@@ -202,7 +203,7 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     base: BaseType = arguments.base or next((one for one in usual if one not in taken), usual[0])
     value: dict[str, Written] = {"root": stands, "base": base}
     if by_sole:
-        pass  # the mount coincides with the origin of the world
+        pass  # the mount is at the origin of the world
     elif stands == first["root"] and stays(base):
         value |= {"at": _format_plain(first["at"])} if "at" in first else {}
     elif _shaped(root):
@@ -216,7 +217,7 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
 
 
 def _format_plain(plain: object) -> Written:
-    """Convert plain values of a document to values to write."""
+    """Convert plain values in a document to values to write."""
     if isinstance(plain, dict):
         return {key: _format_plain(one) for key, one in plain.items()}
     return [_format_plain(one) for one in plain] if isinstance(plain, list) else str(plain)
@@ -272,13 +273,14 @@ STUBS: dict[str, Callable[[argparse.Namespace, Documents | None], DocumentEdit]]
 
 
 def _section(tree: MappingNode | None, section: str) -> dict[str, object]:
-    """Return a section of a document, empty if missing."""
+    """Return a section of a document, or an empty mapping if it is missing."""
     node = None if tree is None else node_at(tree, (section,))
     return {key: one.plain() for key, one in node.entries.items()} if isinstance(node, MappingNode) else {}
 
 
 def _extended(modes: Mapping[str, object], name: str, above: tuple[str, ...] = ()) -> dict[str, object]:
-    """Return the contents of a mode, merged with the modes that it extends. Missing modes and cycles are left to `check`."""
+    """Return the contents of a mode, merged with the modes that it extends. Missing modes and cycles are not reported here, but by `check`.
+    """
     mode = modes.get(name)
     if not isinstance(mode, dict) or name in above:
         return {}
@@ -286,7 +288,7 @@ def _extended(modes: Mapping[str, object], name: str, above: tuple[str, ...] = (
 
 
 def _base(root: Document) -> str:
-    """Return the name of the base component, the one without placement."""
+    """Return the name of the base component, which is the component without a placement."""
     joints = [joint for joint in _section(root.tree, "joints").values() if isinstance(joint, dict) and not joint.get("loop")]
     children = {str(joint.get("child", "")).partition(".")[0] for joint in joints}
     components = _section(root.tree, "components")
@@ -295,7 +297,8 @@ def _base(root: Document) -> str:
 
 
 def _placement_keys(arguments: argparse.Namespace, root: Document, name: str, mount: str) -> dict[str, Written]:
-    """Return the placement of a new component: its mount --by (default: `mount`) on --on, at the frame --at, or above the base."""
+    """Return the placement of a new component. Its mount --by (default: `mount`) is placed on --on, at the frame --at, or above the base.
+    """
     _new(root, "components", name, hint="choose another name with --name")
     if arguments.on is not None:
         return {"attach": {arguments.by or mount: arguments.on}}
@@ -310,9 +313,9 @@ def _shaped(root: Document) -> bool:
 
 
 def _weight(documents: Documents) -> dict[str, Written]:
-    """Return a material of the document (preferably for prints), or else a mass, for a part without either.
+    """Return the keys that give mass to a part without material and mass: a material of the document if possible, else a mass.
 
-    Empty if `defaults` of the document specify a material.
+    A material for prints is preferred. Return nothing if `defaults` of the document specify a material.
     """
     root = documents.root
     if node_at(root.tree, ("defaults", "component", "material")) is not None:
@@ -327,12 +330,12 @@ def _weight(documents: Documents) -> dict[str, Written]:
 
 
 def _params(arguments: argparse.Namespace, key: str = "params") -> dict[str, Written]:
-    """Return the arguments of a part (with the key `params`) or an assembly (with the key `parameters`)."""
+    """Return the arguments of a part (key `params`) or of an assembly (key `parameters`)."""
     return {key: settings(arguments.param)} if arguments.param else {}
 
 
 def _new(root: Document, section: str, name: str, hint: str = "choose another name") -> str:
-    """Return the name if the section does not contain it, else raise `WrongCommandLine`."""
+    """Return the name if it is not used in the section. Otherwise raise `WrongCommandLine`."""
     _identifier(name)
     taken = {known.lower(): known for known in _section(root.tree, section)}
     if name.lower() in taken:
@@ -352,7 +355,7 @@ def _identifier(name: str) -> str:
 
 
 def _installed(module: str) -> bool:
-    """Return whether Python has a module of that name, which a new module would shadow."""
+    """Return whether Python has a module of this name. A new module would shadow it."""
     return module in sys.stdlib_module_names or getattr(importlib.util.find_spec(module), "origin", None) is not None
 
 
@@ -360,7 +363,7 @@ def _installed(module: str) -> bool:
 
 
 def _bound(module: ast.Module) -> set[str]:
-    """Return the names that imports, classes and functions of a module define; `module.*` for a star import."""
+    """Return the names defined by imports, classes and functions of a module, and `module.*` for a star import."""
     names: set[str] = set()
     for node in module.body:
         if isinstance(node, (ast.Import, ast.ImportFrom)):
@@ -372,7 +375,7 @@ def _bound(module: ast.Module) -> set[str]:
 
 
 def _appended(path: str, name: str, text: str) -> Change:
-    """Return the change that appends the class of `text` to a module, with missing imports."""
+    """Return the change that appends the class in `text` and missing imports to a module."""
     with open(path, "rb") as stream:
         data = stream.read()
     before = data.decode()

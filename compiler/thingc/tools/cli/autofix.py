@@ -1,4 +1,4 @@
-"""`thingc check --fix`: apply unambiguous fixes to documents, then report the rest."""
+"""`thingc check --fix`: apply unambiguous fixes to documents, then report the remaining errors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ ReportOf = Callable[[Environment, Compilation], Report]
 
 
 def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Options, report_of: ReportOf) -> int:
-    """Fix `documents`. The exit code is 0 if no errors remain (with `--diff`, would remain). `report_of` checks a document."""
+    """Fix `documents`. Return the exit code, which is 0 if no errors remain (with `--diff`: would remain).
+
+    `report_of` checks a document.
+    """
     try:
         if not arguments.fix:
             raise console.WrongCommandLine("--diff requires --fix", "write `thingc check --fix --diff`")
@@ -72,7 +75,7 @@ def _autofix(
 
 
 class _Disk:
-    """A cache of file contents, as they were when first read."""
+    """A cache of file contents at the time of the first read."""
 
     def __init__(self) -> None:
         self.known: dict[str, bytes | None] = {}

@@ -1,4 +1,4 @@
-"""`thingc batch`: build every variant of a `variants/1` document, each as `thingc build` does."""
+"""`thingc batch`: build every variant of a `variants/1` document as `thingc build` would."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ files in chunks/ contain 1024 variants each, and --unpack writes the folder of o
   thingc batch leg_sweep.yaml --resume
 """
 VERIFY = {"some": 64, "all": 1, "none": 0}
-"""Values of `--verify`: MuJoCo compiles every n-th model that differs in numbers only."""
+"""Values of `--verify`. MuJoCo compiles every n-th model of those that differ only in numbers."""
 PAUSE = 30.0
 """Interval [s] of progress reports if standard error is not a terminal."""
 STATUSES = {"built": "built", "kept_out": "kept out", "refused": "refused", "failed": "failed"}
-"""Statuses in output for users."""
+"""Statuses as shown to users."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -83,7 +83,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `batch`; exit code 0 if every variant has been built or excluded by a rule."""
+    """Run `batch`. Return the exit code, which is 0 if every variant was built or excluded by a rule."""
     try:
         console.require_document(arguments.document)
         options = replace(console.options_of(arguments), progress=None)
@@ -118,7 +118,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _again(arguments: argparse.Namespace) -> str:
-    """Return the command that continues the batch, with the same options."""
+    """Return the command that continues the batch with the same options."""
     pictures = {ALL: "all", 0: "none"}.get(arguments.pictures, arguments.pictures)
     said = {
         "-o": arguments.output, "--limit": arguments.limit, "--layout": arguments.layout, "--timeout": arguments.timeout,
@@ -132,7 +132,7 @@ def _again(arguments: argparse.Namespace) -> str:
 
 
 def _targets(words: Sequence[str]) -> tuple[str, ...]:
-    """Return the targets of `--emit`, empty without this option. Raises `WrongCommandLine`."""
+    """Return the targets of `--emit`, or an empty tuple without this option. Raises `WrongCommandLine`."""
     for _, message, hint in unknown(words):
         raise console.WrongCommandLine(message, hint)
     return chosen(words) if words else ()
@@ -159,7 +159,7 @@ def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, 
 
 
 class _Show:
-    """Progress of a batch: a line that updates in place on a terminal, else a line every `PAUSE` seconds."""
+    """Displays the progress of a batch: on a terminal in one line that is updated, else with a line every `PAUSE` seconds."""
 
     def __init__(self) -> None:
         self.said = time.monotonic()
@@ -178,7 +178,7 @@ class _Show:
 
 
 def _draw(done: int, count: int) -> None:
-    """Show the number of drawn pictures, only on a terminal."""
+    """Show the number of rendered pictures, only on a terminal."""
     console.say_in_place(f"{done} of {counted(count, 'picture')}")
 
 
@@ -270,7 +270,7 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
 
 
 def _unpack(arguments: argparse.Namespace, options: Options) -> int:
-    """Write the folder of one variant, and print its path."""
+    """Write the build folder of one variant and print its path."""
     planned = plan(arguments.document, options=options)
     folder = planned.folder_in(arguments.output)
     begun(planned.relative, folder, "build the batch first, without --unpack")
@@ -285,7 +285,7 @@ def _unpack(arguments: argparse.Namespace, options: Options) -> int:
 
 
 def _adopt(arguments: argparse.Namespace, options: Options) -> int:
-    """Write the settings of a variant into the document of the assembly, as `thingc set` does."""
+    """Write the values of a variant to the assembly document, as `thingc set` does."""
     planned = plan(arguments.document, options=options)
     adopted = find_variant(planned, arguments.adopt, planned.folder_in(arguments.output))
     if adopted is None:

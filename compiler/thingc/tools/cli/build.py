@@ -1,4 +1,4 @@
-"""`thingc build`: compile a document and write the build folder. The build options are shared with `watch` and `why`."""
+"""`thingc build`: compile a document and write the build folder. `watch` and `why` use the same options."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `build`; exit code 0 if the folder has been written or is up to date."""
+    """Run `build`. Return the exit code, which is 0 if the folder was written or is up to date."""
     try:
         console.require_document(arguments.document)
         options = console.options_of(arguments)
@@ -73,9 +73,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
-    """Build, or reuse an earlier build if nothing has changed. Return diagnostics and the result (None if it failed).
+    """Build, or reuse an earlier build if nothing has changed. Return the diagnostics, and the result or None.
 
-    If an earlier build is up to date but lacks some targets, they are added to its folder. Raises `UnknownChoice` and `OutputError`.
+    If an earlier build is up to date but lacks some targets, add them to its folder. Raises `UnknownChoice` and `OutputError`.
     """
     key = up_to_date.key_of("build", arguments.document, {
         "parameters": dict(options.parameters), "choices": dict(options.choices), "modes": arguments.mode,
@@ -89,12 +89,12 @@ def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, 
         if not set(targets) - set(answer["targets"]):
             parts = sorted({*answer["reused"], *answer["modelled"]})
             return found, {**answer, "modelled": [], "reused": parts, "unchanged": True}
-        targets = chosen([*targets, *answer["targets"]])  # the other outputs in the folder are current: they stay
+        targets = chosen([*targets, *answer["targets"]])  # the other outputs in the folder are up to date and are preserved
     return attempted(arguments.document, options, partial(_built, wish_of(arguments, targets), key))
 
 
 def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> BuildRequest:
-    """Return the build request of the command line."""
+    """Return the build request specified by the command line."""
     return BuildRequest(
         targets=targets, modes=arguments.mode, output=arguments.output, strict=arguments.strict,
         deny_loss=arguments.deny_loss, force=arguments.force, twice=getattr(arguments, "twice", False),
@@ -119,7 +119,7 @@ def _built(wish: BuildRequest, key: str, environment: Environment) -> tuple[list
 
 
 def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
-    """Return the data to report about a written build."""
+    """Return the data that is reported about a build."""
     lost = Counter(loss.target for loss in built.losses if loss.how != CARRIED)
     return {
         "folder": folder, "artifacts": sorted(built.files or ()), "modelled": built.compilation.modelled,
@@ -128,7 +128,7 @@ def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
 
 
 def _stands(answer: Mapping[str, Any], store: Store) -> bool:
-    """Return whether the folder of an earlier build is unchanged, with no temporary files next to it that must be removed."""
+    """Return whether the folder of an earlier build is unchanged, and no temporary files next to it must be removed."""
     folder = answer["folder"]
     if build_folder(*answer["place"]) != folder or unswept(folder):
         return False
@@ -136,7 +136,7 @@ def _stands(answer: Mapping[str, Any], store: Store) -> bool:
 
 
 def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
-    """Print a summary of the build to standard error. The last line describes what was built and where."""
+    """Print a summary of the build to standard error. The last line shows the folder and the number of files."""
     if answer.get("twice"):
         console.say(f"{counted(answer['twice'], 'part')} built twice: equal", stream=sys.stderr)
     if lost := answer["losses"]:
@@ -191,7 +191,9 @@ def add_building(parser: argparse.ArgumentParser) -> None:
 
 
 def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list[Diagnostic]]:
-    """Return the targets, and errors about targets of the workspace. Raises `WrongCommandLine` for errors in `--emit` and `--compat`."""
+    """Return the targets, and errors in targets specified by the workspace. Raises `WrongCommandLine` for errors in `--emit` and
+    `--compat`.
+    """
     for _, message, hint in unknown(arguments.emit):
         raise console.WrongCommandLine(message, hint)
     if arguments.emit and not chosen(arguments.emit):

@@ -50,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `check`; exit code 0 if no document has errors."""
+    """Run `check`. Return the exit code, which is 0 if no document has errors."""
     diagnostics: list[Diagnostic] = []
     try:
         options = console.options_of(arguments)
@@ -101,9 +101,9 @@ def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options:
 
 
 def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], list[str]]:
-    """Append the diagnostics of all documents to `diagnostics`. Return them, and the documents without diagnostics.
+    """Append the diagnostics of all documents to `diagnostics`. Return it, and the documents without warnings and errors.
 
-    An allowed warning is not reported as unused if one of the documents needs the allowance.
+    An allowance is not reported as unused if one of the documents needs it.
     """
     needed = {d.span for said in found.values() for d in said if d.code is Code.UNNEEDED and d.severity is Severity.NOTE}
     good: list[str] = []
@@ -130,7 +130,7 @@ def _concerned_without_code(files: Sequence[str]) -> list[str]:
 
 
 def without_code(document: str, options: Options, *, strict: bool) -> list[Diagnostic]:
-    """Check one document without running code of its workspace. The caller limits time and memory."""
+    """Check one document without running code of its workspace. The caller must limit time and memory."""
     with Environment(document, replace(options, lock=True, code=False)) as environment:
         return findings(environment, pipeline.check(environment), strict=strict)
 
@@ -140,7 +140,10 @@ def _packed(document: str, options: Options, strict: bool) -> list[dict[str, obj
 
 
 def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: list[str], of: int | None = None) -> int:
-    """Print the diagnostics and return the exit code. `of` is the number of documents found in folders on the command line."""
+    """Print the diagnostics and return the exit code.
+
+    `of` is the number of documents, if folders were given on the command line.
+    """
     console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug)
     if arguments.format == "text":
         for document in good:
@@ -151,7 +154,7 @@ def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: 
 
 
 def check(document: str, options: Options, *, strict: bool = False) -> list[Diagnostic]:
-    """Check one document, or return its cached diagnostics if nothing has changed since an earlier run."""
+    """Check one document, or return the cached diagnostics if nothing has changed since an earlier run."""
     store = store_of(options)
     key = up_to_date.key_of("check", document, {"parameters": dict(options.parameters), "choices": dict(options.choices), "strict": strict})
     earlier = up_to_date.load(store, key)

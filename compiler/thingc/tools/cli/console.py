@@ -23,7 +23,7 @@ from thingc.driver.environment import Options
 
 USAGE = 2
 FINDINGS = ("text", "json", "github", "sarif")
-"""Output formats for diagnostics."""
+"""Output formats of diagnostics."""
 
 
 def error(message: str, help: str | None, code: Code, detail: str | None = None) -> Diagnostic:
@@ -32,7 +32,7 @@ def error(message: str, help: str | None, code: Code, detail: str | None = None)
 
 
 class WrongCommandLine(Exception):
-    """The command line is invalid (exit code 2); `diagnostic` is the error to report."""
+    """Raised for an invalid command line (exit code 2). `diagnostic` is the error to report."""
 
     def __init__(self, message: str, hint: str | None = None, code: Code = Code.COMMAND_LINE) -> None:
         super().__init__(message)
@@ -40,12 +40,12 @@ class WrongCommandLine(Exception):
 
 
 def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly document (YAML or TOML)", metavar: str = "DOC") -> None:
-    """Add the optional argument DOC. If omitted it is None, and `main` replaces it by `document_meant()`."""
+    """Add the optional argument DOC. If it is omitted, `main` replaces None by `document_meant()`."""
     parser.add_argument("document", metavar=metavar, nargs="?", help=f"{what} (default: the only robot of the workspace)")
 
 
 def document_meant() -> str:
-    """Return the default document for a command line that names none, and print its path.
+    """Return the default document for a command line without a document, and print its path.
 
     It is the only assembly below the working folder, or else in its workspace, that is not nested in another one. Raises `WrongCommandLine`
     if there is none or more than one.
@@ -59,7 +59,7 @@ def document_meant() -> str:
     if workspace is not None:
         assemblies = (
             assemblies_in(here, workspace)
-            or [path for path in documents_near(here, None) if is_document(path, "assembly/")]  # in workspaces of their own
+            or [path for path in documents_near(here, None) if is_document(path, "assembly/")]  # in nested workspaces
             or assemblies_in(workspace.root, workspace)
         )
         robots = _unnested(assemblies)
@@ -71,7 +71,7 @@ def document_meant() -> str:
 
 
 def _unnested(assemblies: Sequence[str]) -> list[str]:
-    """Return the assembly documents that are not nested in another one. Documents with errors are searched as text."""
+    """Return the assembly documents that are not nested in another one. In documents with errors, references are searched in the text."""
     from thingc.documents.load.documents import load
     from thingc.documents.workspace import Workspace
 
@@ -104,7 +104,7 @@ def add_compiling(parser: argparse.ArgumentParser) -> None:
 
 
 def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "number of parts to build in parallel") -> None:
-    """Add the options of commands that may build parts. `jobs` is the help text of `--jobs`."""
+    """Add the options of commands that can build parts. `jobs` is the help text of `--jobs`."""
     parser.add_argument(
         "--store", metavar="DIR", help="cache of built parts, a folder or a URL (default: THINGC_STORE, else the user's cache folder)",
     )
@@ -120,7 +120,7 @@ def add_format(parser: argparse.ArgumentParser, choices: Sequence[str] = ("text"
 
 
 def one_of(known: Sequence[str]) -> Callable[[str], str]:
-    """Create an argparse type that accepts only the `known` words."""
+    """Return an argparse type that accepts only the words in `known`."""
     def choice(text: str) -> str:
         if text not in known:
             words = ", ".join(f"`{one}`" for one in known[:-1]) + f" or `{known[-1]}`"
@@ -157,9 +157,9 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
 
 
 def paths(words: Sequence[str], form: str, example: str, twice: str, name: Callable[[str], str] = str) -> dict[str, str]:
-    """Parse `PATH=TEXT` arguments.
+    """Parse `PATH=TEXT` arguments. Raises `WrongCommandLine`.
 
-    Raises `WrongCommandLine`, with `form` and `example` for invalid arguments, and with `twice` for two paths with the same `name`.
+    `form` and `example` are used in errors about invalid arguments, and `twice` in the error about two paths with the same `name`.
     """
     texts: dict[str, str] = {}
     for word in words:
@@ -180,7 +180,7 @@ def refuse_modules_of_others() -> None:
 
 
 def time_of(option: str, text: str) -> float:
-    """Parse the time [s] of an option. Raises `WrongCommandLine`."""
+    """Parse a duration [s] given by an option. Raises `WrongCommandLine`."""
     from thingc.base.units import TIME, UnitError, parse_quantity
     from thingc.documents.workspace import LONGEST
 
@@ -195,7 +195,7 @@ def time_of(option: str, text: str) -> float:
 
 
 def options_of(arguments: argparse.Namespace) -> Options:
-    """Return the compile options of the command line. Raises `WrongCommandLine`."""
+    """Return the compile options specified by the command line. Raises `WrongCommandLine`."""
     timeout = None if arguments.part_timeout is None else time_of("--part-timeout", arguments.part_timeout)
     choices, example = getattr(arguments, "choice", []), "--set components.foot.part=feet:Wide"
     return Options(
@@ -244,7 +244,10 @@ def require_document(path: str) -> None:
 
 
 def _document_meant(path: str, folder: str, beside: Sequence[str]) -> str:
-    """Suggest existing documents for a missing one: one with a similar name, `beside` it or elsewhere in the workspace, else all."""
+    """Suggest existing documents in place of a missing one.
+
+    Prefer a document with a similar name, first in `beside`, then in the rest of the workspace. Otherwise list all documents.
+    """
     from thingc.documents.load.discovery import documents_near
     from thingc.documents.workspace import Workspace
 
@@ -259,9 +262,10 @@ def _document_meant(path: str, folder: str, beside: Sequence[str]) -> str:
 
 
 def expanded(words: Iterable[str]) -> list[str]:
-    """Return the documents of the command line without duplicates; folders are replaced by all documents below them.
+    """Return the documents of the command line without duplicates. Each folder is replaced by all documents below it.
 
-    Raises `WrongCommandLine` for a folder without documents."""
+    Raises `WrongCommandLine` for a folder without documents.
+    """
     from thingc.documents.load.discovery import documents_in
 
     paths: dict[str, str] = {}
@@ -278,7 +282,7 @@ def expanded(words: Iterable[str]) -> list[str]:
 
 
 def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator[str]:
-    """Yield the documents that exist, and add an error to `diagnostics` for each missing one."""
+    """Yield the documents that exist. Add an error to `diagnostics` for each missing document."""
     for document in documents:
         try:
             require_document(document)
@@ -289,9 +293,9 @@ def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator
 
 
 class ProgressLine:
-    """Progress of modelling on standard error, with the seconds since it was created.
+    """Displays the progress of building parts on standard error, with the seconds since it was created.
 
-    On a terminal, a line is updated in place. Otherwise, a line is printed at the start, at the end and at most once a second.
+    On a terminal, one line is updated. Otherwise, a line is printed at the start, at the end and at most once a second.
     """
 
     def __init__(self) -> None:
@@ -309,20 +313,20 @@ class ProgressLine:
 
 
 def show_printed(part: str, lines: Sequence[str]) -> None:
-    """Print the output of a part to standard error, each line prefixed with the name of the part."""
+    """Print the output of a part to standard error. Each line starts with the name of the part."""
     say_in_place()
     say(*(f"{part} | {line}" for line in lines), stream=sys.stderr)
 
 
 def say_waiting(folder: str) -> None:
-    """Report on standard error that another build of the folder is in progress."""
+    """Print to standard error that another build of the folder is in progress."""
     say(f"waiting for another build of {shown_path(folder)}", stream=sys.stderr)
 
 
 def say(*lines: str, stream: TextIO | None = None) -> None:
-    """Print lines of text to `stream`, by default standard output. All output except diagnostics uses this function.
+    """Print lines of text to `stream`, by default standard output. Use it for all output except diagnostics.
 
-    Control characters, for example of file names, are escaped (see `escape_control`).
+    Control characters, for example in file names, are escaped (see `escape_control`).
     """
     stream = stream or sys.stdout
     stream.write("".join(f"{escape_control(line)}\n" for line in lines))
@@ -330,7 +334,7 @@ def say(*lines: str, stream: TextIO | None = None) -> None:
 
 
 def say_lines_of_documents(lines: Iterable[str]) -> None:
-    """Print lines of documents like `say`, but keep tabs."""
+    """Print lines of documents like `say`, without escaping tabs."""
     sys.stdout.write("".join(f"{shown_line(line)}\n" for line in lines))
 
 
@@ -340,7 +344,7 @@ def say_diff(name: str, before: str, after: str) -> None:
 
 
 def hand_on(content: bytes | str) -> None:
-    """Write content that another program reads (XML, a document, NUL-terminated names) to standard output, unchanged."""
+    """Write content for other programs (XML, a document, NUL-terminated names) unchanged to standard output."""
     if isinstance(content, str):
         sys.stdout.write(content)
     else:
@@ -349,14 +353,14 @@ def hand_on(content: bytes | str) -> None:
 
 
 def say_in_place(line: str = "") -> None:
-    """On a terminal, print a line to standard error that the next line overwrites."""
+    """Print a line to standard error that the next line overwrites. Does nothing if it is not a terminal."""
     if sys.stderr.isatty():
         sys.stderr.write(f"\r\x1b[K{escape_control(line)}")
         sys.stderr.flush()
 
 
 def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None) -> int:
-    """Print diagnostics with code frames and a summary, and return the exit code. Colours need a terminal without NO_COLOR.
+    """Print diagnostics with source excerpts and a summary, and return the exit code. Colours are used on terminals without NO_COLOR.
 
     `texts` are the contents of documents that are not on disk, by the name in their spans.
     """
@@ -383,9 +387,9 @@ def print_data(value: Mapping[str, object]) -> None:
 def print_found(
     diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None, **more: object,
 ) -> int:
-    """Print diagnostics in a format of `FINDINGS`, and return the exit code. Text goes to `stream`, other formats to standard output.
+    """Print diagnostics in one of the formats in `FINDINGS`, and return the exit code.
 
-    `more` are further keys of the JSON output.
+    Text is printed to `stream`, other formats to standard output. `more` are additional keys of the JSON output.
     """
     if form == "text":
         print_text(diagnostics, stream=stream, debug=debug, texts=texts)
@@ -422,13 +426,13 @@ def final(report: Report, *, strict: bool) -> list[Diagnostic]:
 
 
 def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
-    """Return 0 without errors, 2 if an error has a code of `USAGE_CODES`, else 1."""
+    """Return 0 without errors, 2 if an error has one of the `USAGE_CODES`, else 1."""
     errors = [d for d in diagnostics if d.severity is Severity.ERROR]
     return USAGE if any(d.code in USAGE_CODES for d in errors) else 1 if errors else 0
 
 
 def of_exception(fault: Exception) -> Diagnostic:
-    """Convert an exception to an error: errors of the command line and of the operating system, else an internal error of thingc."""
+    """Convert an exception to an error of the command line or of the operating system, or else to an internal error of thingc."""
     if isinstance(fault, WrongCommandLine | ReplacementRefused):
         return fault.diagnostic
     from thingc.driver.output import OutputError
@@ -470,7 +474,7 @@ USAGE_CODES = frozenset({
 
 
 def table(rows: Sequence[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:
-    """Format rows with equal numbers of cells as aligned lines; the columns `right` are right-aligned."""
+    """Format rows with equal numbers of cells as aligned lines. The columns `right` are right-aligned."""
     rows = [tuple(map(escape_control, row)) for row in rows]
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return [
@@ -485,7 +489,7 @@ def millimetres(place: Vector) -> str:
 
 
 def axes(rotation: Matrix) -> str:
-    """Format the axes x, y, z of a frame as axes of its parent, or as directions in it: `+x, -y, -z`."""
+    """Format the axes x, y, z of a frame as signed axes of its parent, `+x, -y, -z`, or else as direction vectors."""
     return ", ".join(_axis((rotation[0][k], rotation[1][k], rotation[2][k])) for k in range(3))
 
 

@@ -1,4 +1,4 @@
-"""`thingc diff`: show the effect of a change of documents or part code on a robot."""
+"""`thingc diff`: show how a change of documents or part code affects a robot."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `diff`; exit code 1 if a kind of `--fail-on` has changed or one side does not compile, else 0."""
+    """Run `diff`. Return the exit code: 1 if a kind of `--fail-on` has changed or one side does not compile, else 0."""
     try:
         watched = fail_on(arguments.fail_on)
         options = console.options_of(arguments)
@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str, str], str] | None:
     """Write the page of `--html` and the pictures of `--pictures`. Raises `OSError`.
 
-    Returns a function that maps a document and the key of a picture to its path, or None without `--pictures`.
+    Return a function that maps a document and the key of a picture to its path, or None without `--pictures`.
     """
     if arguments.html is not None:
         with open(arguments.html, "w", encoding="utf-8") as page:
@@ -122,7 +122,7 @@ def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str
 
 
 def fail_on(words: Sequence[str]) -> frozenset[str]:
-    """Return the kinds of changes of `--fail-on`, in the singular as in `WHATS`. Raises `WrongCommandLine`."""
+    """Return the kinds of changes in `--fail-on`, in the singular as in `WHATS`. Raises `WrongCommandLine`."""
     known: dict[str, str] = {what: what for what in WHATS}
     known |= {f"{what}es" if what.endswith("s") else f"{what}s": what for what in WHATS}
     named: set[str] = set()
@@ -140,7 +140,7 @@ def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: O
     names = (wanted.old.name, wanted.new.name)
     tests, draw = not (arguments.no_tests or arguments.no_code), bool(arguments.html or arguments.pictures)
     if draw and options.code:
-        ready()  # before the tests import MuJoCo, which selects its graphics library at import
+        ready()  # call it before the tests import MuJoCo, which selects its graphics library at import
     work: Callable[[DocumentPair], Comparison | BrokenSide] = partial(compared, options=options, tests=tests, names=names, draw=draw)
     if arguments.no_code:
         console.refuse_modules_of_others()
@@ -149,7 +149,7 @@ def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: O
 
 
 def _apart(work: Callable[[DocumentPair], Comparison | BrokenSide], seconds: float, both: DocumentPair) -> Comparison | BrokenSide:
-    """Compare a document in a sandboxed process that may compute for `seconds`."""
+    """Compare a document in a sandboxed process that may use `seconds` of CPU time."""
     answer = confined(lambda: pack(work(both)), seconds)
     if isinstance(answer, Diagnostic):
         return BrokenSide(name=both.name, diagnostics=(replace(answer, path=both.name),), texts={})

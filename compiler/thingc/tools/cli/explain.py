@@ -23,7 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `explain`; exit code 0 if the code exists, else 2."""
+    """Run `explain`. Return the exit code, which is 0 if the code exists, else 2."""
     if arguments.code is None:
         _list(arguments.format)
         return 0

@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `fmt`; exit code 1 if a document is not well-formed or, with `--check`, would change, else 0."""
+    """Run `fmt`. Return the exit code: 1 if a document is not well-formed or, with `--check`, would change, else 0."""
     if arguments.document == [STANDARD_INPUT]:
         return _standard_input(arguments)
     report = Report()
@@ -80,7 +80,7 @@ def _documents(arguments: argparse.Namespace) -> Iterator[str]:
 
 
 def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
-    """Format one document; return whether it changes."""
+    """Format one document. Return whether it changes."""
     try:
         with open(path, "rb") as stream:
             data = stream.read(10_000_001)

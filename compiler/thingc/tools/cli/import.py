@@ -21,7 +21,7 @@ from thingc.tools.importing.three_way_merge import NOTHING
 from thingc.tools.importing.update_import import PreviousImport, Update, earlier_import, update
 
 MOST_SAID = 20
-"""Maximum number of changes to print; `git diff` shows all."""
+"""Maximum number of changes to print. `git diff` shows all changes."""
 EPILOG = """\
 Writes a document that you can edit, and `import.json`, which lists names of the source and everything that the document cannot express,
 with lines of the source.
@@ -60,7 +60,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `import`; exit code 0 if the document has been written, 1 for errors in the file, 2 for an invalid command line."""
+    """Run `import`. Return the exit code: 0 if the document was written, 1 for errors in the file, 2 for an invalid command line."""
     report = Report()
     packages = dict(_package(word) for word in arguments.package)
     given = dict(_argument(word) for word in arguments.arg)
@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousImport, report: Report) -> dict[str, str]:
-    """Import into the folder of an earlier import, and return the text of the document for diagnostics. Raises `OutputError`."""
+    """Import to the folder of an earlier import. Return the text of the document for diagnostics. Raises `OutputError`."""
     if earlier.source != os.path.basename(arguments.file) and not arguments.update:
         message = f"`{shown_path(earlier.folder)}` was imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
         raise OutputError(message, "choose another folder with -o; for the same robot, merge with `--update`")
@@ -116,12 +116,12 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousI
 
 
 def _faults(document: str, text: str) -> list[Diagnostic]:
-    """Return the diagnostics that a document with this text would have."""
+    """Return the diagnostics of a document with this text."""
     return [one for one in checked(document, Options(texts={document: text.encode()}))[1] if one.severity is Severity.ERROR]
 
 
 def _merged(now: Update, *, disputed: bool) -> list[str]:
-    """Describe the changes in the source and by the user. `disputed` tells whether there are conflicts."""
+    """Describe the changes in the source and by the user. `disputed` specifies whether there are conflicts."""
     taken = [f"  {dotted(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
     kept = [f"  {name}" for name in (*map(dotted, now.merged.kept), *now.kept)]
     said = [f"merged: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else []
@@ -190,7 +190,7 @@ def _read(arguments: argparse.Namespace, imported: Imported) -> str:
 
 
 def _told(arguments: argparse.Namespace, imported: Imported, folder: str, changes: list[str]) -> list[str]:
-    """Describe the import, and the next commands."""
+    """Describe the import and the next commands."""
     robot, here = imported.robot, shown_path(folder)
     said = [f"{here}: {_read(arguments, imported)}", *changes]
     if imported.renamed:

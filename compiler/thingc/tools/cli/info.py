@@ -1,4 +1,4 @@
-"""`thingc info`: show the components and the masses of a robot, and the source of each number."""
+"""`thingc info`: show the components and masses of a robot, and the source of each mass."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
-    """Return the data for JSON output: the whole robot at q = 0 in the frame of the base component, in SI units."""
+    """Return the data for JSON output: the robot at q = 0 in the frame of the base component, in SI units."""
     whole = assembly.properties
     return {
         "name": assembly.name, "mass": whole.mass, "centre": list(whole.centre), "inertia": [list(row) for row in whole.inertia],
@@ -71,7 +71,7 @@ def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
 
 
 def mode_data(robot: Robot) -> dict[str, object]:
-    """Return the data of a mode: root, base, pose of the root link, and the names of its links and joints, root first."""
+    """Return the data of a mode: root, base, pose of the root link, and the names of links and joints from the root on."""
     return {
         "root": robot.mode.root.path, "base": robot.base, "X_world_root": [list(row) for row in robot.bodies[0].X_PL.rows()],
         "links": [robot.assembly.links[body.link].name for body in robot.bodies],
@@ -81,7 +81,7 @@ def mode_data(robot: Robot) -> dict[str, object]:
 
 
 def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
-    """Return the same data as lines of text, in grams and millimetres."""
+    """Return the data of `as_data` as lines of text, in grams and millimetres."""
     whole = assembly.properties
     places = (("ixx", 0, 0), ("iyy", 1, 1), ("izz", 2, 2), ("ixy", 0, 1), ("ixz", 0, 2), ("iyz", 1, 2))
     moments = "  ".join(f"{name} {1e6 * whole.inertia[i][j]:z.2f}" for name, i, j in places)
@@ -121,12 +121,12 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
 
 
 def _source(occurrence: Occurrence) -> str:
-    """Format the source of a mass. For a print with infill it includes the method: `estimated (layers)`."""
+    """Format the source of a mass. For a print with infill, include the estimation method: `estimated (layers)`."""
     return occurrence.mass_source + (f" ({occurrence.estimate})" if occurrence.estimate is not None else "")
 
 
 def _loops(robot: Robot) -> list[str]:
-    """Describe the supports of a mode, its loops, and their residuals in its poses."""
+    """Describe the supports of a mode, its loops, and the residuals of the loops in its poses."""
     names = [robot.assembly.links[body.link].name for body in robot.bodies]
     lines = [f"  stands on {foot.mount.path} (friction {foot.friction:g})" for foot in robot.mode.feet]
     loops = _cut(robot)
@@ -153,7 +153,7 @@ def _cut(robot: Robot) -> tuple[Loop, ...]:
 
 
 def _why_cut(loop: Loop, robot: Robot) -> list[str]:
-    """Describe the joints of a loop, and why it is cut at one of them."""
+    """Describe the joints of a loop, and the reason for cutting it at one of them."""
     if any(one.joint == loop.cut for one in robot.mode.cut):
         return [f"    through {', '.join(loop.through)}: cut as the mode specifies"]
     return [f"    through {path}, which {reason}" if reason else f"    through {path}" for path, reason in loop.through.items()]
@@ -168,7 +168,7 @@ def _shares(assembly: Assembly) -> str:
 
 
 def mates_text(assembly: Assembly) -> list[str]:
-    """Return lines of text about mated mounts, with the parent axis along each child axis at q = 0."""
+    """Return lines of text about mated mounts, with the axis of the parent that each axis of the child is parallel to at q = 0."""
     rows = [("child", "mount", "on", "mount", "by", "child x, y, z along parent")]
     for mate in assembly.mates:
         parent, child = assembly.occurrences[mate.parent], assembly.occurrences[mate.child]
@@ -179,7 +179,7 @@ def mates_text(assembly: Assembly) -> list[str]:
 
 
 def _grams(mass: float) -> str:
-    """Format a mass [kg] in grams with two decimals; smaller masses with two significant digits."""
+    """Format a mass [kg] in grams with two decimals, or with two significant digits if it is small."""
     if 0.0 < mass < 1e-5:
         return f"{1000.0 * mass:.2g} g"
     return f"{1000.0 * mass:.2f} g" if mass < 1.0 else f"{mass:.4f} kg"

@@ -1,4 +1,4 @@
-"""`thingc lock`: write the properties of the parts of a workspace, to check documents without running part code."""
+"""`thingc lock`: write the properties of the parts in a workspace to a file, so that documents can be checked without running part code."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `lock`; exit code 0 if the file has been written or, with --check, is up to date."""
+    """Run `lock`. Return the exit code, which is 0 if the file was written or, with --check, is up to date."""
     report = Report()
     written = None
     try:
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str | None:
-    """Write or compare the lock file. Return a summary, or report an error and return None."""
+    """Write or compare the lock file. Return a summary, or None after reporting an error."""
     workspace = Workspace.find(os.path.join(folder, "thingc.toml"), report)
     if workspace is None:
         return None
@@ -122,13 +122,13 @@ def _used(
         if environment.report.failed or own.failed:
             message = f"`{shown_path(document)}` has errors: some of its parts may be missing from `{LOCK_FILE}`"
             report.warn(Code.LOCK_DOCUMENT, message, line_of(document), help=f"run `thingc check {shown_path(document)}`")
-    # Missing parts have been reported as errors of the document.
+    # missing parts were reported as errors of the document
     known = {reference for reference, answer in geometry.describe(list(references)).items() if not isinstance(answer, PartFailure)}
     return sorted(known), list(definitions.values()), slicings
 
 
 def _line(path: str, lines: list[str], key: str) -> Span:
-    """Return the line of a key in the lock file, the first line if it is missing."""
+    """Return the line of a key in the lock file, or its first line if the key is missing."""
     word = json_text(json.dumps(key, ensure_ascii=False))
     for number, line in enumerate(lines, 1):
         if line.lstrip().startswith(word + ":"):

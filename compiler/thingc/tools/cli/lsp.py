@@ -28,7 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `lsp`; exit code 0 after shutdown, 1 if the editor disconnects without it, 2 if the extra is not installed."""
+    """Run `lsp`. Return the exit code: 0 after shutdown, 1 if the editor disconnects without it, 2 if the extra is not installed."""
     from importlib.util import find_spec
 
     if find_spec("pygls") is None:
@@ -39,5 +39,5 @@ def run(arguments: argparse.Namespace) -> int:
 
     signals.leave_at_once()
     protocol = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # printed text must not mix with messages of the protocol
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # keep printed text out of the protocol messages
     return 0 if serve(options, __version__, console.of_exception, sys.stdin.buffer, protocol) else 1

@@ -50,7 +50,7 @@ Run `thingc COMMAND --help` for the arguments and options of a command.
 
 
 class WrongUsage(Exception):
-    """The command line is invalid; `hint` is the help text of the diagnostic."""
+    """Raised for an invalid command line. `hint` is the help text of the diagnostic."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -58,18 +58,18 @@ class WrongUsage(Exception):
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that raises `WrongUsage`, which `main` reports as a diagnostic, instead of exiting."""
+    """A parser that raises `WrongUsage` instead of exiting. `main` converts the exception to a diagnostic."""
 
     def error(self, message: str) -> NoReturn:
-        """Raise `WrongUsage` with the message of argparse."""
+        """Raise `WrongUsage` with argparse's message."""
         message = re.sub(r"^argument (\{.*?\}: )?", "", message).replace("the following arguments are required: ", "missing: ")
         raise WrongUsage(message, f"run `{self.prog} --help` for usage")
 
 
 def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Parser | None]:
-    """Return the main parser and the parser of `command`. Only `command` has options, because only its module is imported.
+    """Return the main parser, and the parser of `command` or None. Only `command` has options, because only its module is imported.
 
-    With `alone`, the parsers of the other commands are omitted; only the main help needs them.
+    With `alone`, the parsers of the other commands are omitted. They are needed only for the main help.
     """
     own: Parser | None = None
     parser = Parser(
@@ -92,7 +92,7 @@ def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Par
 
 
 def parsed(words: Sequence[str]) -> argparse.Namespace | None:
-    """Parse the command line, or None if help or the version has been printed. Raises `WrongUsage`, and `SystemExit` without a command."""
+    """Parse the command line. Return None after printing help or the version. Raises `WrongUsage`, and `SystemExit` without a command."""
     command = next((word for word in words if not word.startswith("-")), None)
     if command is not None and command not in COMMANDS:
         from thingc.base.suggestions import near_hint
@@ -145,7 +145,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = parsed(words)
         if options is None:
             return 0
-        os.getcwd()  # raises FileNotFoundError if the working folder is deleted
+        os.getcwd()  # raises FileNotFoundError if the working folder was deleted
         if getattr(options, "document", "") is None:
             from thingc.tools.cli import console
 
@@ -159,7 +159,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except WrongUsage as fault:
         return _refuse(fault, words)
     except BrokenPipeError:
-        # `thingc info ... | head`: without this, Python prints an error when it flushes standard output at exit.
+        # without this, `thingc info ... | head` prints an error when Python flushes standard output at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:
@@ -179,7 +179,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _interrupted() -> int:
-    """Report that the command was interrupted; return the exit code."""
+    """Report that the command was interrupted, and return the exit code."""
     from thingc.tools.cli import console
 
     console.say("interrupted; all written files are complete", stream=sys.stderr)
@@ -187,19 +187,19 @@ def _interrupted() -> int:
 
 
 def _refuse(fault: WrongUsage, words: Sequence[str]) -> int:
-    """Report an error in the command line, in the requested format; return the exit code."""
+    """Report an error in the command line in the requested format, and return the exit code."""
     from thingc.tools.cli import console
 
     diagnostics = [console.WrongCommandLine(str(fault), fault.hint).diagnostic]
     asked = [after for word, after in zip(words, words[1:]) if word == "--format"]
     asked += [word.removeprefix("--format=") for word in words if word.startswith("--format=")]
-    # An unsupported format is itself reported as text.
+    # an unsupported format is reported as text
     form = _form(asked[-1]) if asked and not str(fault).startswith("--format") else "text"
     return console.print_found(diagnostics, form, stream=sys.stderr, debug=False)
 
 
 def _form(asked: str) -> str:
-    """Return the format for diagnostics: `asked` if it is in `FINDINGS`, else text."""
+    """Return the format of diagnostics: `asked` if it is in `FINDINGS`, else text."""
     from thingc.tools.cli import console
 
     return asked if asked in console.FINDINGS else "text"

@@ -1,4 +1,4 @@
-"""`thingc new`: create a workspace with a robot that builds."""
+"""`thingc new`: create a workspace with a small robot that can be built."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ An existing folder must be empty except for `.git`. Use `.` for the working fold
   thingc new .                           create it in the working folder, and name the robot after it
 """.format(**TEMPLATES)
 RESERVED = {"world", "root", "origin", "scene"}
-"""Reserved names: the world, its frames, and scenes around MuJoCo models."""
+"""Reserved names: the world, frames in it, and scenes for MuJoCo models."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -40,12 +40,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `new`; exit code 0 if the workspace has been created."""
+    """Run `new`. Return the exit code, which is 0 if the workspace was created."""
     report = Report()
     try:
         name = robot_name(arguments.place)
         files = files_of(arguments.template, name)
-        with signals.held():  # short; files are written atomically, but an interrupt could leave the lock behind
+        with signals.held():  # files are written atomically, but an interrupt could leave the lock behind
             folder = write_new(arguments.place, files)
     except ValueError as fault:
         hint = f"write for example `thingc new {name}_robot`"
@@ -58,9 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def robot_name(place: str) -> str:
-    """Derive the name of a robot from its folder: replace hyphens, dots and spaces by `_`, and remove accents.
-
-    Raises `WrongCommandLine`.
+    """Derive the name of a robot from its folder. Replace hyphens, dots and spaces by `_`, and remove accents. Raises `WrongCommandLine`.
     """
     here = place != "" and os.path.normpath(place) == os.curdir
     word = os.path.basename(os.getcwd() if here else os.path.normpath(place)) if place else ""
@@ -85,7 +83,7 @@ def robot_name(place: str) -> str:
 
 
 def _plain(word: str) -> str:
-    """Remove accents and other marks from letters: `uber` for `über`."""
+    """Remove accents and other marks from letters: `über` becomes `uber`."""
     from unicodedata import combining, normalize
 
     return "".join(one for one in normalize("NFKD", word.replace("ß", "ss")) if not combining(one))

@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `parts`. Parts that cannot be described are reported as errors; the others are listed."""
+    """Run `parts`. Parts that cannot be described are reported as errors, and all other parts are listed."""
     report = Report()
     listed: list[tuple[PartSchema, PartRecord | None]] = []
     try:
@@ -87,7 +87,7 @@ def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> lis
 
 
 def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
-    """Return the parts for names of parts, modules and packages. Raises `WrongCommandLine` for an unknown name."""
+    """Return the parts for the names of parts, modules or packages. Raises `WrongCommandLine` for an unknown name."""
     references = geometry.catalogue()
     installed = installed_modules(geometry.part_code.sources, geometry.workspace.packages)
     for module in {word.partition(":")[0] for word in words} & installed.keys():
@@ -109,7 +109,7 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
 
 
 def unreadable(called: str, done: str, failure: PartFailure) -> Diagnostic:
-    """Return the error that a part cannot be `done` (for example `described`). The message names the part as `called`."""
+    """Return the error for a part that could not be `done` (for example `described`). The message calls the part `called`."""
     span = None if failure.file is None else line_of(failure.file, failure.line or 1)
     return Diagnostic(
         code=Code.PART_UNREADABLE, severity=Severity.ERROR, message=f"`{called}` cannot be {done}: {failure.message}",
@@ -135,7 +135,7 @@ def _as_data(schema: PartSchema, record: PartRecord | None) -> dict[str, object]
 
 
 def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> list[str]:
-    """Format a part as lines of text. With `whole`, mounts are listed with their frames, else only by name."""
+    """Format a part as lines of text. With `whole`, list mounts with their frames, else only by name."""
     lines = [schema.reference]
     first = schema.doc.strip().partition("\n")[0]
     if first:
@@ -182,7 +182,7 @@ def _range(p: ParameterSchema) -> str:
 
 
 def _runs(names: Iterable[str]) -> list[str]:
-    """Merge names of mounts that are members of a list (`hip_0`, `hip_1`, ...)."""
+    """Merge the names of mounts that belong to a list (`hip_0`, `hip_1`, ...)."""
     lists: dict[str, int] = {}
     plain: list[str] = []
     for name in names:

@@ -37,7 +37,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `rename`; exit code 0 if the element has been renamed (with `--diff`: could be)."""
+    """Run `rename`. Return the exit code, which is 0 if the element was renamed (with `--diff`: could be renamed)."""
     report = Report()
     try:
         console.require_document(arguments.document)
@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _named(sight: WorkspaceIndex, document: str, path: str) -> Name:
-    """Return the name that a document declares at a path. Raises `WrongCommandLine`."""
+    """Return the name declared in a document at a path. Raises `WrongCommandLine`."""
     keys = tuple(path.split("."))
     written = sight.documents.get(os.path.abspath(document))
     if written is None:

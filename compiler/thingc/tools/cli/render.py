@@ -1,4 +1,4 @@
-"""`thingc render`: draw a picture of a robot in a mode and a pose, without a screen."""
+"""`thingc render`: render a picture of a robot in a mode and a pose, without a display."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ MuJoCo draws the picture with EGL, which requires neither a screen nor a graphic
 """
 
 LARGEST = 8192
-"""Largest width and height [pixels]."""
+"""Maximum width and height [pixels]."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -63,9 +63,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `render`; exit code 0 if the picture has been written. Diagnostics go to standard error."""
+    """Run `render`. Return the exit code, which is 0 if the picture was written. Diagnostics go to standard error."""
     console.require_document(arguments.document)
-    options = replace(console.options_of(arguments), compat=())  # pictures need only the model for MuJoCo itself
+    options = replace(console.options_of(arguments), compat=())  # pictures need only the model for MuJoCo
     _check_output(arguments.output)
     try:
         diagnostics = attempted(arguments.document, options, partial(_render, arguments))
@@ -86,7 +86,7 @@ def _check_output(path: str | None) -> None:
 
 
 def _render(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
-    """Write the picture unless there are errors; return the diagnostics. Raises `UnknownChoice`, `NoGraphics` and `WrongCommandLine`."""
+    """Write the picture if there are no errors. Return the diagnostics. Raises `UnknownChoice`, `NoGraphics` and `WrongCommandLine`."""
     compilation = pipeline.compile(environment, [arguments.mode] if arguments.mode is not None else [])
     diagnostics = console.final(compilation.report, strict=arguments.strict)
     if console.exit_code(diagnostics):
@@ -125,7 +125,7 @@ def _render(arguments: argparse.Namespace, environment: Environment) -> list[Dia
 
 
 def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) -> list[Mark]:
-    """Return the marks to draw over the picture at `q`, without duplicates. Raises `UnknownChoice`."""
+    """Return the marks to draw on the picture at `q`, without duplicates. Raises `UnknownChoice`."""
     if not (arguments.mounts or arguments.mounts_of or arguments.joints or arguments.root):
         return []
     from thingc.tools.cli import render_overlay
@@ -138,9 +138,9 @@ def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) 
 
 
 def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:
-    """Return the keyframe to show: the requested one, else that of the mode, else the first, or None if there are none.
+    """Return the keyframe to show, or None if the robot has none. Raises `UnknownChoice`.
 
-    Raises `UnknownChoice`.
+    It is the requested keyframe, or else the keyframe of the mode, or else the first one.
     """
     known = [frame.name for frame in robot.keyframes]
     if wanted is None:
@@ -160,7 +160,7 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _degrees(bound: float) -> Callable[[str], float]:
-    """Create an argparse type for degrees from -`bound` to `bound`."""
+    """Return an argparse type for angles from -`bound` to `bound` [degrees]."""
     def degrees(text: str) -> float:
         try:
             value = float(text.removesuffix("deg").strip())

@@ -15,11 +15,11 @@ from thingc.model.robot.types import Robot
 from thingc.targets.render.frames import Frame, JointAxis, Mark
 
 ROOT_SIZE = 1.6
-"""Length of the axes of the root relative to those of a mount."""
+"""Length of the axes of the root, relative to the axes of a mount."""
 
 
 def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
-    """Yield the mounts with attached components, and the mounts that the document exports or adds, without duplicates."""
+    """Yield the mounts that have an attached component, are exported, or are added by the document, without duplicates."""
     assembly = robot.assembly
     named = [(mate.parent, mate.parent_mount) for mate in assembly.mates]
     named += [(one.occurrence, one.mount) for one in assembly.exported]
@@ -28,7 +28,7 @@ def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
 
 
 def mounts_of(robot: Robot, q: Mapping[str, float], wanted: Sequence[str]) -> Iterator[Mark]:
-    """Yield all mounts and the frames of components (`hand/cap`, `hand.cap`, or `hand` for everything in it). Raises `UnknownChoice`."""
+    """Yield all mounts and the frame of components: `hand/cap`, `hand.cap`, or `hand` with everything in it. Raises `UnknownChoice`."""
     assembly = robot.assembly
     for name in wanted:
         path = name.replace(".", "/")
@@ -41,7 +41,7 @@ def mounts_of(robot: Robot, q: Mapping[str, float], wanted: Sequence[str]) -> It
 
 
 def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
-    """Yield the axis of every coordinate of every joint at `q` [rad or m, by path], after the motion of the coordinates before it."""
+    """Yield the axis of every coordinate of every joint at `q` [rad or m, by path], moved by the preceding coordinates of the joint."""
     for mate in robot.assembly.mates:
         body, pose = _on_body(robot, q, mate.parent, mate.X_PJ)
         for number, joint in enumerate(mate.joints):
@@ -65,7 +65,9 @@ def _mount(robot: Robot, q: Mapping[str, float], occurrence: int, name: str) -> 
 
 
 def _on_body(robot: Robot, q: Mapping[str, float], occurrence: int, pose: Pose) -> tuple[str, Pose]:
-    """Return the body of an occurrence, and `pose` in its frame at `q`. A massless intermediate link uses the previous body."""
+    """Return the body of an occurrence, and `pose` in the frame of the body at `q`. For a massless intermediate link, use the previous
+    body.
+    """
     assembly, number = robot.assembly, robot.assembly.link_of[occurrence]
     body = next(body for body in robot.bodies if body.link == number)
     pose = in_link(assembly)[occurrence] @ pose
@@ -91,5 +93,5 @@ def _dotted(path: str) -> str:
 
 
 def _ends(path: str) -> list[int]:
-    """Return the indices at which the names of a path end."""
+    """Return the indices in a path at which a name ends."""
     return [*(at for at, letter in enumerate(path) if letter == "/"), len(path)]

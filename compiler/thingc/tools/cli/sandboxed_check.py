@@ -1,9 +1,9 @@
-"""Run work on untrusted documents in a sandboxed child process.
+"""Process untrusted documents in a sandboxed child process.
 
-The child has limits of time and memory, and can start no process, open no connection and write no file. If it ends early for any reason,
-the result is one diagnostic.
+The child has limits of time and memory. It cannot start processes, open connections or write files. If it ends early for any reason, the
+result is one diagnostic.
 
-The compiler passes have their own limits. The sandbox is the last line of defence.
+The compiler passes have their own limits, so the sandbox is only the last line of defence.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from thingc.driver.up_to_date import packed, unpacked
 from thingc.tools.cli import console
 
 MEMORY = 900_000_000
-"""Address space [bytes] that the child may allocate in addition to that of its parent; the total stays below 1 GB."""
+"""Address space [bytes] that the child can allocate in addition to the address space of its parent. The total is below 1 GB."""
 PATIENCE = 20.0
-"""Idle time allowed per second of the limit of CPU time: the machine may be busy, but a read may also hang forever."""
+"""Idle time allowed per second of the limit of CPU time. The machine may be busy, but a read can also block forever."""
 _REFUSED = (
     "os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.startfile", "os.system", "pty.spawn", "socket.", "subprocess.Popen",
     "os.remove", "os.rename", "os.rmdir", "os.mkdir", "os.link", "os.symlink", "os.chmod", "os.chown", "os.truncate", "os.kill",
@@ -34,15 +34,13 @@ _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
 class SandboxRefusal(Exception):
-    """An operation that checks of untrusted documents must never do; a bug in thingc."""
+    """Raised for an operation that a check of an untrusted document must never perform. It indicates a bug in thingc."""
 
 
 def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -> Any | Diagnostic:
-    """Run `work` in a child process limited to `seconds` of CPU time and `memory` bytes; return its result (JSON values).
+    """Run `work` in a child process limited to `seconds` of CPU time and `memory` bytes. Return its result (JSON values).
 
-    If the child ends early, the result is a diagnostic. Without `os.fork` (Windows), `work` runs in this process, without limits.
-
-
+    If the child ends early, the result is a diagnostic. Without `os.fork` (on Windows), `work` runs in this process without limits.
     """
     if not hasattr(os, "fork"):
         return _done(work)
@@ -66,7 +64,7 @@ def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -
 
 
 def _collected(reading: int, child: int, patience: float) -> tuple[bytes, bool]:
-    """Return the child's whole output, and False if it neither wrote nor used CPU time for `patience` [s]."""
+    """Return the child's output and True, or False if it neither wrote nor used CPU time for `patience` [s]."""
     pieces: list[bytes] = []
     computed = _computed(child)
     with os.fdopen(reading, "rb", buffering=0) as stream:
@@ -83,7 +81,7 @@ def _collected(reading: int, child: int, patience: float) -> tuple[bytes, bool]:
 
 
 def _computed(child: int) -> int:
-    """Return the CPU time of a process in clock ticks, 0 if unknown."""
+    """Return the CPU time of a process in clock ticks, or 0 if it is unknown."""
     try:
         with open(f"/proc/{child}/stat", "rb") as stream:
             fields = stream.read().rpartition(b")")[2].split()
@@ -114,7 +112,7 @@ _OUT_OF_MEMORY = 91
 
 
 def _in_child(work: Callable[[], Any], seconds: float, memory: int, writing: int) -> NoReturn:
-    """Do the work in the child and exit, without ever returning to the code of the parent."""
+    """Run `work` in the child and exit. The code of the parent is never resumed."""
     code = 1
     try:
         sys.dont_write_bytecode = True
@@ -149,14 +147,14 @@ def _bound(seconds: float, memory: int) -> None:
     with contextlib.suppress(OSError, ValueError), open("/proc/self/statm", "rb") as stream:
         memory += int(stream.read().split()[0]) * resource.getpagesize()
     for kind, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CORE, 0)):
-        with contextlib.suppress(ValueError, OSError):  # a lower limit is set already
+        with contextlib.suppress(ValueError, OSError):  # a lower limit is already set
             resource.setrlimit(kind, (most, most))
     signal.signal(signal.SIGPROF, signal.SIG_DFL)
-    signal.setitimer(signal.ITIMER_PROF, seconds)  # CPU time; RLIMIT_CPU is limited to whole seconds
+    signal.setitimer(signal.ITIMER_PROF, seconds)  # CPU time; RLIMIT_CPU only supports whole seconds
 
 
 def _refuse(event: str, arguments: tuple[Any, ...]) -> None:
-    """The audit hook of the child: raise `SandboxRefusal` for operations that checks never perform."""
+    """Raise `SandboxRefusal` for operations that checks never perform. This is the audit hook of the child."""
     if event == "open":
         _, mode, flags = arguments
         if isinstance(flags, int) and flags & _WRITING or isinstance(mode, str) and set(mode) & set("wax+"):

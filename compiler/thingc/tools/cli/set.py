@@ -36,7 +36,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `set`; exit code 0 if the values have been written (with `--diff`: could be)."""
+    """Run `set`. Return the exit code, which is 0 if the values were written (with `--diff`: could be written)."""
     try:
         console.require_document(arguments.document)
         options = console.options_of(arguments)
@@ -52,9 +52,10 @@ def settings(words: Sequence[str]) -> dict[str, str]:
 
 
 def write(document: str, given: Mapping[str, str], options: Options, arguments: argparse.Namespace, *, diff: bool = False) -> int:
-    """Write values (texts by paths or names of parameters) to a document, unless it would have errors. Returns the exit code.
+    """Write values (texts by paths or names of parameters) to a document unless it would have errors. Return the exit code.
 
-    Uses only `format`, `debug` and, if present, `strict` of `arguments`."""
+    `arguments` must have `format` and `debug`, and may have `strict`.
+    """
     typed = {named(path): f"{path}={text}" for path, text in given.items()}
     outcome = write_values(document, given, options, strict=getattr(arguments, "strict", False), dry=diff)
     root, text = outcome.root, outcome.text
@@ -80,7 +81,7 @@ def _say(
     arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], *, done: Sequence[tuple[str, str | None, str]] = (),
     texts: Mapping[str, str] | None = None,
 ) -> int:
-    """Print diagnostics and changes; `texts` are the contents of the changed documents. Returns the exit code."""
+    """Print diagnostics and changes, and return the exit code. `texts` are the contents of the changed documents."""
     if arguments.format == "text":
         for path, old, new in done:
             console.say(f"{path}: {'' if old is None else old + ' -> '}{new}")

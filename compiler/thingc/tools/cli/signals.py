@@ -1,4 +1,4 @@
-"""Handling of Ctrl-C and SIGTERM: commands clean up and exit with `INTERRUPTED`."""
+"""Handle Ctrl-C and SIGTERM: commands clean up and exit with `INTERRUPTED`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 from contextlib import contextmanager
 
 TYPE_CHECKING = False
-"""Defined here to avoid importing `typing`: until `heed` is called, an interrupt prints a traceback."""
+"""Defined here to avoid importing `typing`, because an interrupt prints a traceback until `heed` is called."""
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,13 +23,13 @@ SOON = 0.001
 """Delay [s] before a lost interrupt is sent again."""
 
 IMPORTING = "<frozen importlib._bootstrap>"
-"""File name of the code of the import system."""
+"""File name in the frames of Python's import system."""
 
 
 def heed(*, ignored: bool = False) -> None:
-    """Raise `KeyboardInterrupt` for both signals. During an import of modules, raise it afterwards.
+    """Raise `KeyboardInterrupt` for both signals. A signal during an import raises it after the import.
 
-    Signals ignored by the parent process stay ignored, unless `ignored` is set: shells ignore SIGINT in background jobs.
+    Signals that the parent process ignores stay ignored, unless `ignored` is set. Shells ignore SIGINT in background jobs.
     """
     sys.unraisablehook = _dropped
     signal.signal(signal.SIGALRM, _interrupt)
@@ -39,7 +39,7 @@ def heed(*, ignored: bool = False) -> None:
 
 
 def leave_at_once() -> None:
-    """Exit at once on both signals. Use it in processes that need no cleanup and that wait in code where exceptions are not raised."""
+    """Exit immediately on both signals. For processes that need no cleanup and wait in code that does not raise exceptions."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, lambda *_: os._exit(INTERRUPTED))
 
@@ -47,7 +47,8 @@ def leave_at_once() -> None:
 def spare_the_child_of_glfw() -> None:
     """Set PYGLFW_LIBRARY to the bundled library of glfw (Linux).
 
-    Without it, glfw, which MuJoCo imports, starts a Python process to find the library, which prints a traceback on Ctrl-C."""
+    MuJoCo imports glfw, which otherwise starts a Python process to find the library. That process prints a traceback on Ctrl-C.
+    """
     from thingc.base.installed_packages import package_folder
 
     folder = package_folder("glfw") if sys.platform == "linux" else None
@@ -61,7 +62,7 @@ def spare_the_child_of_glfw() -> None:
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Delay interrupts until the end of the context, so that files that belong together are all written."""
+    """Delay interrupts until the end of the context, so that all files of a group are written."""
     global _held, _late
     _held = True
     try:
@@ -74,7 +75,7 @@ def held() -> Iterator[None]:
 
 
 def has_come() -> bool:
-    """Return whether an interrupt has been raised. Code in C or Rust may have converted it to another exception."""
+    """Return whether an interrupt was raised. C or Rust code may have converted it to another exception."""
     return _come
 
 
@@ -82,7 +83,7 @@ _held = _late = _come = False
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """The signal handler: raise `KeyboardInterrupt`, but not during an import, where modules in C and Rust would swallow or convert it."""
+    """Raise `KeyboardInterrupt`, but not during an import, because modules in C and Rust could suppress it. This is the signal handler."""
     global _late
     if _held:
         _late = True
@@ -102,7 +103,7 @@ def _raise() -> NoReturn:
 
 
 def _dropped(dropped: UnraisableHookArgs) -> None:
-    """The hook for exceptions that Python ignores, for example in callbacks of weak references: repeat interrupts."""
+    """Repeat interrupts that Python ignores, for example in callbacks of weak references. This is `sys.unraisablehook`."""
     if issubclass(dropped.exc_type, KeyboardInterrupt):
         _come_again()
     else:

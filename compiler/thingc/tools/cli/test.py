@@ -48,7 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `test`; exit code 0 if all selected tests pass."""
+    """Run `test`. Return the exit code, which is 0 if all selected tests pass."""
     results: list[Result] = []
     name = "thingc"
     try:
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace, results: list[Result], environment: Environment) -> tuple[list[Diagnostic], str]:
-    """Compile the document and run its tests; return diagnostics and the name of the robot. Raises `UnknownChoice`."""
+    """Compile the document and run its tests. Return the diagnostics and the name of the robot. Raises `UnknownChoice`."""
     results.clear()
     compilation = pipeline.compile(environment)
     diagnostics = console.final(compilation.report, strict=arguments.strict)
@@ -108,7 +108,7 @@ def _line(result: Result, width: int) -> str:
 
 
 def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], diagnostics: Sequence[Diagnostic]) -> None:
-    """Print the results in the requested format, except lines that have been printed already."""
+    """Print the results in the requested format, except lines that were already printed."""
     if arguments.format == "json":
         console.print_json(diagnostics, tests=[_data(result) for result in results])
         return
@@ -131,7 +131,7 @@ def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], d
 
 
 def _data(result: Result) -> dict[str, object]:
-    """Return a result for JSON output; numbers in SI units."""
+    """Return a result for JSON output. Numbers are in SI units."""
     return {
         "name": result.name, "kind": result.kind, "mode": result.mode, "pose": result.pose, "passed": result.passed,
         "measured": dict(result.outcome.measured), "expected": dict(result.outcome.expected), "said": result.outcome.said,

@@ -33,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `touched`; exit code 0, or 2 if Git cannot determine the changes."""
+    """Run `touched`. Return the exit code, which is 0, or 2 if git cannot determine the changes."""
     if arguments.null and arguments.format == "json":
         raise console.WrongCommandLine("-0 cannot be combined with --format json", "omit one of them")
     paths = documents(arguments.files, arguments.since, everything=arguments.all, roots=arguments.roots, store=arguments.store)
@@ -50,9 +50,9 @@ def run(arguments: argparse.Namespace) -> int:
 def documents(
     files: Sequence[str], since: str | None = None, *, everything: bool = False, roots: bool = False, store: str | None = None
 ) -> tuple[str, ...]:
-    """Return absolute paths of documents below the working folder affected by the files or by the changes since a revision.
+    """Return the absolute paths of documents below the working folder that are affected by the files or by the changes since a revision.
 
-    Raises `WrongCommandLine` without files and revision, for a folder, or if Git fails.
+    Raises `WrongCommandLine` without files and revision, for a folder, or if git fails.
     """
     from thingc.driver.environment import Options, store_of
     from thingc.tools.affected.dependents import NotARepository, changed_since, touched

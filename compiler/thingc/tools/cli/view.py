@@ -39,7 +39,7 @@ OF_DOCUMENTS = {
     "mode": "--mode", "against": "--against", "port": "--port", "editor": "--editor", "parameter": "-p", "choice": "--set",
     "strict": "--strict", "store": "--store", "jobs": "--jobs", "part_timeout": "--part-timeout",
 }
-"""Options that have no effect on an existing build."""
+"""Options that have no effect on an existing build, by argument."""
 
 EPILOG = """\
 Serves the page on this machine only, under a secret address, and opens it in a browser. The page updates after every save and shows the
@@ -68,7 +68,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `view`; exit code 0 after Ctrl-C or if a build has been opened, 2 if there is nothing to show."""
+    """Run `view`. Return the exit code: 0 after Ctrl-C or after opening an existing build, 2 if there is nothing to show."""
     if os.path.isdir(arguments.document) or _is_page(arguments.document):
         return _open_build(arguments)
     console.require_document(arguments.document)
@@ -105,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _shown(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list[dict[str, object]]]:
-    """Return the rebuild, its page (None if it has errors), and the diagnostics for the page."""
+    """Return the rebuild, its page or None after errors, and the diagnostics for the page."""
     environment = live.environment
     assert environment is not None
     page = None
@@ -118,7 +118,7 @@ def _shown(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list
 
 
 class _Beside:
-    """The document of the overlay, in all its modes. A thread watches it, and compiles it while it has the lock `turn`."""
+    """The document of the overlay in all its modes. A thread watches it and compiles it while it has the lock `turn`."""
 
     def __init__(self, arguments: argparse.Namespace, options: Options, turn: threading.Lock) -> None:
         self._turn = turn
@@ -150,7 +150,7 @@ class _Beside:
 
 
 def _page(environment: Environment) -> tuple[Page | None, list[Diagnostic]]:
-    """Return the page of a document (None if it has errors), and its diagnostics."""
+    """Return the page of a document, or None after errors, and its diagnostics."""
     compilation = pipeline.compile(environment)
     diagnostics = console.final(compilation.report, strict=False)
     return None if compilation.report.failed else page_of(pipeline.request_of(environment, compilation)), diagnostics
@@ -168,7 +168,7 @@ def _server(arguments: argparse.Namespace) -> Server:
 
 
 def _key() -> bytes | None:
-    """Return random bytes that stay the same for this user and that other users cannot read, or None if they cannot be stored."""
+    """Return random bytes that are constant for this user and private, or None if they cannot be stored."""
     path = os.path.join(cache_root(), "view.key")
     try:
         os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
@@ -186,7 +186,7 @@ def _key() -> bytes | None:
 def _open_build(arguments: argparse.Namespace) -> int:
     """Open the page of a build, or of the only build in a folder.
 
-    Raises `WrongCommandLine` if there is none, or for options that have no effect.
+    Raises `WrongCommandLine` if there is no build, or for options that have no effect.
     """
     folder = Path(arguments.document) if _is_page(arguments.document) else _build_meant(arguments.document)
     pages = [folder] if folder.is_file() else sorted(folder.glob("html/*.html"))
@@ -205,7 +205,7 @@ def _open_build(arguments: argparse.Namespace) -> int:
 
 
 def _is_page(name: str) -> bool:
-    """Return whether the file is the page of a build (it may have been copied out of its folder)."""
+    """Return whether the file is the page of a build. It may have been copied from the build folder."""
     return name.lower().endswith(".html") and os.path.isfile(name)
 
 

@@ -42,7 +42,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `watch`; exit code 0 after Ctrl-C, 2 if there is nothing to watch."""
+    """Run `watch`. Return the exit code: 0 after Ctrl-C, 2 if there is nothing to watch."""
     try:
         live = live_of(arguments)
     except console.WrongCommandLine as fault:
@@ -68,7 +68,7 @@ def live_of(arguments: argparse.Namespace) -> RebuildLoop:
 
 
 def until_interrupted(live: RebuildLoop, hear: Callable[[Rebuild], None]) -> int:
-    """Run rebuilds until Ctrl-C or SIGTERM, then stop their processes. Returns the exit code."""
+    """Run rebuilds until Ctrl-C or SIGTERM, then stop their processes. Return the exit code."""
     signals.heed(ignored=True)
     with contextlib.suppress(KeyboardInterrupt), live:
         for made in live.rounds(threading.Event()):
@@ -80,12 +80,12 @@ def until_interrupted(live: RebuildLoop, hear: Callable[[Rebuild], None]) -> int
 
 
 def hopeless(made: Rebuild) -> bool:
-    """Return whether to stop because the first rebuild has an error in the command line, which no save can fix."""
+    """Return whether the first rebuild has an error in the command line. Saving a file cannot fix it."""
     return made.number == 1 and console.exit_code(made.diagnostics) == console.USAGE
 
 
 def say_json(made: Rebuild) -> None:
-    """Print a rebuild as one line of JSON, with the keys of `thingc build --format json` and additional keys for rebuilds."""
+    """Print a rebuild as one line of JSON, with the keys of `thingc build --format json` and additional keys."""
     folder = made.folder or ""
     _say_line({
         "diagnostics": as_json(made.diagnostics),
@@ -106,9 +106,9 @@ def _say_line(value: Mapping[str, object]) -> None:
 
 
 class Lines:
-    """Report rebuilds on standard error: new diagnostics, then one line.
+    """Reports rebuilds on standard error: new diagnostics, followed by one line.
 
-    `of` names the document if it is not that of the command line.
+    `of` is the name of the document if it differs from the document in the command line.
     """
 
     def __init__(self, arguments: argparse.Namespace, doing: str = "watching", of: str | None = None) -> None:
@@ -119,7 +119,7 @@ class Lines:
         self._built = False
 
     def say(self, made: Rebuild) -> None:
-        """Report the outcome of a rebuild."""
+        """Report the result of a rebuild."""
         console.say_in_place()
         known = made.good and made.diagnostics == self._said
         if not known:

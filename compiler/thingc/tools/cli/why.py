@@ -1,4 +1,4 @@
-"""`thingc why`: show why a part was modelled or reused, or what targets cannot express."""
+"""`thingc why`: show why a part was modelled or reused, or which losses the targets have."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EPILOG = """\
 """
 
 _NUMBER = re.compile(r"(?<![\w.^])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.])")
-"""Pattern of numbers in texts of losses."""
+"""Regular expression of numbers in the texts of losses."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +38,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `why`; exit code 2 for an unknown occurrence."""
+    """Run `why`. Return the exit code, which is 2 for an unknown occurrence."""
     if (arguments.occurrence is None) != arguments.losses:
         help = "write for example `thingc why assemblies/arm.yaml hand/cap`"
         raise console.WrongCommandLine("missing: OCCURRENCE, or --losses", help)
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _answered(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
-    """Print the answer; return the diagnostics."""
+    """Print the answer. Return the diagnostics."""
     compilation = pipeline.compile(environment)
     diagnostics = console.final(compilation.report, strict=arguments.strict)
     if console.exit_code(diagnostics):
@@ -104,7 +104,7 @@ def _alike(losses: Iterable[Loss]) -> Iterable[list[Loss]]:
 
 
 def _in_words(alike: Sequence[Loss]) -> str:
-    """Format a group of losses as one line, with the location of the first. Numbers that differ are replaced by `...`."""
+    """Format a group of losses as one line, with the location of the first loss. Numbers that differ are replaced by `...`."""
     first = alike[0]
     place = f"{shown_path(first.span.file)}:{first.span.line}: " if first.span is not None else ""
     of_modes = first.mode == first.path

@@ -1,1 +1,1 @@
-"""Reports in other formats: GitHub annotations, SARIF, and the pages of `thingc explain`."""
+"""Format reports for other programs: GitHub annotations, SARIF, and the pages of `thingc explain`."""

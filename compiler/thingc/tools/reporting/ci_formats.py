@@ -1,10 +1,10 @@
 """Diagnostics for continuous integration: SARIF 2.1.0 (OASIS), and annotations of GitHub Actions.
 
-In SARIF, diagnostics with a location are results. Others are notifications of the invocation, since readers reject results without a
-location.
+In SARIF, diagnostics with a location are results. Other diagnostics are notifications of the invocation, because readers reject results
+without a location.
 
-GitHub's annotations are "Workflow commands for GitHub Actions" (`::error file=...,line=...::message`), with the escapes of its toolkit:
-`%`, CR and LF in messages; `:` and `,` also in properties. Each diagnostic becomes an annotation of its line.
+Annotations follow GitHub's "Workflow commands for GitHub Actions" (`::error file=...,line=...::message`). Like GitHub's toolkit, they
+escape `%`, CR and LF in messages, and also `:` and `,` in properties. Each diagnostic becomes one annotation.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from thingc.base.source import Span
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 ROOT = "%SRCROOT%"
-"""Name of the base folder of relative paths, the repository."""
+"""Name of the base folder of relative paths, which is the repository."""
 FINGERPRINT = "documentPathAndMessage/v1"
 _COMMANDS: Mapping[Severity, str] = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "notice"}
 """Commands of GitHub Actions by severity."""
 
 
 def repository(folder: str) -> str:
-    """Return the absolute path of the nearest folder from `folder` upwards that contains `.git`, else of `folder` itself."""
+    """Return the absolute path of the nearest folder that contains `.git`, from `folder` upwards, or of `folder` itself."""
     start = Path(os.path.abspath(folder))
     return str(next((above for above in (start, *start.parents) if (above / ".git").exists()), start))
 
 
 def within(file: str, base: str) -> str | None:
-    """Return an absolute `file` relative to the folder `base`, with `/`, or None if it is outside of it."""
+    """Return an absolute `file` relative to the folder `base`, with `/`, or None if it is outside."""
     try:
         relative = os.path.relpath(file, base)
     except ValueError:  # another drive
@@ -47,9 +47,10 @@ def within(file: str, base: str) -> str | None:
 
 
 def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, documentation: str | None = None) -> str:
-    """Format the SARIF log of one run; locations are relative to the folder `base`, `version` is that of thingc.
+    """Format diagnostics as the SARIF log of one run.
 
-    `documentation` is the base URL of the pages of codes (`.../TC302.md`), if known.
+    Locations are relative to the folder `base`. `version` is the version of thingc. `documentation` is the base URL of the pages about
+    codes (`.../TC302.md`), if known.
     """
     placed = [d for d in diagnostics if d.span is not None]
     homeless = [d for d in diagnostics if d.span is None]
@@ -109,7 +110,10 @@ def _results(placed: Iterable[Diagnostic], rules: Sequence[Code], base: str) -> 
 
 
 def _message_text(d: Diagnostic, notes: Iterable[str] | None = None) -> str:
-    """Return the message, the notes (by default, those without a location) and the help, one line each. Control characters are escaped."""
+    """Return the message, the notes and the help, one line each. Control characters are escaped.
+
+    The default notes are the notes without a location.
+    """
     if notes is None:
         notes = (note.message for note in d.notes if note.span is None)
     lines = [d.message, *(f"note: {note}" for note in notes), *([f"help: {d.help}"] if d.help else [])]
@@ -119,7 +123,7 @@ def _message_text(d: Diagnostic, notes: Iterable[str] | None = None) -> str:
 def _fingerprint(d: Diagnostic, base: str) -> str:
     """Return a hash that identifies a diagnostic across runs.
 
-    It does not depend on the line, so that text added above does not change it.
+    It does not depend on the line number, so it does not change when lines are added above.
     """
     assert d.span is not None
     told = [d.code.code, within(d.span.file, base) or os.path.basename(d.span.file), d.path or "", d.message]
@@ -144,12 +148,12 @@ def _physical(span: Span, base: str) -> dict[str, Any]:
 
 
 def _encoded(path: str) -> str:
-    """Encode a path as a URI. `:` is encoded, too, so that the first part is not read as a scheme."""
+    """Encode a path as a URI. `:` is also encoded, so that the first segment is not parsed as a scheme."""
     return quote(os.fsencode(path), safe="/")
 
 
 def as_github(diagnostics: Sequence[Diagnostic], *, base: str) -> str:
-    """Format one line per diagnostic; files are relative to the folder `base`."""
+    """Format diagnostics as annotations, one per line. Files are relative to the folder `base`."""
     return "".join(_command(d, base) + "\n" for d in diagnostics)
 
 
@@ -165,13 +169,13 @@ def _annotation_location(span: Span, base: str) -> dict[str, str]:
     if span.line == span.end_line and span.column != span.end_column:
         place["col"] = str(span.column)
     place["endLine"] = str(span.end_line)
-    if "col" in place:  # single-line only: GitHub drops others
+    if "col" in place:  # GitHub drops columns of multi-line annotations
         place["endColumn"] = str(span.end_column)
     return place
 
 
 def _note(note: Note, base: str) -> str:
-    """Format a note with its location, since an annotation has only one location."""
+    """Format a note with its location, because an annotation can have only one location."""
     if note.span is None:
         return note.message
     return f"{note.message} ({within(note.span.file, base) or note.span.file}:{note.span.line}:{note.span.column})"

@@ -1,6 +1,6 @@
 """Explanations of codes for `thingc explain`: meaning, fix, and a wrong and a right example.
 
-The texts are in `examples.json` beside this module, which `docs/generate.py` writes from `docs/codes`.
+The texts are in `examples.json` in this folder, which `docs/generate.py` generates from `docs/codes`.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ def _data() -> dict[str, Any]:
 
 
 def find(word: str) -> Code | None:
-    """Return the code for `TC302`, `tc302`, `302` or `unknown_component`, or None if there is none."""
+    """Return the code for `TC302`, `tc302`, `302` or `unknown_component`, or None if the code does not exist."""
     asked = word.strip().upper()
     asked = asked.removeprefix("TC") if re.fullmatch(r"TC\d+", asked) else asked
     return next((code for code in Code if asked in (code.code.removeprefix("TC"), code.name)), None)
 
 
 def near(word: str, count: int = 3) -> list[Code]:
-    """Return similar codes: for a number, the nearest ones; for a word, those with it in their title or name, or with a similar name."""
+    """Return codes similar to a word: the nearest numbers, or codes whose title contains the word or whose name is similar."""
     number = re.fullmatch(r"(?:TC)?(\d+)", word.strip().upper())
     if number is not None and len(number.group(1)) == 3:
         wanted = int(number.group(1))
@@ -49,8 +49,8 @@ def near(word: str, count: int = 3) -> list[Code]:
 def explained(code: Code) -> dict[str, Any]:
     """Return `code`, `title`, `meaning`, `cure`, `wrong` and `right` of a code.
 
-    The examples are `{"files": {name: text}, "command", "said"}`, the document first among the files; None if no document causes the code
-    on a working machine.
+    The examples are `{"files": {name: text}, "command", "said"}`, the document first among the files. They are None if no document causes
+    the code on a working machine.
     """
     entry = _data()["codes"].get(code.code, {})
     return {
@@ -78,7 +78,7 @@ def as_page(code: Code) -> str:
 
 
 def sections() -> list[tuple[str, list[Code]]]:
-    """Return all codes by section: `TC3xx: names and values across documents` and its codes."""
+    """Return all codes by section, such as `TC3xx: names and values across documents`."""
     titles = _data()["sections"]
     hundreds = sorted({code.code[:3] for code in Code})
     by_number = sorted(Code, key=lambda code: code.code)
