@@ -64,8 +64,8 @@ for kind in KINDS.values():
 HEAD = """\
 # Diagnostics
 
-This page lists the codes of all errors, warnings and notes. A message shows the place, what was expected and what was found. Its `help`
-shows how to fix it.
+This page lists the codes of all errors, warnings and notes. A diagnostic shows the location of the problem, the expected value and the
+value that was found. The `help` line describes how to fix the problem.
 
 ```yaml
 # wrong.yaml
@@ -96,12 +96,12 @@ error[TC302]: this document has no component `plat`
 2 errors
 ```
 
-One run reports all errors that it can find. If a document is not well-formed, or has invalid keys or values (TC1xx, TC2xx), names,
-parts and masses are checked only after these are fixed. Errors stop a build. Warnings stop it only with `--strict`.
-[Formats of diagnostics](outputs/json.md) describes the output as JSON, as GitHub annotations and as SARIF.
+One run reports as many errors as possible. Names, parts and masses are checked only if a document is well-formed and has no invalid
+keys or values (TC1xx, TC2xx). Errors stop a build. Warnings stop a build only with `--strict`. For diagnostics as JSON, GitHub
+annotations or SARIF, see [output of commands](outputs/json.md).
 
-Each code has a page with a wrong and a right example. `thingc explain TC302` or `thingc explain 302` prints it, and `thingc explain`
-lists all codes.
+Each code has a page with an incorrect and a correct example. To print the page, use `thingc explain TC302` or `thingc explain 302`. To
+list all codes, use `thingc explain`.
 
 Codes are never reused or renumbered.
 """
