@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +14,10 @@ from thingc.batch.plans.tape import OPERATORS, Const, Ref, Tape, Traced, lines_n
 Argument = Ref | Const
 Run = Callable[..., "tuple[float, ...] | None"]
 """Maps values of the variables to values of the outputs; returns None if a guard fails."""
+
+
+NAMES: dict[str, Any] = {"inf": numeric.inf, "nan": numeric.nan, "log": math.log, **numeric.OPERATIONS}
+"""The names that generated code can use."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +82,8 @@ def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
 
 
 def function(name: str, lines: Sequence[str]) -> Any:
-    """Return the function `name` of a generated source. It can use the operations of `base/numeric.py` by name."""
-    names: dict[str, Any] = {"inf": numeric.inf, "nan": numeric.nan, **numeric.OPERATIONS}
+    """Return the function `name` of a generated source, which can use `NAMES`."""
+    names = dict(NAMES)
     exec("\n".join(lines), names)
     return names[name]
 

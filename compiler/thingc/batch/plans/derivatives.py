@@ -1,0 +1,278 @@
+"""Derivatives of a program: exact rules for each operation and the chain rule (Griewank and Walther, Evaluating Derivatives, 2008).
+
+The generated function computes values and derivatives in one pass, forward (from the variables) or backward (from the outputs), whichever
+needs fewer statements. At a kink, such as the minimum of two equal numbers, an output is differentiable only if all branches have the same
+derivatives there, which is tested.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from thingc.batch.plans.program import NAMES, Argument, Line, Program, expression, function, word
+from thingc.batch.plans.tape import Ref
+
+Floats = npt.NDArray[np.float64]
+
+SAME = 1e-9
+"""Relative difference up to which the derivatives of two branches are equal."""
+
+
+class NotSmooth(Exception):
+    """An output has no derivative: `output` is its index, `why` the reason, as a clause."""
+
+    def __init__(self, output: int, why: str) -> None:
+        super().__init__(why)
+        self.output = output
+        self.why = why
+
+
+@dataclass(frozen=True)
+class Rule:
+    """The partial derivatives of an operation by its arguments `{0}`, `{1}` ..., with the result `{r}`.
+
+    `each` is the partial derivative of operations with any number of arguments by argument `{i}`. The operation has no derivative if
+    `kink`, described by `why`, is true. With `bounded` slopes, it has one even there if all branches have the same derivatives.
+    """
+
+    partials: tuple[str, ...] = ()
+    each: str = ""
+    kink: str = ""
+    why: str = ""
+    bounded: bool = False
+
+    def partial(self, index: int) -> str:
+        """Return the partial derivative by an argument, with placeholders."""
+        return self.each.replace("{i}", f"{{{index}}}") if self.each else self.partials[index]
+
+
+_FLOOR = "-(({0} - {r}) / {1})"
+_STEP = Rule(each="0.0", kink="True", why="rounds it")
+RULES: dict[str, Rule] = {
+    "+": Rule(("1.0", "1.0")), "-": Rule(("1.0", "-1.0")), "*": Rule(("{1}", "{0}")), "/": Rule(("1.0 / {1}", "-{r} / {1}")),
+    "**": Rule(("{1} * {0} ** ({1} - 1)", "{r} * log({0})"), kink="{0} == 0.0 and {1} < 1", why="is a power of 0"),
+    "%": Rule(("1.0", _FLOOR), kink="{r} == 0.0", why="is at a jump of a remainder"),
+    "remainder": Rule(("1.0", _FLOOR), kink="2.0 * abs({r}) == abs({1})", why="is at a jump of a remainder"),
+    "abs": Rule(("copysign(1.0, {0})",), kink="{0} == 0.0", why="is the absolute value of 0", bounded=True),
+    "copysign": Rule(
+        ("copysign(1.0, {0}) * copysign(1.0, {1})", "0.0"), kink="{0} == 0.0 or {1} == 0.0", why="has the sign of 0",
+    ),
+    "sqrt": Rule(("0.5 / {r}",), kink="{r} == 0.0", why="is the square root of 0"),
+    "hypot": Rule(each="{i} / {r}", kink="{r} == 0.0", why="is the length of a vector of length 0", bounded=True),
+    "sin": Rule(("cos({0})",)), "cos": Rule(("-sin({0})",)), "tan": Rule(("1.0 + {r} * {r}",)),
+    "asin": Rule(("1.0 / sqrt((1.0 - {0}) * (1.0 + {0}))",), kink="abs({0}) == 1.0", why="is the arc sine of 1 or -1"),
+    "acos": Rule(("-1.0 / sqrt((1.0 - {0}) * (1.0 + {0}))",), kink="abs({0}) == 1.0", why="is the arc cosine of 1 or -1"),
+    "atan": Rule(("1.0 / (1.0 + {0} * {0})",)),
+    "atan2": Rule(
+        ("{1} / ({0} * {0} + {1} * {1})", "-{0} / ({0} * {0} + {1} * {1})"),
+        kink="{0} == 0.0 and {1} <= 0.0", why="is an angle of 180 deg",
+    ),
+    "radians": Rule((repr(math.pi / 180.0),)), "degrees": Rule((repr(180.0 / math.pi),)), "_fsum": Rule(each="1.0"),
+    "min": Rule(each="float({i} == {r})", bounded=True), "max": Rule(each="float({i} == {r})", bounded=True), "round": _STEP, "rounded": _STEP,
+    "negative": Rule(("-1.0",)), "item": Rule(("1.0",)), "cosine of": Rule(("-sin({0})",)), "sine of": Rule(("cos({0})",)),
+}
+"""Rules by operation. `negative` is the minus of one number; `cosine of` and `sine of` are the items of `quarter_exact`."""
+EXTREMES = {"min": "smallest", "max": "greatest"}
+ROTATION = ("cosine of", "sine of")
+
+
+@dataclass(frozen=True)
+class Step:
+    """An operation with partial derivatives: the value `target` depends on `arguments`, of which those that vary are at `varying`."""
+
+    target: int
+    operation: str
+    arguments: tuple[Argument, ...]
+    varying: tuple[int, ...]
+
+    @cached_property
+    def rule(self) -> Rule:
+        """The rule of the operation; operations without one have a kink everywhere."""
+        return RULES.get(self.operation) or Rule(each="0.0", kink="True", why=f"is computed by `{self.operation}`, which has no rule")
+
+    def code(self, template: str) -> str:
+        """Return a partial derivative or a kink as a Python expression of the values."""
+        return template.format(*map(word, self.arguments), r=f"v{self.target}")
+
+    @property
+    def kink(self) -> str:
+        """The condition of a kink as an expression; empty if there is none."""
+        if self.operation in EXTREMES:
+            words = ", ".join(map(word, self.arguments))
+            return f"({words}).count(v{self.target}) > 1"
+        return self.code(self.rule.kink) if self.rule.kink else ""
+
+
+@dataclass(frozen=True)
+class Derivatives:
+    """Values of the outputs, `(m,)`, and their derivatives by the variables, `(m, n)`."""
+
+    values: Floats
+    jacobian: Floats
+
+
+DerivativeFunction = Callable[[Sequence[float]], "Derivatives | None"]
+LONGEST = 50_000
+"""Maximum number of generated statements for derivatives. Longer programs compute with arrays."""
+
+
+def derivative_function(program: Program) -> DerivativeFunction:
+    """Return a function of the variables that computes the outputs and their derivatives.
+
+    It returns None, or raises `ArithmeticError` or `ValueError`, for values to which the program does not apply. Raises `NotSmooth`.
+    """
+    steps = _steps_of(program)
+    forward, backward = _forward(program, steps), _backward(program, steps)
+    shortest = min(forward, backward, key=lambda one: len(one[0]))
+    run = _generated(program, steps, shortest if len(shortest[0]) <= LONGEST else None)
+    shape = (len(program.outputs), len(program.variables))
+
+    def derivatives(values: Sequence[float]) -> Derivatives | None:
+        found = run(*values)
+        if found is None:
+            return None
+        outputs, entries = found
+        jacobian = _by_arrays(program, steps, entries) if isinstance(entries, dict) else np.array(entries, dtype=np.float64).reshape(shape)
+        return Derivatives(np.array(outputs, dtype=np.float64), jacobian)
+
+    return derivatives
+
+
+Code = tuple[list[str], list[str]]
+"""Statements, and the entries of the Jacobian as expressions, row by row."""
+
+
+def _generated(program: Program, steps: Sequence[Step], code: Code | None) -> Callable[..., Any]:
+    """Return the function that returns outputs and entries of the Jacobian; at a kink, and without `code`, all values by name."""
+    text = [f"def run({', '.join(f'v{index}' for index in program.variables)}):"]
+    for one in program.statements:
+        text.append(f" v{one.target} = {expression(one.operation, one.arguments)}" if isinstance(one, Line) else
+                    f" if {'not ' * one.outcome}{expression(one.operation, one.arguments)}: return None")
+    outputs = "".join(f"{word(one)}, " for one in program.outputs)
+    kinks = [step.kink for step in steps if step.kink] if code is not None else ["True"]
+    text.append(f" if {' or '.join(kinks) or 'False'}: return ({outputs}), locals()")
+    statements, entries = code or ([], [])
+    text += [f" {one}" for one in statements]
+    text.append(f" return ({outputs}), ({''.join(f'{one}, ' for one in entries)})")
+    return function("run", text)  # type: ignore[no-any-return]
+
+
+def _forward(program: Program, steps: Sequence[Step]) -> Code:
+    """Return code that computes the derivatives of every value by the variables on which it depends."""
+    known: dict[int, dict[int, str]] = {index: {place: "1.0"} for place, index in enumerate(program.variables)}
+    statements: list[str] = []
+    for step in steps:
+        sums: dict[int, list[str]] = defaultdict(list)
+        for place, partial in _partials(step, statements):
+            for variable, derivative in known[_index(step.arguments[place])].items():
+                sums[variable].append(_product(partial, derivative))
+        known[step.target] = {variable: f"d{step.target}_{variable}" for variable in sums}
+        statements += [f"d{step.target}_{variable} = {' + '.join(terms)}" for variable, terms in sums.items()]
+    everywhere = range(len(program.variables))
+    entries = [known.get(_index(one), {}).get(variable, "0.0") for one in program.outputs for variable in everywhere]
+    return statements, entries
+
+
+def _backward(program: Program, steps: Sequence[Step]) -> Code:
+    """Return code that computes the derivatives of every output by the values on which it depends."""
+    statements: list[str] = []
+    partials = [dict(_partials(step, statements)) for step in steps]
+    entries: list[str] = []
+    for row, output in enumerate(program.outputs):
+        sums: dict[int, list[str]] = defaultdict(list, {_index(output): ["1.0"]})
+        for step, by_place in zip(reversed(steps), reversed(partials), strict=True):
+            terms = sums.get(step.target)
+            if terms is None:
+                continue
+            adjoint = terms[0]
+            if len(terms) > 1 or "*" in adjoint:
+                adjoint = f"b{row}_{step.target}"
+                statements.append(f"{adjoint} = {' + '.join(terms)}")
+            for place, partial in by_place.items():
+                sums[_index(step.arguments[place])].append(_product(partial, adjoint))
+        entries += [" + ".join(sums.get(index, ["0.0"])) for index in program.variables]
+    return statements, entries
+
+
+def _partials(step: Step, statements: list[str]) -> list[tuple[int, str]]:
+    """Return the partial derivatives by the arguments that vary. Statements for those that are not constant are added."""
+    partials = []
+    for place in step.varying:
+        code = step.code(step.rule.partial(place))
+        if "v" in code:
+            statements.append(f"p{step.target}_{place} = {code}")
+            code = f"p{step.target}_{place}"
+        partials.append((place, code))
+    return partials
+
+
+def _product(partial: str, derivative: str) -> str:
+    if derivative == "1.0":
+        return partial
+    return derivative if partial == "1.0" else f"-{derivative}" if partial == "-1.0" else f"{partial} * {derivative}"
+
+
+def _index(argument: Argument) -> int:
+    """Return the index of a value; -1 for a constant."""
+    return int(argument) if isinstance(argument, Ref) else -1
+
+
+def _by_arrays(program: Program, steps: Sequence[Step], values: dict[str, float]) -> Floats:
+    """Return the Jacobian from all values by name, with one array of derivatives for each value. Raises `NotSmooth`."""
+    zero = np.zeros(len(program.variables))
+    known: dict[int, Floats] = dict(zip(program.variables, np.eye(len(zero)), strict=True))
+    reasons: dict[int, str] = {}
+    for step in steps:
+        inner = [known.get(_index(one), zero) for one in step.arguments]
+        at_kink = bool(step.kink) and eval(step.kink, NAMES, values)
+        branches = [zero, *inner]
+        if at_kink and step.operation in EXTREMES:
+            result = values[f"v{step.target}"]
+            branches = [one for one, argument in zip(inner, step.arguments, strict=True) if _number(argument, values) == result]
+        if not at_kink:
+            terms = [eval(step.code(step.rule.partial(place)), NAMES, values) * inner[place] for place in step.varying]
+            known[step.target] = np.sum(terms, axis=0)
+        elif step.rule.bounded and all(np.allclose(one, branches[0], rtol=SAME, atol=0.0) for one in branches):
+            known[step.target] = branches[0]
+        else:
+            known[step.target] = np.full_like(zero, np.nan)
+            why = f"is the {EXTREMES[step.operation]} of equal values" if step.operation in EXTREMES else step.rule.why
+            reasons[step.target] = why
+        if np.isnan(known[step.target]).any():
+            reasons.update((step.target, reasons[one]) for one in map(_index, step.arguments) if one in reasons)
+    for row, output in enumerate(program.outputs):
+        if _index(output) in reasons:
+            raise NotSmooth(row, reasons[_index(output)])
+    return np.array([known.get(_index(one), zero) for one in program.outputs]).reshape(len(program.outputs), len(zero))
+
+
+def _number(argument: Argument, values: dict[str, float]) -> float:
+    return values[word(argument)] if isinstance(argument, Ref) else float(argument.value)
+
+
+def _steps_of(program: Program) -> list[Step]:
+    """Return the operations with derivatives that affect outputs, in order of computation."""
+    made = {one.target: one for one in program.statements if isinstance(one, Line)}
+    varying, steps = set(program.variables), []
+    for line in made.values():
+        operation, arguments = line.operation, line.arguments
+        if operation == "item" and (inner := made.get(int(arguments[0]))) is not None and inner.operation == "quarter_exact":  # type: ignore[arg-type]
+            operation, arguments = ROTATION[arguments[1].value], inner.arguments  # type: ignore[union-attr]
+        if places := tuple(place for place, one in enumerate(arguments) if isinstance(one, Ref) and int(one) in varying):
+            varying.add(line.target)
+            steps.append(Step(line.target, "negative" if (operation, len(arguments)) == ("-", 1) else operation, arguments, places))
+    wanted = {int(one) for one in program.outputs if isinstance(one, Ref)}
+    used = []
+    for step in reversed(steps):
+        if step.target in wanted:
+            wanted.update(int(step.arguments[place]) for place in step.varying)  # type: ignore[arg-type]
+            used.append(step)
+    return used[::-1]

@@ -1,0 +1,146 @@
+"""Derivatives of programs, compared with those of mpmath, which computes differences with 60 digits."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+
+from plans.operations import OPERATIONS
+from thingc.base.inertia import principal_moments
+from thingc.base.numeric import hypot, maximum, minimum, sin, sqrt
+from thingc.batch.plans import derivatives
+from thingc.batch.plans.derivatives import RULES, NotSmooth, derivative_function
+from thingc.batch.plans.program import Line, program_of
+from thingc.batch.plans.tape import Tape, Traced
+
+
+def traced(*values: float) -> tuple[Traced, ...]:
+    tape = Tape()
+    return tuple(tape.variable(value) for value in values)
+
+
+def program(*outputs: Any) -> Any:
+    tape = next(one.tape for one in outputs if isinstance(one, Traced))
+    return program_of(tape, outputs)
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+@pytest.mark.parametrize("arrays", [False, True], ids=["code", "arrays"])
+def test_a_rule_is_the_derivative(name: str, arrays: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    if arrays:
+        monkeypatch.setattr(derivatives, "LONGEST", -1)
+    function, draw, oracle = OPERATIONS[name]
+    source = random.Random(name)
+    compared = 0
+    for _ in range(12):
+        values = draw(source)
+        found = derivative_function(program(function(*traced(*values))))(values)
+        if found is None:
+            continue
+        with mpmath.workdps(60):
+            exact = [
+                mpmath.diff(oracle, tuple(map(mpmath.mpf, values)), tuple(int(one == place) for one in range(len(values))))
+                for place in range(len(values))
+            ]
+        assert found.jacobian[0] == pytest.approx([float(one) for one in exact], rel=2e-14, abs=2e-15)
+        compared += 1
+    assert compared == 12
+
+
+def test_every_rule_is_tested() -> None:
+    used = set()
+    for function, draw, _ in OPERATIONS.values():
+        line = program(function(*traced(*draw(random.Random(1))))).statements
+        used |= {one.operation for one in line if isinstance(one, Line)}
+    assert set(RULES) - used == {"negative", "cosine of", "sine of", "round", "rounded"}  # see `negative`, `quarter_exact`, kinks
+
+
+def composed(a: Any, b: Any, c: Any) -> list[Any]:
+    """Many values that depend on others in several ways."""
+    x = [a, b, c]
+    for _ in range(6):
+        x = [x[0] * x[1] + 0.3 * x[2], sin(x[0] - x[2]), hypot(x[1], x[2], 1.0) / (1.0 + x[0] ** 2)]
+    return [*x, x[0] + x[1], a, -b, 7.0]
+
+
+@pytest.mark.parametrize("way", ["forward", "backward", "arrays"])
+def test_all_ways_give_the_same_jacobian(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if way == "arrays":
+        monkeypatch.setattr(derivatives, "LONGEST", -1)
+    else:
+        monkeypatch.setattr(derivatives, f"_{'backward' if way == 'forward' else 'forward'}", getattr(derivatives, f"_{way}"))
+    values = (0.4, -0.7, 1.1)
+    found = derivative_function(program(*composed(*traced(*values))))(values)
+    assert found is not None and found.values == pytest.approx([*(one.value for one in composed(*traced(*values))[:-1]), 7.0], rel=1e-15)
+
+    def exact(row: int) -> Callable[..., Any]:
+        def output(a: Any, b: Any, c: Any) -> Any:
+            x = [a, b, c]
+            for _ in range(6):
+                x = [
+                    x[0] * x[1] + mpmath.mpf(0.3) * x[2], mpmath.sin(x[0] - x[2]),
+                    mpmath.sqrt(x[1] ** 2 + x[2] ** 2 + 1) / (1 + x[0] ** 2),
+                ]
+            return [*x, x[0] + x[1], a, -b, mpmath.mpf(7)][row]
+
+        return output
+
+    with mpmath.workdps(60):
+        for row in range(7):
+            for place in range(3):
+                wanted = float(mpmath.diff(exact(row), tuple(map(mpmath.mpf, values)), tuple(int(one == place) for one in range(3))))
+                assert found.jacobian[row, place] == pytest.approx(wanted, rel=1e-13, abs=1e-15)
+
+
+def test_the_way_with_fewer_statements_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: list[int] = []
+    generated = derivatives._generated
+    monkeypatch.setattr(derivatives, "_generated", lambda *given: taken.append(len(given[2][0])) or generated(*given))
+    many = traced(*(0.1 * place for place in range(20)))
+    chain = many[0]
+    for one in many[1:]:
+        chain = sin(chain * one)
+    derivative_function(program(chain))
+    one, = traced(0.5)
+    derivative_function(program(*(sin(one * place) for place in range(1, 20))))
+    assert taken[0] < 150 and taken[1] < 60  # forward, the chain would take over 300, and backward, the fan over 70
+
+
+@pytest.mark.parametrize(("function", "values", "why"), [
+    (lambda a: abs(a), (0.0,), "absolute value of 0"),
+    (lambda a: sqrt(a * a), (0.0,), "square root of 0"),
+    (lambda a, b: hypot(a, b), (0.0, 0.0), "length 0"),
+    (lambda a, b: maximum(a, b), (1.5, 1.5), "greatest of equal values"),
+    (lambda a, b: minimum(a, 2.0 * b) * 3.0, (1.0, 0.5), "smallest of equal values"),
+    (lambda a: a % 0.5, (1.5,), "remainder"),
+    (lambda a: round(a, 2), (0.3,), "rounds it"),
+    (lambda a: principal_moments(((a, 0.1, 0.0), (0.1, 2.0, 0.3), (0.0, 0.3, 1.5)))[0], (4.0,), "_principal_axes"),
+])
+def test_a_kink_is_an_error(function: Callable[..., Any], values: Sequence[float], why: str) -> None:
+    inputs = traced(*values)
+    with pytest.raises(NotSmooth, match=why) as caught:
+        derivative_function(program(inputs[0] * 2.0, function(*inputs)))(values)
+    assert caught.value.output == 1
+
+
+def test_a_kink_between_branches_with_the_same_derivative_is_none() -> None:
+    a, b = traced(1.5, 2.0)
+    outputs = program(maximum(a + b, b + a, 1.0 + 0.5 * b), abs(a * 0.0) * 1.0, minimum(a, b))
+    found = derivative_function(outputs)((1.5, 2.0))
+    assert found is not None and found.jacobian.tolist() == [[1.0, 1.0], [0.0, 0.0], [1.0, 0.0]]
+
+
+def test_other_decisions_and_failures_have_no_derivatives() -> None:
+    a, = traced(2.0)
+    assert a > 1.0
+    run = derivative_function(program(1.0 / (a - 3.0)))
+    assert run((0.5,)) is None
+    found = run((2.5,))
+    assert found is not None and np.array_equal(found.jacobian, [[-4.0]])
+    with pytest.raises(ZeroDivisionError):
+        run((3.0,))
