@@ -5,8 +5,9 @@
     reach                                   distance between the two mounts in the document
     torque_margin                           smallest effort / |static torque| of all drives
     length.JOINT                            distance of a joint from the previous joint, as in the documents
+    site:MOUNT.x y z                        position of a mount in the world, if requested
 
-Box, reach and torques are those of one mode, in one pose.
+Box, reach, torques and sites are those of one mode, in one pose.
 """
 
 from __future__ import annotations
@@ -28,23 +29,25 @@ from thingc.model.statics.support import lifted, stance
 
 Results = dict[str, float | None]
 """Results by name, SI; None or missing if a variant does not have the result."""
+SITE = "site:"
+"""Prefix of the results of a mount."""
 
 
 class UnknownMount(Exception):
-    """A mount of `reach` does not exist; `text` is the reference in the document, `diagnostic` the error."""
+    """A mount does not exist; `text` is the reference in the document, `diagnostic` the error."""
 
     def __init__(self, text: str, known: Sequence[str]) -> None:
         super().__init__(text)
-        message, help = f"there is no mount `{text}` for the reach", did_you_mean(text, known, what="mounts")
+        message, help = f"there is no mount `{text}`", did_you_mean(text, known, what="mounts")
         self.diagnostic = Diagnostic(code=Code.RESULT, severity=Severity.ERROR, message=message, help=help)
 
 
-def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None) -> Results:
+def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None, sites: Sequence[str] = ()) -> Results:
     """Return the results of a robot in a pose (None: that of the mode, else q = 0).
 
-    If the loops of the mode do not close in that pose, there is no box, reach and torque margin. With closed loops, there is no torque
-    margin, since torques depend on how the loops share the load; neither is there one if the robot does not stand on its feet. `reach` are
-    references to two mounts. Raises `UnknownMount`.
+    If the loops of the mode do not close in that pose, there is no box, reach, site or torque margin. There is no torque margin with closed
+    loops, since torques depend on how the loops share the load, or if the robot does not stand on its feet. `reach` are references to two
+    mounts, `sites` to any others. Raises `UnknownMount`.
     """
     assembly = robot.assembly
     whole = total(link.properties.seen_from(assembly.rest[link.frame]) for link in assembly.links)
@@ -58,6 +61,7 @@ def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None) -> Re
     within = in_link(assembly)
     results.update(lengths(assembly, within))
     ends = [_mount(assembly, text) for text in reach or ()]
+    mounts = {f"{SITE}{text}": _mount(assembly, text) for text in sites}
     placed = _placed(robot, pose)
     if placed is None:
         return results
@@ -71,6 +75,9 @@ def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None) -> Re
         (a, b), (c, d) = ends
         points = [(occurrences[a] @ _frame(assembly, a, b)).translation, (occurrences[c] @ _frame(assembly, c, d)).translation]
         results["reach"] = dist(*points)
+    for name, (occurrence, mount) in mounts.items():
+        position = (occurrences[occurrence] @ _frame(assembly, occurrence, mount)).translation
+        results.update({f"{name}.{axis}": value for axis, value in zip("xyz", position)})
     if not robot.closures and not lifted(stance(robot, q, bodies).feet):
         held = static_efforts(robot, q, bodies)
         results["torque_margin"] = held.least_margin if held.fall is None else None

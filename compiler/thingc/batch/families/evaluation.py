@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.batch.families.results import Evaluated
@@ -24,40 +27,80 @@ if TYPE_CHECKING:
     from thingc.driver.session import Session
 
 Item = tuple[Mapping[str, Any], ParsedSettings]
+Planned = tuple[NumericPlan["ResultsShape"], Sequence[float]]
+
+
+TOGETHER = 4096
+"""Maximum number of settings that are read ahead and computed at once."""
+FEW = 8
+"""Fewer settings are computed one after the other."""
 
 
 class Evaluation:
-    """Compute the results of one mode. Pose, reach and rules are those of `plan`, if there is one. `verify` is as in `ModelsOfMode`."""
+    """Compute the results of one mode, with those of `sites`. Pose, reach and rules are those of `plan`, if there is one. `verify` is as in
+    `ModelsOfMode`.
+    """
 
-    def __init__(self, session: Session, reader: SettingsReader, mode: str, plan: Plan | None, *, verify: int | None) -> None:
+    def __init__(
+        self, session: Session, reader: SettingsReader, mode: str, plan: Plan | None, *, verify: int | None, sites: tuple[str, ...] = (),
+    ) -> None:
         self.session = session
         self.reader = reader
         self.mode = mode
+        self.sites = sites
         self.pose = plan.pose if plan is not None else None
         self.reach = plan.reach if plan is not None else None
         self.rules = tuple(plan.rules) if plan is not None else ()
         self.values: Any = plan.values if plan is not None else dict
         self.verify = verify
-        self.forms: PlanCaches[_Shape] = PlanCaches()
+        self.forms: PlanCaches[ResultsShape] = PlanCaches()
 
     def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
         """Yield the result for each of the settings, in order."""
-        for settings, read in many:
-            planned = None if tests else self.forms.planned(read, self._plan)
-            if planned is None:
-                yield self._passed(settings, read, tests)
-                continue
-            plan, outputs = planned
-            results = plan.made.of(outputs)
-            if plan.is_due(self.verify):
-                whole = self._measured(read)
-                if whole != (results, plan.made.problems):
-                    self.forms.of(read).wrong(f"a plan gave different results for {dict(zip(read.names, read.values))}")
+        source = iter(many)
+        while chunk := list(islice(source, 1 if tests else TOGETHER)):
+            ready: dict[int, Planned] = {}
+            for place, (settings, read) in enumerate(chunk):
+                planned = ready.pop(place, None)
+                if planned is None and not tests:
+                    planned = self.forms.planned(read, self._plan)
+                    if planned is not None:
+                        ready.update(self._together(planned[0], chunk, place, ready))
+                if planned is None:
                     yield self._passed(settings, read, tests)
                     continue
-            yield self._judged(settings, read, results, plan.made.problems)
+                plan, outputs = planned
+                results = plan.made.of(outputs)
+                if plan.is_due(self.verify) and self._measured(read) != (results, plan.made.problems):
+                    self.forms.of(read).wrong(f"a plan gave different results for {dict(zip(read.names, read.values))}")
+                    ready.clear()
+                    yield self._passed(settings, read, tests)
+                    continue
+                yield self._judged(settings, read, results, plan.made.problems)
 
-    def _plan(self, read: ParsedSettings, form: PlanCache[_Shape]) -> NumericPlan[_Shape] | None:
+    def _together(self, plan: NumericPlan[ResultsShape], chunk: Sequence[Item], place: int, ready: Collection[int]) -> dict[int, Planned]:
+        """Return the outputs of a plan for the settings after `place` that have the same names and texts, by index."""
+        form = (chunk[place][1].names, chunk[place][1].texts)
+        alike = [
+            other for other in range(place + 1, len(chunk))
+            if other not in ready and (chunk[other][1].names, chunk[other][1].texts) == form and chunk[other][1].report is None
+        ]
+        if len(alike) < FEW or plan.exchange is not None:
+            return {}
+        outputs, ok = plan.columns(np.array([chunk[other][1].values for other in alike]))
+        self.forms.of(chunk[place][1]).met += int(ok.sum())
+        return {other: (plan, row) for other, row, applies in zip(alike, outputs.tolist(), ok, strict=True) if applies}
+
+    def plan_at(self, read: ParsedSettings) -> tuple[NumericPlan[ResultsShape] | None, str]:
+        """Return the plan that applies to settings, made if necessary, or None with the reason."""
+        form = self.forms.of(read)
+        known = form.plan_for(read)
+        if known is None and form.refused is None and (plan := self._plan(read, form)) is not None:
+            form.plans.insert(0, plan)
+            known = form.plan_for(read)
+        return (None if known is None else known[0]), form.refused or "; ".join(f"`{name}`: {why}" for name, why in form.why.items())
+
+    def _plan(self, read: ParsedSettings, form: PlanCache[ResultsShape]) -> NumericPlan[ResultsShape] | None:
         """Return a plan that gives the same results as compilations, or None with the reason in `form`."""
         first = self._measured(read)
         if not first[0]:
@@ -70,10 +113,10 @@ class Evaluation:
             assert rehearsal.parts is not None
             return Exchange(rehearsal.parts, self.session.environment.parts, {})
 
-        def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], _Shape]:
+        def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], ResultsShape]:
             if exchange is not None and first[1]:
                 raise NotTraceable("there are diagnostics, which may be about a part", list(form.modelled))
-            shape = _Shape(rehearsal.made, first[1])
+            shape = ResultsShape(rehearsal.made, first[1])
             return shape.outputs, shape
 
         plan = numeric_plan.make(read, self.reader, attempt, finish, form, exchanged)
@@ -88,7 +131,7 @@ class Evaluation:
         return plan
 
     def _traced(self, compilation: Compilation, tape: Tape) -> Results:
-        return measure(compilation.robots[0], self.pose, self.reach)
+        return measure(compilation.robots[0], self.pose, self.reach, self.sites)
 
     # --- through every pass ---------------------------------------------------------------------------------------------
 
@@ -105,7 +148,7 @@ class Evaluation:
         if report.failed or not compilation.robots:
             return {}, report, None
         try:
-            return measure(compilation.robots[0], self.pose, self.reach), report, compilation
+            return measure(compilation.robots[0], self.pose, self.reach, self.sites), report, compilation
         except UnknownMount as fault:
             report.say(fault.diagnostic)
             return {}, report, None
@@ -146,7 +189,7 @@ class Evaluation:
         return None, tuple(undecided)
 
 
-class _Shape(TracedResults):
+class ResultsShape(TracedResults):
     """The results of one plan. `problems` are the diagnostics common to all of them."""
 
     def __init__(self, results: Mapping[str, Any], problems: tuple[Diagnostic, ...]) -> None:

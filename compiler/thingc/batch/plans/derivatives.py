@@ -76,7 +76,8 @@ RULES: dict[str, Rule] = {
         kink="{0} == 0.0 and {1} <= 0.0", why="is an angle of 180 deg",
     ),
     "radians": Rule((repr(math.pi / 180.0),)), "degrees": Rule((repr(180.0 / math.pi),)), "_fsum": Rule(each="1.0"),
-    "min": Rule(each="float({i} == {r})", bounded=True), "max": Rule(each="float({i} == {r})", bounded=True), "round": _STEP, "rounded": _STEP,
+    "min": Rule(each="float({i} == {r})", bounded=True), "max": Rule(each="float({i} == {r})", bounded=True),
+    "round": _STEP, "rounded": _STEP,
     "negative": Rule(("-1.0",)), "item": Rule(("1.0",)), "cosine of": Rule(("-sin({0})",)), "sine of": Rule(("cos({0})",)),
 }
 """Rules by operation. `negative` is the minus of one number; `cosine of` and `sine of` are the items of `quarter_exact`."""

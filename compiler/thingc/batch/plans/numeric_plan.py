@@ -5,11 +5,12 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from itertools import count
 from typing import Any, Generic, Protocol, TypeVar
 
 from thingc.base.units import Quantity
+from thingc.batch.plans.columns import Booleans, ColumnFunction, Floats, column_function
 from thingc.batch.plans.part_exchange import Exchange, Exchanged
 from thingc.batch.plans.program import Program, program_of
 from thingc.batch.plans.tape import Traced
@@ -46,7 +47,7 @@ which it was made.
 """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class NumericPlan(Generic[Made]):
     """A function from numbers to the inputs of `made`.
 
@@ -76,6 +77,17 @@ class NumericPlan(Generic[Made]):
             return self.program.run(*given)
         except (ArithmeticError, ValueError):
             return None
+
+    def columns(self, values: Floats) -> tuple[Floats, Booleans]:
+        """Return `outputs` for `(k, n)` values, and whether the plan applies to each row. Parts must not depend on numbers."""
+        outputs, ok = self._columns(values[:, list(self.free)])
+        for at, value in self.fixed:
+            ok &= values[:, at] == value
+        return outputs, ok
+
+    @cached_property
+    def _columns(self) -> ColumnFunction:
+        return column_function(self.program)
 
     def exchanged(self, values: Sequence[float]) -> Exchanged | None:
         """Return the records of parts that depend on values to which the plan applies; None if there are no such parts."""
