@@ -31,6 +31,8 @@ Results = dict[str, float | None]
 """Results by name, SI; None or missing if a variant does not have the result."""
 SITE = "site:"
 """Prefix of the results of a mount."""
+TORQUES = "torque_margin"
+"""The result that needs the torques of all drives."""
 
 
 class UnknownMount(Exception):
@@ -42,12 +44,14 @@ class UnknownMount(Exception):
         self.diagnostic = Diagnostic(code=Code.RESULT, severity=Severity.ERROR, message=message, help=help)
 
 
-def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None, sites: Sequence[str] = ()) -> Results:
+def measure(
+    robot: Robot, pose: str | None, reach: tuple[str, str] | None, sites: Sequence[str] = (), *, torques: bool = True,
+) -> Results:
     """Return the results of a robot in a pose (None: that of the mode, else q = 0).
 
     If the loops of the mode do not close in that pose, there is no box, reach, site or torque margin. There is no torque margin with closed
-    loops, since torques depend on how the loops share the load, or if the robot does not stand on its feet. `reach` are references to two
-    mounts, `sites` to any others. Raises `UnknownMount`.
+    loops, since torques depend on how the loops share the load, or if the robot does not stand on its feet. Without
+    `torques`, it is not computed. `reach` are references to two mounts, `sites` to any others. Raises `UnknownMount`.
     """
     assembly = robot.assembly
     whole = total(link.properties.seen_from(assembly.rest[link.frame]) for link in assembly.links)
@@ -78,9 +82,9 @@ def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None, sites
     for name, (occurrence, mount) in mounts.items():
         position = (occurrences[occurrence] @ _frame(assembly, occurrence, mount)).translation
         results.update({f"{name}.{axis}": value for axis, value in zip("xyz", position)})
-    if not robot.closures and not lifted(stance(robot, q, bodies).feet):
+    if torques and not robot.closures and not lifted(stance(robot, q, bodies).feet):
         held = static_efforts(robot, q, bodies)
-        results["torque_margin"] = held.least_margin if held.fall is None else None
+        results[TORQUES] = held.least_margin if held.fall is None else None
     return results
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -37,17 +38,19 @@ FEW = 8
 
 
 class Evaluation:
-    """Compute the results of one mode, with those of `sites`. Pose, reach and rules are those of `plan`, if there is one. `verify` is as in
-    `ModelsOfMode`.
+    """Compute the results of one mode, with those of `sites`, and without the torque margin if `torques` is False.
+
+    Pose, reach and rules are those of `plan`, if there is one. `verify` is as in `ModelsOfMode`.
     """
 
     def __init__(
         self, session: Session, reader: SettingsReader, mode: str, plan: Plan | None, *, verify: int | None, sites: tuple[str, ...] = (),
+        torques: bool = True,
     ) -> None:
         self.session = session
         self.reader = reader
         self.mode = mode
-        self.sites = sites
+        self.measure = partial(measure, sites=sites, torques=torques)
         self.pose = plan.pose if plan is not None else None
         self.reach = plan.reach if plan is not None else None
         self.rules = tuple(plan.rules) if plan is not None else ()
@@ -70,22 +73,29 @@ class Evaluation:
                     yield self._passed(settings, read, tests)
                     continue
                 plan, outputs = planned
-                results = plan.made.of(outputs)
-                if plan.is_due(self.verify) and self._measured(read) != (results, plan.made.problems):
-                    self.forms.of(read).wrong(f"a plan gave different results for {dict(zip(read.names, read.values))}")
+                if plan.is_due(self.verify) and not self.confirms(plan, outputs, read):
                     ready.clear()
                     yield self._passed(settings, read, tests)
                     continue
-                yield self._judged(settings, read, results, plan.made.problems)
+                yield self._judged(settings, read, plan.made.of(outputs), plan.made.problems)
+
+    def confirms(self, plan: NumericPlan[ResultsShape], outputs: Sequence[float], read: ParsedSettings) -> bool:
+        """Compile settings, and return whether the results are those of a plan. If not, drop all plans for such settings."""
+        if self._measured(read) == (plan.made.of(outputs), plan.made.problems):
+            return True
+        self.forms.of(read).wrong(f"a plan gave different results for {dict(zip(read.names, read.values))}")
+        return False
 
     def _together(self, plan: NumericPlan[ResultsShape], chunk: Sequence[Item], place: int, ready: Collection[int]) -> dict[int, Planned]:
         """Return the outputs of a plan for the settings after `place` that have the same names and texts, by index."""
+        if plan.exchange is not None:
+            return {}
         form = (chunk[place][1].names, chunk[place][1].texts)
         alike = [
             other for other in range(place + 1, len(chunk))
             if other not in ready and (chunk[other][1].names, chunk[other][1].texts) == form and chunk[other][1].report is None
         ]
-        if len(alike) < FEW or plan.exchange is not None:
+        if len(alike) < FEW:
             return {}
         outputs, ok = plan.columns(np.array([chunk[other][1].values for other in alike]))
         self.forms.of(chunk[place][1]).met += int(ok.sum())
@@ -98,7 +108,7 @@ class Evaluation:
         if known is None and form.refused is None and (plan := self._plan(read, form)) is not None:
             form.plans.insert(0, plan)
             known = form.plan_for(read)
-        return (None if known is None else known[0]), form.refused or "; ".join(f"`{name}`: {why}" for name, why in form.why.items())
+        return (None if known is None else known[0]), "; ".join(f"`{name}`: {why}" for name, why in form.why.items()) or form.refused or ""
 
     def _plan(self, read: ParsedSettings, form: PlanCache[ResultsShape]) -> NumericPlan[ResultsShape] | None:
         """Return a plan that gives the same results as compilations, or None with the reason in `form`."""
@@ -131,7 +141,7 @@ class Evaluation:
         return plan
 
     def _traced(self, compilation: Compilation, tape: Tape) -> Results:
-        return measure(compilation.robots[0], self.pose, self.reach, self.sites)
+        return self.measure(compilation.robots[0], self.pose, self.reach)
 
     # --- through every pass ---------------------------------------------------------------------------------------------
 
@@ -148,7 +158,7 @@ class Evaluation:
         if report.failed or not compilation.robots:
             return {}, report, None
         try:
-            return measure(compilation.robots[0], self.pose, self.reach, self.sites), report, compilation
+            return self.measure(compilation.robots[0], self.pose, self.reach), report, compilation
         except UnknownMount as fault:
             report.say(fault.diagnostic)
             return {}, report, None

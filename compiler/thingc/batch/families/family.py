@@ -17,6 +17,7 @@ from thingc.batch.families.mjspec_recompile import ModelTemplate
 from thingc.batch.families.models import ModelsOfMode
 from thingc.batch.families.results import Evaluated, Explanation, NoModel
 from thingc.batch.families.search_space import SearchSpace, of_axes, of_parameters
+from thingc.batch.measurements import SITE, TORQUES
 from thingc.batch.planning import Variant
 from thingc.batch.plans.build_templates import Builds
 from thingc.batch.plans.numeric_plan import PlanCache
@@ -37,6 +38,7 @@ from thingc.targets.modes_json import alone
 if TYPE_CHECKING:
     import mujoco
 
+    from thingc.batch.families.function import FamilyFunction
     from thingc.batch.planning import Plan
     from thingc.model.resolve.resolver import Sources
     from thingc.modes import Modes
@@ -109,6 +111,7 @@ class RobotFamily:
         self._models: dict[tuple[str, bool, bool], ModelsOfMode] = {}
         self._builds: dict[tuple[str, ...], Builds] = {}
         self._switches: dict[tuple[str, ...], Builds] = {}
+        self._evaluations: dict[tuple[str, tuple[str, ...], bool], Evaluation] = {}
 
     def __enter__(self) -> RobotFamily:
         return self
@@ -139,7 +142,7 @@ class RobotFamily:
         The mode and the pose are those of the variants document, else the mode of the family in its pose. With `tests`, those of the
         assembly document are run, too. Errors in settings are not raised, but part of the results.
         """
-        found = list(self._evaluation.each(map(self._read, as_many(settings)), tests=tests))
+        found = list(self._evaluation_of(self.mode).each(map(self._read, as_many(settings)), tests=tests))
         return found[0] if is_single(settings) else found
 
     def model(
@@ -240,6 +243,23 @@ class RobotFamily:
         environment = self._session.environment
         return write_values(environment.document, given, environment.options).found if given else ()
 
+    def function(
+        self, names: Sequence[str] | str, outputs: Sequence[str] | str = ("mass", "centre"), *, mode: str | None = None,
+        at: Mapping[str, Any] | None = None,
+    ) -> FamilyFunction:
+        """Return the family as a function from numbers, by parameter or path, to results, with exact derivatives.
+
+        `outputs` are results as of `evaluate`, groups of them (`centre`, `inertia`, `box`), or positions of mounts (`site:hook`) in the
+        world. `at` are other settings, which are fixed. Raises `FamilyError` for names that are not numbers and unknown results, and
+        `UnknownChoice` for an unknown mode.
+        """
+        from thingc.batch.families.function import FamilyFunction
+
+        wanted = _as_names(outputs)
+        sites = tuple(dict.fromkeys(name[len(SITE):] for name in wanted if name.startswith(SITE)))
+        evaluation = self._evaluation_of(self.mode if mode is None else self._known(mode), sites, torques=TORQUES in wanted)
+        return FamilyFunction(evaluation, self._reader, self.space, _as_names(names), wanted, at or {})
+
     @cached_property
     def space(self) -> SearchSpace:
         """The dimensions of the settings: the axes of the variants document, else the parameters of the assembly."""
@@ -307,9 +327,13 @@ class RobotFamily:
             self._models[key] = ModelsOfMode(self._session, self._reader, key[0], visual=visual, floor=floor, verify=self._verify)
         return self._models[key]
 
-    @cached_property
-    def _evaluation(self) -> Evaluation:
-        return Evaluation(self._session, self._reader, self.mode, self._plan, verify=self._verify)
+    def _evaluation_of(self, mode: str, sites: tuple[str, ...] = (), *, torques: bool = True) -> Evaluation:
+        key = (mode, sites, torques)
+        if key not in self._evaluations:
+            self._evaluations[key] = Evaluation(
+                self._session, self._reader, mode, self._plan, verify=self._verify, sites=sites, torques=torques,
+            )
+        return self._evaluations[key]
 
     def _builds_of(self, targets: tuple[str, ...]) -> Builds:
         from thingc.targets.registry import chosen, unknown
@@ -385,6 +409,10 @@ def is_single(settings: Any) -> bool:
 def as_many(settings: Any) -> Iterable[Any]:
     """Return settings as an iterable of sets of settings."""
     return [settings] if is_single(settings) else settings
+
+
+def _as_names(names: Sequence[str] | str) -> Sequence[str]:
+    return [names] if isinstance(names, str) else [str(name) for name in names]
 
 
 def _given(value: ExpressionValue | str) -> Any:

@@ -125,24 +125,26 @@ LONGEST = 50_000
 """Maximum number of generated statements for derivatives. Longer programs compute with arrays."""
 
 
-def derivative_function(program: Program) -> DerivativeFunction:
-    """Return a function of the variables that computes the outputs and their derivatives.
+def derivative_function(program: Program, by: Sequence[int] | None = None) -> DerivativeFunction:
+    """Return a function of the variables that computes the outputs and their derivatives by the variables at the indices `by` (None: all).
 
     It returns None, or raises `ArithmeticError` or `ValueError`, for values to which the program does not apply. Raises `NotSmooth`.
     """
-    steps = _steps_of(program)
-    forward, backward = _forward(program, steps), _backward(program, steps)
+    varying = program.variables if by is None else tuple(program.variables[place] for place in by)
+    steps = _steps_of(program, varying)
+    forward, backward = _forward(program, steps, varying), _backward(program, steps, varying)
     shortest = min(forward, backward, key=lambda one: len(one[0]))
     run = _generated(program, steps, shortest if len(shortest[0]) <= LONGEST else None)
-    shape = (len(program.outputs), len(program.variables))
+    shape = (len(program.outputs), len(varying))
 
     def derivatives(values: Sequence[float]) -> Derivatives | None:
         found = run(*values)
         if found is None:
             return None
         outputs, entries = found
-        jacobian = _by_arrays(program, steps, entries) if isinstance(entries, dict) else np.array(entries, dtype=np.float64).reshape(shape)
-        return Derivatives(np.array(outputs, dtype=np.float64), jacobian)
+        if isinstance(entries, dict):
+            entries = _by_arrays(program, steps, varying, entries)
+        return Derivatives(np.array(outputs, dtype=np.float64), np.array(entries, dtype=np.float64).reshape(shape))
 
     return derivatives
 
@@ -166,9 +168,9 @@ def _generated(program: Program, steps: Sequence[Step], code: Code | None) -> Ca
     return function("run", text)  # type: ignore[no-any-return]
 
 
-def _forward(program: Program, steps: Sequence[Step]) -> Code:
+def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -> Code:
     """Return code that computes the derivatives of every value by the variables on which it depends."""
-    known: dict[int, dict[int, str]] = {index: {place: "1.0"} for place, index in enumerate(program.variables)}
+    known: dict[int, dict[int, str]] = {index: {place: "1.0"} for place, index in enumerate(varying)}
     statements: list[str] = []
     for step in steps:
         sums: dict[int, list[str]] = defaultdict(list)
@@ -177,12 +179,11 @@ def _forward(program: Program, steps: Sequence[Step]) -> Code:
                 sums[variable].append(_product(partial, derivative))
         known[step.target] = {variable: f"d{step.target}_{variable}" for variable in sums}
         statements += [f"d{step.target}_{variable} = {' + '.join(terms)}" for variable, terms in sums.items()]
-    everywhere = range(len(program.variables))
-    entries = [known.get(_index(one), {}).get(variable, "0.0") for one in program.outputs for variable in everywhere]
+    entries = [known.get(_index(one), {}).get(variable, "0.0") for one in program.outputs for variable in range(len(varying))]
     return statements, entries
 
 
-def _backward(program: Program, steps: Sequence[Step]) -> Code:
+def _backward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -> Code:
     """Return code that computes the derivatives of every output by the values on which it depends."""
     statements: list[str] = []
     partials = [dict(_partials(step, statements)) for step in steps]
@@ -199,7 +200,7 @@ def _backward(program: Program, steps: Sequence[Step]) -> Code:
                 statements.append(f"{adjoint} = {' + '.join(terms)}")
             for place, partial in by_place.items():
                 sums[_index(step.arguments[place])].append(_product(partial, adjoint))
-        entries += [" + ".join(sums.get(index, ["0.0"])) for index in program.variables]
+        entries += [" + ".join(sums.get(index, ["0.0"])) for index in varying]
     return statements, entries
 
 
@@ -226,10 +227,10 @@ def _index(argument: Argument) -> int:
     return int(argument) if isinstance(argument, Ref) else -1
 
 
-def _by_arrays(program: Program, steps: Sequence[Step], values: dict[str, float]) -> Floats:
+def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], values: dict[str, float]) -> Floats:
     """Return the Jacobian from all values by name, with one array of derivatives for each value. Raises `NotSmooth`."""
-    zero = np.zeros(len(program.variables))
-    known: dict[int, Floats] = dict(zip(program.variables, np.eye(len(zero)), strict=True))
+    zero = np.zeros(len(varying))
+    known: dict[int, Floats] = dict(zip(varying, np.eye(len(zero)), strict=True))
     reasons: dict[int, str] = {}
     for step in steps:
         inner = [known.get(_index(one), zero) for one in step.arguments]
@@ -259,10 +260,10 @@ def _number(argument: Argument, values: dict[str, float]) -> float:
     return values[word(argument)] if isinstance(argument, Ref) else float(argument.value)
 
 
-def _steps_of(program: Program) -> list[Step]:
+def _steps_of(program: Program, variables: Sequence[int]) -> list[Step]:
     """Return the operations with derivatives that affect outputs, in order of computation."""
     made = {one.target: one for one in program.statements if isinstance(one, Line)}
-    varying, steps = set(program.variables), []
+    varying, steps = set(variables), []
     for line in made.values():
         operation, arguments = line.operation, line.arguments
         if operation == "item" and (inner := made.get(int(arguments[0]))) is not None and inner.operation == "quarter_exact":  # type: ignore[arg-type]

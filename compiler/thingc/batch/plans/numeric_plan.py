@@ -9,11 +9,12 @@ from functools import cached_property, partial
 from itertools import count
 from typing import Any, Generic, Protocol, TypeVar
 
+from thingc.base.numeric import nan
 from thingc.base.units import Quantity
 from thingc.batch.plans.columns import Booleans, ColumnFunction, Floats, column_function
 from thingc.batch.plans.part_exchange import Exchange, Exchanged
-from thingc.batch.plans.program import Program, program_of
-from thingc.batch.plans.tape import Traced
+from thingc.batch.plans.program import Argument, Program, program_of
+from thingc.batch.plans.tape import Const, Traced
 from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, pinned
 from thingc.documents.expressions.value_text import text_of
 from thingc.driver.settings import ParsedSettings, SettingsReader
@@ -205,6 +206,13 @@ class TracedResults:
         self.outputs = [value for value in values.values() if isinstance(value, Traced)]
         self._names = [name for name, value in values.items() if isinstance(value, Traced)]
         self._all = {name: None if isinstance(value, Traced) else value for name, value in values.items()}
+
+    def argument(self, name: str, program: Program) -> Argument:
+        """Return a value by name as an output of a program for `outputs`; NaN if there is none."""
+        if name in self._names:
+            return program.outputs[self._names.index(name)]
+        value = self._all.get(name)
+        return Const(nan if value is None else value)
 
     def of(self, outputs: Sequence[float]) -> dict[str, Any]:
         """Return the values, with numbers for `outputs`."""

@@ -1,0 +1,266 @@
+"""A family as a function: from numbers of the document to results of the robot, with derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from thingc.base.diagnostics import Diagnostic, Severity
+from thingc.base.suggestions import did_you_mean
+from thingc.base.units import NUMBER, Quantity
+from thingc.batch.families.evaluation import FEW, Evaluation, ResultsShape
+from thingc.batch.families.search_space import SearchSpace
+from thingc.batch.plans.derivatives import DerivativeFunction, NotSmooth, derivative_function
+from thingc.batch.plans.numeric_plan import MOST, NumericPlan
+from thingc.batch.results import FamilyError
+from thingc.driver.settings import ParsedSettings, SettingsReader
+
+Floats = npt.NDArray[np.float64]
+
+STEP = 4e-3
+"""Distance of two settings from which a derivative is estimated, relative to the number."""
+
+
+class NotDifferentiable(FamilyError):
+    """A result has no derivative at these settings; the message names the result and the reason."""
+
+
+class Values(np.ndarray[Any, np.dtype[np.float64]]):
+    """Results as an array, `(m,)` or `(k, m)`, SI units; NaN where there is no result.
+
+    `ok` is True for settings without errors that have all results: a boolean or `(k,)`. `problems` are the diagnostics of every setting.
+    Arrays computed from this one have neither.
+    """
+
+    ok: bool | npt.NDArray[np.bool_] | None
+    problems: tuple[tuple[Diagnostic, ...], ...]
+
+    def __array_finalize__(self, source: Any) -> None:
+        self.ok, self.problems = None, ()
+
+
+class Jacobian(np.ndarray[Any, np.dtype[np.float64]]):
+    """Derivatives `(m, n)` of results by numbers, in SI units.
+
+    `error`, `(m, n)`, is 0 for exact derivatives (their rounding error is about 1e-15), otherwise an estimate of the error of a difference
+    quotient. Arrays computed from this one have None.
+    """
+
+    error: Floats | None
+
+    def __array_finalize__(self, source: Any) -> None:
+        self.error = None
+
+
+class FamilyFunction:
+    """A function from `names` to `outputs`, in SI units (`units` of names), in one mode, with other settings fixed.
+
+    `start` has the values of the document, `(n,)`, and `bounds` the limits of the parameters, `(n, 2)`, infinite where there are none.
+    """
+
+    def __init__(
+        self, evaluation: Evaluation, reader: SettingsReader, space: SearchSpace, names: Sequence[str], outputs: Sequence[str],
+        at: Mapping[str, Any],
+    ) -> None:
+        self._evaluation, self._reader, self._fixed = evaluation, reader, dict(at)
+        self.names = tuple(names)
+        if twice := [name for place, name in enumerate(self.names) if name in (*self.names[:place], *at)]:
+            raise FamilyError(f"`{twice[0]}` is given twice: leave out one of them")
+        kinds = [self._number(name) for name in self.names]
+        self.units = tuple("" if kind.dimension == NUMBER else kind.dimension.symbol for kind in kinds)
+        self.start = np.array([kind.value for kind in kinds], dtype=np.float64)
+        known = {one.name: (one.low, one.high) for one in space}
+        limits = [known.get(name, (None, None)) for name in self.names]
+        self.bounds = np.array([(-np.inf if low is None else low, np.inf if high is None else high) for low, high in limits])
+        self.outputs = self._expanded(outputs)
+        self._plans: dict[int, tuple[NumericPlan[ResultsShape], NumericPlan[ResultsShape], dict[tuple[int, ...], DerivativeFunction]]] = {}
+
+    def __repr__(self) -> str:
+        return f"FamilyFunction({', '.join(self.names)} -> {', '.join(self.outputs)})"
+
+    def value(self, x: npt.ArrayLike) -> Values:
+        """Return the outputs for values of the names: `(n,)` to `(m,)`, or `(k, n)` to `(k, m)`.
+
+        They have the bits of `RobotFamily.evaluate`. Raises `FamilyError` for another shape.
+        """
+        rows, single = self._rows(x)
+        made, ok = np.full((len(rows), len(self.outputs)), np.nan), np.zeros(len(rows), dtype=np.bool_)
+        problems: list[tuple[Diagnostic, ...]] = [()] * len(rows)
+        rest = self._together(rows, made, ok, problems)
+        for place, one in zip(rest, self._evaluation.each((self._item(rows[place]) for place in rest), tests=False), strict=True):
+            made[place] = [np.nan if (value := one.results.get(name)) is None else value for name in self.outputs]
+            ok[place], problems[place] = one.sound and bool(one.results), one.problems
+        ok &= ~np.isnan(made).any(axis=1)
+        values = (made[0] if single else made).view(Values)
+        values.ok, values.problems = (bool(ok[0]) if single else ok), tuple(problems)
+        return values
+
+    def jacobian(self, x: npt.ArrayLike) -> Jacobian:
+        """Return the derivatives of the outputs by the names, `(m, n)`, at one setting `(n,)`.
+
+        Derivatives are exact, unless a part or a decision depends on the name: then they are estimated from settings near it, and their
+        `error` is greater than 0. Raises `NotDifferentiable`, and `FamilyError` for another shape or refused settings.
+        """
+        rows, single = self._rows(x)
+        if not single:
+            raise FamilyError(f"expected {len(self.names)} numbers, found an array of shape {np.shape(x)}: call `jacobian` for each row")
+        values = self.value(rows[0])
+        if not values.ok:
+            errors = _errors(values.problems[0])
+            missing = [f"there is no `{name}`" for name, value in zip(self.outputs, values, strict=True) if np.isnan(value)]
+            raise FamilyError(f"there are no results at {self._shown(rows[0])}: {errors or '; '.join(missing)}")
+        read = self._item(rows[0])[1]
+        plan, _ = self._evaluation.plan_at(read)
+        entries, error = np.zeros((len(self.outputs), len(self.names))), np.zeros((len(self.outputs), len(self.names)))
+        free = {read.names[place] for place in plan.free} if plan is not None and plan.exchange is None else set()
+        traced = tuple(place for place, name in enumerate(self.names) if name in free)
+        if plan is not None and traced:
+            entries[:, traced] = self._exact(plan, read, traced)
+        for place in sorted(set(range(len(self.names))) - set(traced)):
+            entries[:, place], error[:, place] = self._estimated(rows[0], place)
+        made = entries.view(Jacobian)
+        made.error = error
+        return made
+
+    # --- implementation -------------------------------------------------------------------------------------------------
+
+    def _together(
+        self, rows: Floats, made: Floats, ok: npt.NDArray[np.bool_], problems: list[tuple[Diagnostic, ...]],
+    ) -> Sequence[int]:
+        """Compute the rows to which one plan applies, and return the indices of the others."""
+        evaluation = self._evaluation
+        if len(rows) < FEW or evaluation.rules:
+            return range(len(rows))
+        read = self._item(rows[0])[1]
+        plan, _ = evaluation.plan_at(read)
+        if plan is None or plan.exchange is not None:
+            return range(len(rows))
+        values = np.tile(read.values, (len(rows), 1))
+        values[:, [read.names.index(name) for name in self.names]] = rows + 0.0  # without the sign of zeros
+        outputs, applies = self._restricted(plan).columns(values)
+        places = np.flatnonzero(applies)
+        for place in places:
+            if plan.is_due(evaluation.verify):
+                due = self._item(rows[place])[1]
+                whole = plan.outputs(due.values)
+                if whole is None or not evaluation.confirms(plan, whole, due):
+                    return range(len(rows))
+        made[places] = outputs[places]
+        ok[places] = not any(one.severity is Severity.ERROR for one in plan.made.problems)
+        for place in places:
+            problems[place] = plan.made.problems
+        return np.flatnonzero(~applies).tolist()
+
+    def _restricted(self, plan: NumericPlan[ResultsShape]) -> NumericPlan[ResultsShape]:
+        """Return a plan that computes `outputs` only."""
+        if id(plan) not in self._plans:
+            while len(self._plans) >= MOST:
+                self._plans.pop(next(iter(self._plans)))
+            outputs = tuple(plan.made.argument(name, plan.program) for name in self.outputs)
+            self._plans[id(plan)] = (plan, replace(plan, program=replace(plan.program, outputs=outputs)), {})
+        return self._plans[id(plan)][1]
+
+    def _exact(self, plan: NumericPlan[ResultsShape], read: ParsedSettings, traced: tuple[int, ...]) -> Floats:
+        """Return the derivatives of the outputs by the names at the indices `traced`."""
+        program, functions = self._restricted(plan).program, self._plans[id(plan)][2]
+        if traced not in functions:
+            functions[traced] = derivative_function(program, [plan.free.index(read.names.index(self.names[place])) for place in traced])
+        try:
+            found = functions[traced]([read.values[place] for place in plan.free])
+        except NotSmooth as fault:
+            where = self._shown([read.values[read.names.index(name)] for name in self.names])
+            message = f"`{self.outputs[fault.output]}` is not differentiable at {where}: a value that it depends on {fault.why}"
+            raise NotDifferentiable(f"{message}; choose other settings, or leave out `{self.outputs[fault.output]}`") from None
+        assert found is not None  # the plan applies
+        return found.jacobian
+
+    def _estimated(self, x: Floats, place: int) -> tuple[Floats, Floats]:
+        """Return the derivatives by one name from five settings near `x`, and the estimates of their errors."""
+        low, high = self.bounds[place]
+        width = high - low if np.isfinite(low) and np.isfinite(high) else np.inf
+        step = min(STEP * (abs(x[place]) or min(width, 1.0)), width / 4.0)
+        middle = min(max(x[place], low + 2.0 * step), high - 2.0 * step)
+        nodes = middle + step * np.arange(-2.0, 3.0)
+        nodes[np.argmin(np.abs(nodes - x[place]))] = x[place]
+        points = np.tile(x, (5, 1))
+        points[:, place] = nodes
+        values = self.value(points)
+        if not np.all(values.ok):
+            name = self.names[place]
+            raise NotDifferentiable(
+                f"the derivative by `{name}` is estimated from `{name}` = {nodes[0]:g} to {nodes[-1]:g}, and not all of these settings are "
+                f"valid: choose a value of `{name}` with more distance to the limits"
+            )
+        offsets, results = nodes - x[place], np.asarray(values)
+        nearest = np.argsort(np.abs(offsets), kind="stable")[:4]
+        best, coarse = _weights(offsets) @ results, _weights(offsets[nearest]) @ results[nearest]
+        return best, np.abs(best - coarse) + ROUNDING * np.abs(results).max(axis=0) / step
+
+    def _rows(self, x: npt.ArrayLike) -> tuple[Floats, bool]:
+        """Return settings as rows, and whether there is a single one."""
+        try:
+            rows = np.array(x, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise FamilyError(f"expected {len(self.names)} numbers ({', '.join(self.names)}), found `{x!r}`") from None
+        if rows.ndim not in (1, 2) or rows.shape[-1] != len(self.names):
+            expected = f"({len(self.names)},) or (k, {len(self.names)})"
+            raise FamilyError(f"expected an array of shape {expected} for {', '.join(self.names)}, found {rows.shape}")
+        return np.atleast_2d(rows), rows.ndim == 1
+
+    def _item(self, row: Floats) -> tuple[Mapping[str, Any], ParsedSettings]:
+        settings = {**self._fixed, **dict(zip(self.names, row.tolist(), strict=True))}
+        return settings, self._reader.read(settings)
+
+    def _number(self, name: str) -> Quantity:
+        """Return the value of a number in the document. Raises `FamilyError` if it is none."""
+        if not isinstance(name, str) or "*" in name:
+            raise FamilyError(f"expected the name of one number, found `{name}`: write the names one by one")
+        kind = self._reader.kind(name)
+        if isinstance(kind, Quantity):
+            return kind
+        read = self._reader.read({name: 0.0})
+        if kind is None and name not in read.names:
+            known = [other for other, value in self._reader.parameters.items() if isinstance(value, Quantity)]
+            raise FamilyError(f"the document has no number `{name}`: {did_you_mean(name, known, what='parameters')}")
+        if kind is not None:
+            raise FamilyError(f"`{name}` is not a number, but `{kind}`: set it with `at={{{name!r}: ...}}`")
+        raise FamilyError(f"the document has no value for `{name}`: give it one in the document, or set it with `at`")
+
+    def _expanded(self, outputs: Sequence[str]) -> tuple[str, ...]:
+        """Return the names of results: `centre` becomes `centre.x`, `centre.y` and `centre.z`. Raises `FamilyError`."""
+        settings, read = self._item(self.start)
+        results = next(self._evaluation.each([(settings, read)], tests=False))
+        if not results.results:
+            raise FamilyError(f"there are no results at {self._shown(self.start)}: {_errors(results.problems)}")
+        found: list[str] = []
+        for name in outputs:
+            group = [name] if name in results.results else [one for one in results.results if one.startswith(f"{name}.")]
+            if not group:
+                raise FamilyError(f"there is no result `{name}`: {did_you_mean(str(name), results.results, what='results')}")
+            found += group
+        return tuple(dict.fromkeys(found))
+
+    def _shown(self, row: Sequence[float] | Floats) -> str:
+        return ", ".join(f"{name} = {value:g}{f' {unit}' if unit else ''}" for name, value, unit in zip(self.names, row, self.units))
+
+
+def _errors(problems: Sequence[Diagnostic]) -> str:
+    errors = [f"{one.message}{f': {one.help}' if one.help else ''}" for one in problems if one.severity is Severity.ERROR]
+    return "; ".join(dict.fromkeys(errors))
+
+
+ROUNDING = 1e-15
+"""Relative rounding error of a value, which limits the accuracy of a difference quotient."""
+
+
+def _weights(offsets: Floats) -> Floats:
+    """Return the weights of values at `offsets` for the derivative at 0 of the polynomial through them."""
+    powers = np.vander(offsets / np.abs(offsets).max(), increasing=True).T
+    unit = np.zeros(len(offsets))
+    unit[1] = 1.0
+    weights: Floats = np.linalg.solve(powers, unit) / np.abs(offsets).max()
+    return weights

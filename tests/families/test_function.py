@@ -1,0 +1,197 @@
+"""`family.function`: the numbers of `evaluate`, and derivatives that differences confirm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thingc
+from families.documents import INERTIA
+from thingc.batch.families import FamilyFunction, NotDifferentiable
+from thingc.batch.families.evaluation import Evaluation
+from thingc.batch.plans import derivatives
+from thingc.batch.results import FamilyError
+from thingc.driver.pipeline import UnknownChoice
+
+KINKED = f"""\
+thingc: assembly/1
+name: kinked
+parameters:
+  left: {{value: 200 mm, min: 100 mm, max: 300 mm}}
+  right: {{value: 200 mm, min: 100 mm, max: 300 mm}}
+  style: {{value: false}}
+components:
+  base: {{frame: true, mass: 1 kg, {INERTIA}, mounts: {{l: {{xyz: [=-left, 0, 0]}}, r: {{xyz: [=right, 0, 0]}}}}}}
+  bar:
+    link: true
+    mass: 0.4 kg
+    shapes: [{{box: ["=max(left; right)", 20 mm, 20 mm]}}]
+    at: {{in: base.r}}
+mounts: {{hand: base.r}}
+modes: {{standing: {{root: base, base: fixed}}}}
+""".replace(";", ",")
+
+
+@pytest.fixture(scope="module")
+def kinked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[thingc.RobotFamily]:
+    folder = tmp_path_factory.mktemp("kinked")
+    (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (folder / "kinked.yaml").write_text(KINKED)
+    with thingc.family(folder / "kinked.yaml") as family:
+        yield family
+
+
+def differences(function: FamilyFunction, x: np.ndarray, step: float = 1e-3) -> np.ndarray:
+    """Derivatives by differences with an error of the fourth power of the step."""
+    columns = []
+    for place in range(len(x)):
+        h = np.zeros(len(x))
+        h[place] = step * abs(x[place])
+        f = [np.asarray(function.value(x + k * h)) for k in (-2, -1, 1, 2)]
+        columns.append((f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h[place]))
+    return np.array(columns).T
+
+
+def test_values_are_those_of_evaluate_to_the_last_bit(everything: thingc.RobotFamily) -> None:
+    function = everything.function(["load", "length", "joints.lift.limit.effort"], ["mass", "centre", "inertia", "length"])
+    assert function.units == ("kg", "m", "kg*m^2/s^2") and function.start.tolist() == [0.5, 0.3, 8.0]
+    assert function.bounds[:2].tolist() == [[0.01, 20.0], [0.1, 0.9]] and np.isinf(function.bounds[2]).all()
+    assert function.outputs[:2] == ("mass", "centre.x") and "length.neck" in function.outputs
+    rows = np.random.default_rng(3).uniform([0.005, 0.08, 4.0], [21.0, 0.5, 9.0], (300, 3))
+    rows[17] = [np.nan, 0.3, 8.0]
+    rows[18] = [np.inf, 0.3, 8.0]
+    found = function.value(rows)
+    assert found.shape == (300, len(function.outputs)) and 200 < found.ok.sum() < 298
+    for row, values, ok, problems in zip(rows, found, found.ok, found.problems, strict=True):
+        alone = everything.evaluate(dict(zip(function.names, row.tolist(), strict=True)))
+        assert alone.sound == ok and [one.code for one in problems] == [one.code for one in alone.problems]
+        assert values.tolist() == [alone.results[name] for name in function.outputs] if ok else np.isnan(values).all()
+        single = function.value(row)
+        assert single.ok is bool(ok) and single.tobytes() == values.tobytes() and single.problems == (problems,)
+
+
+def test_many_settings_are_computed_over_columns(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled: list[object] = []
+    measured = Evaluation._compiled
+    monkeypatch.setattr(Evaluation, "_compiled", lambda self, read: compiled.append(read) or measured(self, read))
+    with thingc.family(workspace / "everything.yaml", verify=0) as family:
+        settings = [{"load": load, "length": length} for load in np.linspace(0.2, 2.0, 20) for length in np.linspace(0.2, 0.5, 10)]
+        calls: list[int] = []
+        together = Evaluation._together
+        monkeypatch.setattr(Evaluation, "_together", lambda *given: calls.append(len(made := together(*given))) or made)
+        many = family.evaluate(settings)
+        assert sum(calls) >= 190 and len(calls) < 5 and len(compiled) < 12
+        alone = [family.evaluate(one) for one in settings]
+        assert [one.results for one in many] == [one.results for one in alone]
+
+
+@pytest.mark.parametrize("mode", ["standing", "footed"])
+def test_derivatives_are_those_of_differences(strung: thingc.RobotFamily, mode: str) -> None:
+    names = ["thickness", "axle", "reach", "components.foot.mass"]
+    function = strung.function(names, ["mass", "centre", "inertia", "box", "site:stand", "site:thigh.drum"], mode=mode)
+    x = np.array([0.021, 0.075, 0.063, 0.12])
+    found = function.jacobian(x)
+    assert found.error is not None and not found.error.any()
+    np.testing.assert_allclose(found, differences(function, x), rtol=1e-8, atol=1e-10)
+    assert found[function.outputs.index("mass"), 3] == 1.0 and not np.array_equal(found[-3:, 1], [0.0, 0.0, 0.0])
+
+
+def test_other_settings_are_fixed(everything: thingc.RobotFamily) -> None:
+    function = everything.function("length", "mass", at={"load": "2 kg", "heavy": True})
+    assert function.value([0.4]).tolist() == [everything.evaluate({"load": 2.0, "length": 0.4, "heavy": True})["mass"]]
+    assert function.jacobian([0.4]).tolist() == [[0.3]]
+
+
+def test_an_estimate_covers_its_error(strung: thingc.RobotFamily, monkeypatch: pytest.MonkeyPatch) -> None:
+    names, outputs = ["thickness", "axle", "components.foot.mass"], ["mass", "centre", "inertia", "box"]
+    function = strung.function(names, outputs)
+    for x in ([0.021, 0.075, 0.12], [0.005, 0.02, 0.3]):  # the second one is at a limit
+        exact = function.jacobian(x)
+        with monkeypatch.context() as patch:
+            patch.setattr(Evaluation, "plan_at", lambda self, read: (None, ""))
+            estimated = function.jacobian(x)
+        assert estimated.error is not None and (estimated.error > 0.0)[np.asarray(exact) != 0.0].all()
+        assert (np.abs(np.asarray(estimated) - exact) <= estimated.error).all()
+        np.testing.assert_allclose(estimated, exact, rtol=1e-4, atol=1e-10)
+
+
+def test_at_a_kink_there_is_no_derivative(kinked: thingc.RobotFamily) -> None:
+    function = kinked.function(["left", "right"], ["inertia.yy", "site:hand", "mass"])
+    assert function.jacobian([0.15, 0.25])[0, 0] == 0.0 and function.jacobian([0.25, 0.15])[0, 0] > 0.0
+    with pytest.raises(NotDifferentiable) as caught:
+        function.jacobian([0.2, 0.2])
+    assert str(caught.value) == (
+        "`inertia.yy` is not differentiable at left = 0.2 m, right = 0.2 m: a value that it depends on is the greatest of equal values; "
+        "choose other settings, or leave out `inertia.yy`"
+    )
+    assert kinked.function(["left", "right"], ["site:hand"]).jacobian([0.2, 0.2]).tolist() == [[0.0, 1.0], [0.0, 0.0], [0.0, 0.0]]
+
+
+def test_at_a_bound_there_is_a_derivative(kinked: thingc.RobotFamily) -> None:
+    function = kinked.function(["left", "right"], ["inertia.zz", "centre.x"])
+    for x in ([0.3, 0.1], [0.1, 0.3]):
+        inside = [0.299999, 0.100001] if x[0] == 0.3 else [0.100001, 0.299999]
+        np.testing.assert_allclose(function.jacobian(x), function.jacobian(inside), rtol=1e-4)
+
+
+def test_a_wrong_plan_is_dropped(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with thingc.family(workspace / "everything.yaml") as family:
+        function = family.function("load", "mass")
+        function.value([[0.3 + 0.01 * place] for place in range(20)])
+        measured = Evaluation._measured
+        monkeypatch.setattr(Evaluation, "_measured", lambda self, read: ({**measured(self, read)[0], "mass": 7.0}, measured(self, read)[1]))
+        rows = [[0.5 + 0.01 * place] for place in range(64)]
+        exact = [family.evaluate({"load": load})["mass"] for (load,) in rows]
+        assert function.value(rows)[:, 0].tolist() == exact
+        (form,) = [one for one in function._evaluation.forms.kept.values() if one.refused]
+        assert form.refused is not None and form.refused.startswith("a plan gave different results for {'load': 0.") and not form.plans
+
+
+BAD: list[tuple[dict[str, Any], str]] = [
+    ({"names": ["lod"]}, "the document has no number `lod`: did you mean `load`?"),
+    ({"names": ["heavy"]}, "`heavy` is not a number, but `False`: set it with `at={'heavy': ...}`"),
+    ({"names": ["joints.*.offset"]}, "expected the name of one number, found `joints.*.offset`: write the names one by one"),
+    ({"names": ["load", "load"]}, "`load` is given twice: leave out one of them"),
+    ({"names": ["load"], "at": {"load": 1.0}}, "`load` is given twice: leave out one of them"),
+    ({"names": ["load"], "outputs": ["mas"]}, "there is no result `mas`: did you mean `mass`?"),
+    ({"names": ["load"], "outputs": ["site:hok"]}, "there are no results at load = 0.5 kg: there is no mount `hok`: did you mean `hook`?"),
+    ({"names": ["load"], "at": {"length": "3 kg"}}, "there are no results at load = 0.5 kg: "),
+]
+
+
+@pytest.mark.parametrize(("given", "message"), BAD)
+def test_a_wrong_request_is_explained(everything: thingc.RobotFamily, given: dict[str, Any], message: str) -> None:
+    with pytest.raises(FamilyError) as caught:
+        everything.function(**given)
+    assert str(caught.value).startswith(message)
+
+
+def test_a_wrong_array_and_refused_settings_are_explained(everything: thingc.RobotFamily) -> None:
+    function = everything.function(["load", "length"])
+    for x, message in [
+        ([0.5], r"expected an array of shape (2,) or (k, 2) for load, length, found (1,)"),
+        ("much", "expected 2 numbers (load, length), found `'much'`"),
+        ([[[0.5, 0.3]]], r"expected an array of shape (2,) or (k, 2) for load, length, found (1, 1, 2)"),
+    ]:
+        for call in (function.value, function.jacobian):
+            with pytest.raises(FamilyError) as caught:
+                call(x)
+            assert str(caught.value) == message
+    with pytest.raises(FamilyError, match="call `jacobian` for each row"):
+        function.jacobian([[0.5, 0.3]])
+    with pytest.raises(FamilyError, match="there are no results at load = 30 kg, length = 0.3 m: parameter `load` must be at most 20 kg"):
+        function.jacobian([30.0, 0.3])
+    with pytest.raises(UnknownChoice):
+        everything.function("load", mode="walking")
+    assert derivatives.LONGEST > 0 and function.value(np.empty((0, 2))).shape == (0, 4)
+
+
+def test_arrays_computed_from_values_have_no_flags(everything: thingc.RobotFamily) -> None:
+    function = everything.function(["load"], ["mass"])
+    values, jacobian = function.value([[0.5], [0.6]]), function.jacobian([0.5])
+    assert values.ok is not None and (values * 2.0).ok is None and values[:1].problems == ()
+    assert jacobian.error is not None and (-jacobian).error is None
