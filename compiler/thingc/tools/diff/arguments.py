@@ -18,7 +18,7 @@ CHECKOUT = "working tree"
 
 
 class UnknownComparison(Exception):
-    """An argument that is not a valid side; `hint` is an instruction."""
+    """Raised for an argument that is not a valid side. `hint` is an instruction for the user."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -28,7 +28,7 @@ class UnknownComparison(Exception):
 class Side(FrozenStruct):
     """One side of a comparison.
 
-    `name` is its name in reports; `place` is the path of a document, build folder or lock, or the hash of a commit.
+    `name` is its name in reports. `place` is the path of a document, build folder or lock, or the hash of a commit.
     """
 
     kind: SideKind
@@ -37,9 +37,9 @@ class Side(FrozenStruct):
 
 
 class ComparisonRequest(FrozenStruct):
-    """The two sides, and the documents (as named on the command line) to compare if both sides are states of a repository.
+    """The two sides of a comparison, and the documents to compare if both sides are states of a repository.
 
-    Without documents, the documents affected by the change are compared.
+    Documents are given as on the command line. Without documents, all documents affected by the change are compared.
     """
 
     old: Side
@@ -48,7 +48,7 @@ class ComparisonRequest(FrozenStruct):
 
 
 def asked(words: Sequence[str], documents: Sequence[str]) -> ComparisonRequest:
-    """Parse the arguments; `documents` are those after `--`. Raises `UnknownComparison` and `NotARepository`."""
+    """Parse the arguments. `documents` are the arguments after `--`. Raises `UnknownComparison` and `NotARepository`."""
     words = list(words)
     if len(words) > 2:
         raise UnknownComparison(f"expected two states, found {len(words)} arguments", "write the documents to compare after `--`")
@@ -72,7 +72,7 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
     if documents and not kinds <= {"revision", "checkout"}:
         message = "documents after `--` require two revisions"
         raise UnknownComparison(message, "write `thingc diff OLD.yaml NEW.yaml`")
-    if kinds == {"revision", "document"}:  # compare the document in the revision with the one in the checkout
+    if kinds == {"revision", "document"}:  # compare the document in the revision with the document in the checkout
         document = next(side for side in sides if side.kind == "document").place
         checkout = Side(kind="checkout", name=CHECKOUT)
         old, new = (side if side.kind == "revision" else checkout for side in sides)
@@ -85,7 +85,7 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
 
 
 def _sides(word: str) -> list[Side]:
-    """Parse an argument to one side or two sides: `main..HEAD`, or `main...HEAD` for the merge base and HEAD."""
+    """Parse an argument to one side, or to two for `main..HEAD` and `main...HEAD`. Three dots compare the merge base with HEAD."""
     if os.path.isfile(word):
         if os.path.basename(word).endswith(LOCK_FILE):
             return [Side(kind="lock", name=word, place=os.path.abspath(word))]

@@ -1,4 +1,4 @@
-"""Convert a linked assembly to parts of a snapshot: mates, occurrences, links and rows of the bill of materials."""
+"""Convert a linked assembly to mates, occurrences, links and bill of materials rows of a snapshot."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def shape_of(record: PartRecord | None) -> PartShape | None:
 
 
 def _mounts(occurrence: Occurrence) -> dict[str, Pose]:
-    """Return the mounts of an occurrence's part, except `origin` and mounts added by the document, which are compared as elements."""
+    """Return the mounts of an occurrence's part, except `origin` and mounts added by the document. The latter are compared as elements."""
     added = occurrence.component.mounts
     return {name: mount.pose for name, mount in occurrence.mounts.items() if name not in added and name != "origin"}
 
@@ -99,7 +99,7 @@ def rows_of(assembly: Assembly) -> Iterator[Row]:
 
 
 def sensor_values(assembly: Assembly, sensor: LinkedSensor) -> Iterator[tuple[tuple[str, ...], Value]]:
-    """Yield the properties of a sensor with their keys. Unset properties are None."""
+    """Yield the properties of a sensor with their keys. Properties that are not set are None."""
     yield ("type",), sensor.kind
     for key, mount in (("at", sensor.at), ("in", sensor.seen_from)):
         if mount is not None:
@@ -119,7 +119,7 @@ def sensor_values(assembly: Assembly, sensor: LinkedSensor) -> Iterator[tuple[tu
 def tendon_facts(assembly: Assembly) -> dict[str, Fact]:
     """Return the properties of all tendons by key (`tendons.grip.dynamics.stiffness`): joints, path, limit, dynamics and drive.
 
-    Unset properties are omitted.
+    Properties that are not set are omitted.
     """
     facts: dict[str, Fact] = {}
     for one in assembly.tendons:

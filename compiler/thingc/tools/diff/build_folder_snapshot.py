@@ -1,4 +1,4 @@
-"""Read build folders and locks as snapshots, which contain what can be compared without the documents."""
+"""Read build folders and locks as snapshots. These contain only what can be compared without the documents."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OF_LOCKS = "content of documents, which is not in a lock file"
 
 
 class UnreadableSide(Exception):
-    """A folder or file that cannot be compared. The reason is the message or, for locks, `diagnostics`."""
+    """Raised for a folder or file that cannot be compared. The reason is in the message or, for locks, in `diagnostics`."""
 
     def __init__(self, message: str, diagnostics: tuple[Diagnostic, ...] = ()) -> None:
         super().__init__(message)
@@ -75,7 +75,7 @@ def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[
 
 
 def outline(snapshot: Snapshot) -> Snapshot:
-    """Return the part of the snapshot of a document that a build folder also contains."""
+    """Return the part of a document's snapshot that a build folder also contains."""
     things = [_component(path, one.definition) for path, one in snapshot.occurrences.items()]
     for (what, _), thing in snapshot.things.items():
         if what == "joint" and "type" in thing.facts:
@@ -91,7 +91,7 @@ def outline(snapshot: Snapshot) -> Snapshot:
 
 
 def snapshot_of_lock(path: str) -> Snapshot:
-    """Read a lock: the parameters of each part with defaults and bounds, and the properties and shapes of all its definitions.
+    """Read a lock file: parameters of each part with defaults and bounds, and properties and shapes of all its definitions.
 
     Raises `UnreadableSide`.
     """
@@ -129,7 +129,7 @@ def _stated(text: str, facts: Mapping[str, Value], file: str) -> SnapshotElement
 
 
 def _said(record: PartRecord) -> dict[str, Value]:
-    """Return the properties of a part, without its shape."""
+    """Return the properties of a part without its shape."""
     said: dict[str, Value] = {"material": record.material, "color": record.color}
     for key, stated in (("mass", record.mass), ("com", record.com), ("density", record.density)):
         if stated is not None:

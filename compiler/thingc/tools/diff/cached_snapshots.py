@@ -1,4 +1,4 @@
-"""Compile a document and take its snapshot; results of its tests are cached in the store."""
+"""Compile a document and take its snapshot. Test results are cached in the store."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ASSETS = "mjcf/assets/"
 
 
 class BrokenDocument(Exception):
-    """A document does not compile; `diagnostics` are its errors."""
+    """Raised if a document does not compile. `diagnostics` are its errors."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         super().__init__(counted(len(diagnostics), "error"))
@@ -33,7 +33,7 @@ class BrokenDocument(Exception):
 
 
 class Subject:
-    """A compiled document, whose tests run on demand. Use it as a context manager, which ends the workers on exit.
+    """A compiled document whose tests run on demand. A context manager that ends the workers on exit.
 
     Raises `BrokenDocument` if the document does not compile.
     """
@@ -59,7 +59,7 @@ class Subject:
         return self._environment.store
 
     def tested(self) -> Snapshot:
-        """Return the snapshot with the results of the tests, which are cached in the store."""
+        """Return the snapshot with test results, which are cached in the store."""
         key = self._key()
         earlier = self.store.get_json("diff-tests", key)
         if earlier is not None:
@@ -70,7 +70,7 @@ class Subject:
         return replace(self.snapshot, outcomes=outcomes)
 
     def model(self) -> tuple[str, dict[str, bytes]]:
-        """Return the MuJoCo model of the first mode (XML), and its meshes by file name."""
+        """Return the MuJoCo model of the first mode as XML, and its meshes by file name."""
         compilation = replace(self._compilation, robots=self._compilation.robots[:1])
         files = pipeline.emit(self._environment, compilation, ["mjcf"], verify=0)["mjcf"].files
         read = {path: one if isinstance(one, bytes) else self.store.read(one.sha256) for path, one in files.items()}
@@ -97,7 +97,7 @@ class Subject:
         )
 
     def _key(self) -> str:
-        """Return a hash of everything that test results depend on: documents, parts, settings and thingc itself."""
+        """Return a hash of everything that test results depend on: documents, parts, settings and the version of thingc."""
         documents, assembly = self._compilation.documents, self._compilation.assembly
         assert documents is not None and assembly is not None
         parts = sorted({
@@ -109,7 +109,7 @@ class Subject:
             ], sort_keys=True))
             for o in assembly.occurrences if o.record is not None
         })
-        links = sorted({o.definition.text for o in assembly.occurrences if o.listed is not None})  # definitions contain mesh hashes
+        links = sorted({o.definition.text for o in assembly.occurrences if o.listed is not None})  # definitions contain hashes of meshes
         settings = self._compilation.settings
         about = [
             fingerprint(), documents.root.relative, sorted((path, one.sha256) for path, one in documents.by_path.items()), parts, links,

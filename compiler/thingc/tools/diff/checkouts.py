@@ -27,7 +27,7 @@ from thingc.tools.diff.surface_distance import SurfaceDistances
 class Checkout(OneLineRepr, FrozenStruct):
     """A document, build folder or lock (`kind`) of one side, at `path`.
 
-    `revision` is the revision it was written from, None for files that were already there.
+    `revision` is the revision whose files were written to this folder, or None for files that already existed.
     """
 
     path: str
@@ -35,7 +35,7 @@ class Checkout(OneLineRepr, FrozenStruct):
     kind: SideKind = "document"
 
     def home(self, file: str) -> str:
-        """Return the path in the working tree of a file of this side."""
+        """Return the path in the working tree that corresponds to a file of this side."""
         if self.revision is None:
             return file
         inside = os.path.relpath(file, self.revision.root)
@@ -43,7 +43,7 @@ class Checkout(OneLineRepr, FrozenStruct):
 
 
 class DocumentPair(OneLineRepr, FrozenStruct):
-    """A document of both sides; `name` is its path on the command line. A side is None if the document is missing there."""
+    """A document on both sides. `name` is its path on the command line. A side is None if the document does not exist there."""
 
     name: str
     old: Checkout | None
@@ -51,7 +51,7 @@ class DocumentPair(OneLineRepr, FrozenStruct):
 
 
 class BrokenSide(OneLineRepr, FrozenStruct):
-    """A side that does not compile: its diagnostics, with the side in the file names, and the texts of those files."""
+    """A side that does not compile: its diagnostics, with the name of the side in file names, and the texts of these files."""
 
     name: str
     diagnostics: tuple[Diagnostic, ...]
@@ -59,7 +59,7 @@ class BrokenSide(OneLineRepr, FrozenStruct):
 
 
 def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[DocumentPair]:
-    """Return the documents to compare, in folders that exist until `stack` is closed. `code` allows code of the repository to run.
+    """Return the documents to compare, in folders that exist until `stack` is closed. `code` allows running code of the repository.
 
     Raises `UnknownComparison` and `NotARepository`.
     """
@@ -104,7 +104,7 @@ def _laid(repository: Repository, state: Revision | None, path: str) -> Checkout
 
 
 def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequence[Revision | None], here: str) -> list[str]:
-    """Return the documents below the working folder that depend on a changed file and either have modes or are not nested in another."""
+    """Return the documents below the working folder that depend on a changed file, without nested documents that have no modes."""
     changed = changed_paths(here, asked.old.place, *filter(None, [asked.new.place]), trusted=repository.trusted)
     if not changed:
         return []
@@ -123,9 +123,9 @@ def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequenc
 
 
 def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[str, str], draw: bool = False) -> Comparison | BrokenSide:
-    """Compare a document of both sides, with `tests` including test results, and with `draw` including pictures of changes.
+    """Compare a document on both sides. `tests` includes test results, and `draw` includes pictures of the changes.
 
-    Source locations are in the checkout; those of a broken side begin with the name of the side. Raises `UnknownComparison`.
+    Source locations are in the checkout. For a broken side, they start with the name of the side. Raises `UnknownComparison`.
     """
     assert both.old is not None and both.new is not None, "there is nothing to compare it with"
     with ExitStack() as stack:
@@ -145,7 +145,7 @@ def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[
 
 
 def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options, *, tests: bool) -> Comparison:
-    """Compare two documents completely, or compare only the contents of a build folder or lock."""
+    """Compare two documents, or only the contents of a build folder or lock if one side is not a document."""
     if not isinstance(old, Subject) or not isinstance(new, Subject):
         before, after = (outline(one.snapshot) if isinstance(one, Subject) else one for one in (old, new))
         return compare(before, after)
@@ -167,7 +167,7 @@ def _snapshot(laid: Checkout) -> Snapshot:
 
 
 def _subject(laid: Checkout, options: Options) -> Subject:
-    """Compile a document. If this fails with the files of a revision that were written, write all of its files and retry.
+    """Compile a document. If this fails and only some files of a revision were written, write all its files and try again.
 
     Raises `BrokenDocument`.
     """

@@ -1,4 +1,4 @@
-"""Compare two snapshots: find all changes, and tell consequences from their causes."""
+"""Compare two snapshots: find all changes and the causes of each."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from thingc.tools.diff.name_mapping import NameMapping, equal, largest
 from thingc.tools.diff.snapshot import Change, DisplayValue, How, OccurrenceSnapshot, Row, Snapshot, What
 
 Farthest = Callable[[str, str], float | None]
-"""Returns the largest distance [m] between two surfaces, by the SHA-256 of their meshes; None if unknown."""
+"""Function that returns the largest distance [m] between two surfaces, given the SHA-256 of their meshes, or None if unknown."""
 
 Difference = tuple[str, DisplayValue, DisplayValue]
 """A field, its old value and its new value."""
@@ -23,11 +23,11 @@ Difference = tuple[str, DisplayValue, DisplayValue]
 MADE = ("part", "file", "assembly", "link", "frame", "mirror", "faces", "unit")
 WEIGHED = ("mass.", "com.", "inertia.", "process.", "material")
 SHAPES = 1e-7
-"""Relative tolerance for integrals over a shape: the kernel adds up faces in varying order."""
+"""Relative tolerance of integrals over a shape. The kernel adds up faces in varying order."""
 
 
 class _Following:
-    """Adds the consequences of the changes in documents."""
+    """Adds the changes that are consequences of changes in documents."""
 
     def __init__(self, pairing: NameMapping, changes: DocumentChanges, farthest: Farthest) -> None:
         self.pairing, self.changes, self.farthest = pairing, changes, farthest
@@ -40,7 +40,7 @@ class _Following:
         self._moved: dict[str, tuple[str, ...]] = {}
 
     def all(self) -> None:
-        """Add all consequences, with causes before their consequences."""
+        """Add all consequences. Causes are added before their consequences."""
         for old, new in self.occurrences:
             self._geometry(old, new)
             self._mounts(old, new)
@@ -68,9 +68,9 @@ class _Following:
     # --- parts -------------------------------------------------------------------------------------------------------
 
     def _made(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> dict[str, None]:
-        """Return the changes that changed the shape of a part: those of its definition and its parameters.
+        """Return the changes of the definition or the parameters of a part that can have changed its shape.
 
-        The result is empty if only its code has changed, because then its geometry has no other cause.
+        The result is empty if only the code of the part has changed.
         """
         paths = (old.path, new.path)
         return self.changes.causes("component", paths, MADE) | self.changes.causes("parameter", paths, ("params.",))
@@ -136,7 +136,7 @@ class _Following:
     # --- places ------------------------------------------------------------------------------------------------------
 
     def _places(self) -> None:
-        """Compare the poses of parts and frames at q = 0, relative to the component that was the base of the old robot."""
+        """Compare the poses of parts and frames at q = 0, relative to the base of the old robot."""
         base = next((occurrence for occurrence in self.old.occurrences.values() if occurrence.parent is None), None)
         there = self.pairing.path("component", base.path) if base is not None else None
         if base is None or there is None or base.place is None or there not in self.new.occurrences:
@@ -158,7 +158,7 @@ class _Following:
                 self._add("component", (old.path, new.path), difference, because, change="moved")
 
     def _mover(self, path: str) -> tuple[str, ...]:
-        """Return the causes of a part's new pose: changes between the part and the base in the new robot."""
+        """Return the causes of a part's new pose, which are changes between the part and the base in the new robot."""
         if path not in self._moved:
             self._moved[path] = ()
             occurrence = self.new.occurrences[path]
@@ -183,7 +183,7 @@ class _Following:
         )
 
     def _hung(self, occurrence: OccurrenceSnapshot) -> dict[str, None]:
-        """Return the changes that affect how a part is attached: of its mate or joint, the two mounts and the two parts."""
+        """Return the changes that affect how a part is attached: changes of its mate or joint, of the two mounts, and of the two parts."""
         ends = [occurrence.path, *([occurrence.parent] if occurrence.parent is not None else [])]
         above = [path for end in ends for path in above_of(end)]
         causes = self.changes.causes("mate", above) | self.changes.causes_of_mounts(above)
@@ -194,10 +194,10 @@ class _Following:
             causes |= self.changes.causes("joint", coordinates, ("turn", "gap", "axis", "offset", "parent", "child", "type"))
         return causes
 
-    # --- links and the whole -----------------------------------------------------------------------------------------
+    # --- links and the whole robot -----------------------------------------------------------------------------------
 
     def _links(self) -> None:
-        """Compare the names and frames of links, and the masses of links with several parts."""
+        """Compare the names and frames of links, and the masses of links that consist of several parts."""
         olds, news = ({link.frame: link for link in side.links} for side in (self.old, self.new))
         for old, new in self.occurrences:
             one, other = olds.get(old.path), news.get(new.path)
@@ -233,7 +233,7 @@ class _Following:
             self._add("geometry", ("", ""), ("robot.reach", one, other), moved or self.changes.structure())
 
     def _coordinates(self) -> None:
-        """Compare the order of coordinates of each mode, for coordinates that both robots have."""
+        """Compare the order of coordinates in each mode, for the coordinates of both robots."""
         joints = [path for what, path in self.old.things if what == "joint"]
         known = {path: there for path in joints if (there := self.pairing.path("joint", path)) is not None}
         for mode, names in self.old.coordinates.items():
@@ -247,7 +247,7 @@ class _Following:
                 difference = ("coordinates", tuple(names), tuple(self.new.coordinates[there]))
                 self._add("mode", (mode, there), difference, because)
 
-    # --- what is made of it ------------------------------------------------------------------------------------------
+    # --- outputs -----------------------------------------------------------------------------------------------------
 
     def _rows(self) -> None:
         """Compare the bill of materials by definition, and the print files."""
@@ -282,7 +282,7 @@ class _Following:
         self._prints()
 
     def _listed(self, members: Sequence[str]) -> dict[str, None]:
-        """Return the changes in the number or definition of the pieces."""
+        """Return the changes in the number of pieces or in their definition."""
         materials = [
             occurrence.material for side in (self.old, self.new) for path in members
             if (occurrence := side.occurrences.get(path)) is not None and occurrence.material is not None
@@ -312,7 +312,7 @@ class _Following:
                     what="file", change="removed" if after is None else "added", path=path, because=tuple(self._listed(row.members)),
                 ))
                 continue
-            # If the text of the definition is the same but the shape is not, the code of the part has changed.
+            # if the definition is the same but the shape is not, the code of the part has changed
             because = self.changes.causes("geometry", [*before.members, *after.members])
             if because and self._reshaped(before, after):
                 self.changes.add(Change(what="file", change="changed", path=path, because=tuple(because)))
@@ -351,7 +351,7 @@ class _Following:
 
 
 def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Difference]:
-    """Return the differences between two masses. Centre and inertia of massless bodies are ignored."""
+    """Return the differences between two mass properties. Centre and inertia of massless bodies are ignored."""
     told: list[tuple[str, DisplayValue, DisplayValue]] = []
     if not _near(old.mass, new.mass):
         told.append((f"{prefix}mass", old.mass, new.mass))
@@ -376,7 +376,7 @@ def _reach(robot: Snapshot) -> float:
 
 
 def _near(old: DisplayValue, new: DisplayValue, scale: float = 0.0) -> bool:
-    """Return whether two values are equal at the precision of volume integrals."""
+    """Return whether two values are equal within the precision of volume integrals."""
     if isinstance(old, tuple) and isinstance(new, tuple):
         scale = max(scale, largest(old), largest(new))
         return len(old) == len(new) and all(_near(one, other, scale) for one, other in zip(old, new, strict=True))
@@ -409,7 +409,7 @@ def _by_definition(rows: Iterable[Row]) -> dict[str, list[Row]]:
 
 
 def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None]) -> list[tuple[Row | None, Row | None]]:
-    """Pair the rows of one definition: first those with a common piece, then the others in order."""
+    """Pair the rows of one definition: first rows with a common piece, then the remaining rows in order."""
     left, pairs = list(news), []
     rest: list[Row] = []
     for old in olds:
@@ -426,9 +426,9 @@ def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None])
 
 
 class Comparison(OneLineRepr, FrozenStruct):
-    """The changes of one robot: those in documents first, then their consequences.
+    """The changes of one robot: first changes in documents, then their consequences.
 
-    `unknown` lists what could not be compared. `pictures` are PNG files by name (`before`, `after`, `overlay`), empty unless requested.
+    `unknown` lists what could not be compared. `pictures` are PNG files by name (`before`, `after`, `overlay`), if requested.
     """
 
     name: str
@@ -438,7 +438,7 @@ class Comparison(OneLineRepr, FrozenStruct):
 
 
 def compare(old: Snapshot, new: Snapshot, farthest: Farthest = lambda old, new: None) -> Comparison:
-    """Compare two snapshots. `farthest` measures the distance of surfaces; by default it is not compared."""
+    """Compare two snapshots. `farthest` measures the distance between surfaces, which is not compared by default."""
     pairing = NameMapping(old, new)
     changes = StatedChanges(pairing).changes
     _Following(pairing, changes, farthest).all()

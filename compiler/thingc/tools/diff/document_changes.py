@@ -1,4 +1,4 @@
-"""Find the changes in documents, and tell consequences from their causes."""
+"""Find the changes in documents, and distinguish causes from consequences."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from thingc.tools.diff.source_locations import names_in
 
 POSITIONS = frozenset({"limit.lower", "limit.upper", "limit.cone", "offset"})
 LONGEST = 40
-"""Maximum length of a value that is shown as written."""
+"""Maximum length of a value that is displayed as in the document."""
 
 
 def worded(pair: Pair, key: str, old: Fact | None, new: Fact | None, robots: tuple[Snapshot, Snapshot]) -> tuple[str, str] | None:
-    """Format both values of a fact; None if their dimension is unknown."""
+    """Format both values of a fact. Return None if their dimension is unknown."""
     words = tuple(_said(fact) for fact in (old, new))
     if words[0] is not None and words[1] is not None:
         return (words[0], words[1])
@@ -51,7 +51,7 @@ def _dimension(thing: SnapshotElement, key: str, robot: Snapshot) -> Dimension |
 
 
 def _coordinate(joint: SnapshotElement) -> Dimension | None:
-    """Return the dimension of q of a joint, or of one of its coordinates, whose paths end with a number: `wrist_1`."""
+    """Return the dimension of q of a joint or of one of its coordinates, or None. Paths of coordinates end with a number: `wrist_1`."""
     kind = KINDS.get(joint.label or "")
     if kind is None or kind.coordinate is not None:
         return kind.coordinate if kind is not None else None
@@ -67,11 +67,11 @@ _MADE_OF = frozenset({"part", "file", "assembly", "link", "frame", "mirror"})
 """Facts of a component that define its kind and content."""
 _MEANT: tuple[What, ...] = ("mount", "joint", "pose", "mode")
 _INNER: frozenset[What] = frozenset({"parameter", "mate", "mount"})
-"""Kinds that are not reported for an added or removed component, because they come with it."""
+"""Kinds of elements that are part of a component. They are not reported if the component was added or removed."""
 
 
 class DocumentChanges:
-    """The changes found so far, with their causes. Later changes look up the causes of earlier ones."""
+    """The changes found so far, with their causes."""
 
     def __init__(self) -> None:
         self.found: list[Change] = []
@@ -87,11 +87,14 @@ class DocumentChanges:
                 self._on.setdefault(path.rpartition("/")[0], []).append(change)
 
     def roots(self, change: Change) -> tuple[str, ...]:
-        """Return the paths of the initial causes of a change, or its own path if it has no cause."""
+        """Return the paths of the initial causes of a change, or the path of the change itself if it has no cause."""
         return tuple(word for word in change.because if word != PERHAPS) if change.caused else (change.path,)
 
     def causes(self, what: What, paths: Iterable[str], fields: Iterable[str] | None = None) -> dict[str, None]:
-        """Return the initial causes of all changes of a kind at `paths`, limited to `fields` if given (`process.` is a prefix)."""
+        """Return the initial causes of all changes of a kind at `paths`.
+
+        If `fields` is given, only changes of these fields are included; `process.` is a prefix.
+        """
         wanted = None if fields is None else tuple(fields)
         causes: dict[str, None] = {}
         for path in paths:
@@ -105,7 +108,7 @@ class DocumentChanges:
         return {root: None for path in paths for change in self._on.get(path, ()) for root in self.roots(change)}
 
     def structure(self) -> dict[str, None]:
-        """Return the initial causes of all structural changes: of components, of mates, and of the links that joints connect."""
+        """Return the initial causes of all structural changes: changes of components, of mates, and of the links that joints connect."""
         causes: dict[str, None] = {}
         for change in self.found:
             built = change.what in ("component", "joint") and (
@@ -117,7 +120,7 @@ class DocumentChanges:
 
 
 def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
-    """Return whether a change affects a field in `fields` or the whole element. Renaming does not count."""
+    """Return whether a change affects a field in `fields` or the whole element. Renaming is ignored."""
     field = change.field
     if field is None:
         return change.change != "renamed"
@@ -125,7 +128,7 @@ def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
 
 
 class StatedChanges:
-    """Collect all changes of values in the documents. The result is `changes`."""
+    """Collects all changes of values in the documents. The result is `changes`."""
 
     def __init__(self, pairing: NameMapping) -> None:
         self.pairing = pairing
@@ -147,7 +150,7 @@ class StatedChanges:
             self._facts(pair)
 
     def _alone(self, thing: SnapshotElement, how: How) -> None:
-        """Add an element that exists in only one of the robots."""
+        """Add an element that exists only in one robot."""
         there = self.pairing.path("component", thing.of) if how == "removed" else self.pairing.old_component(thing.of)
         inner = thing.of != "" and there is None and thing.what != "component"
         if inner and thing.what in _INNER:
@@ -161,7 +164,7 @@ class StatedChanges:
         ))
 
     def _renamed(self, pair: Pair) -> None:
-        """Add a renamed element. Below a renamed assembly, the new path is a consequence."""
+        """Add a renamed element. In a renamed assembly, new paths are consequences."""
         old, new = pair.old, pair.new
         if old.what == "mate":
             return
@@ -183,7 +186,7 @@ class StatedChanges:
         pairing, old, new = self.pairing, pair.old, pair.new
         changed = [(key, before, after) for key, before, after in pairing.facts(old, new) if not pairing.same(before, after)]
         made = {key for key, _, _ in changed if key in _MADE_OF}
-        # Sort changed texts first, since the others may be consequences of them.
+        # changed texts first, because other changes may be consequences of them
         changed.sort(key=lambda one: _written(old.facts.get(pairing.old_fact(old, one[0]))) == _written(new.facts.get(one[0])))
         for key, before, after in changed:
             if made and key.startswith("params."):
@@ -199,13 +202,13 @@ class StatedChanges:
             ))
 
     def _unknown(self, joint: str) -> bool:
-        """Return whether a joint is in only one of the robots."""
+        """Return whether a joint exists only in one robot."""
         return any(thing.what == "joint" and thing.path == joint for thing in (*self.pairing.gone, *self.pairing.come))
 
     def _because(self, pair: Pair, key: str, old: Fact | None, new: Fact | None, made: set[str]) -> tuple[str, ...]:
         """Return the causes of a changed value.
 
-        For an unchanged expression, these are the changed parameters in it. For a value that is not written in the document, these are
+        For an unchanged expression, the causes are the changed parameters in it. For a value that is not written in the document, they are
         changes of the component or of the drive.
         """
         before, after = (fact.value if fact is not None else None for fact in (old, new))
@@ -222,7 +225,7 @@ class StatedChanges:
         return ()
 
     def _meant(self, fact: Fact) -> tuple[str, ...]:
-        """Return the causes of changes to the names in an expression: parameters, mounts, joints, poses and modes of its document."""
+        """Return the causes of changes of the names in an expression: parameters, mounts, joints, poses and modes of its document."""
         causes: dict[str, None] = {}
         for name in names_in(fact.written or ""):
             path = f"{fact.scope}/{name}" if fact.scope else name
@@ -232,7 +235,7 @@ class StatedChanges:
         return tuple(causes)
 
     def _driven(self, pair: Pair) -> tuple[str, ...]:
-        """Return the causes of changes that a joint gets from its drive."""
+        """Return the causes of changes that a joint inherits from its drive."""
         own = self.changes.causes("joint", [pair.new.path], ("type", "drive", "drive.", "limit.", "dynamics."))
         drives = [
             fact.value.path for thing in (pair.old, pair.new)
@@ -241,7 +244,7 @@ class StatedChanges:
         return tuple(own or self.changes.causes("component", drives, _MADE_OF) | self.changes.causes("parameter", drives, ("params.",)))
 
     def _alive(self, old: Value, new: Value) -> tuple[str, ...]:
-        """Return the causes of added and removed names in a list. The result is empty if one name has no cause."""
+        """Return the causes of added and removed names in a list, or nothing if one of the names has no cause."""
         before, after = set(_names_in(self.pairing.now(old))), set(_names_in(new))
         causes: dict[str, None] = {}
         for one in before ^ after:
@@ -252,9 +255,9 @@ class StatedChanges:
         return tuple(sorted(causes))
 
     def _parameter(self, path: str) -> tuple[str, ...]:
-        """Return the initial causes of a changed parameter (given by its path in the new robot). Empty if it is unchanged."""
+        """Return the initial causes of a changed parameter, given by its path in the new robot, or nothing if it is unchanged."""
         if path not in self._known:
-            self._known[path] = ()  # stops at cycles of parameters, which are an error in the document
+            self._known[path] = ()  # stops at cycles of parameters, which are errors in the document
             pair = self._parameters.get(path)
             if pair is not None:
                 old, new = pair.old.facts["value"], pair.new.facts["value"]
@@ -264,7 +267,7 @@ class StatedChanges:
 
 
 def _what(thing: SnapshotElement, key: str) -> What:
-    """Return the kind of element that a fact belongs to. Part parameters and rows of the bill of materials have their own kinds."""
+    """Return the kind of element that a fact belongs to. Parameters of parts and rows of the bill of materials have their own kinds."""
     return "parameter" if key.startswith("params.") else "bom" if key.startswith("bom.") else thing.what
 
 
@@ -281,6 +284,6 @@ def _names_in(value: Value) -> Iterator[Named]:
 
 
 def above_of(path: str) -> list[str]:
-    """Return a path, and the paths of all assemblies that contain it."""
+    """Return a path and the paths of all assemblies that contain it."""
     words = path.split("/")
     return ["/".join(words[:count]) for count in range(len(words), 0, -1)]

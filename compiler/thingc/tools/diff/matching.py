@@ -1,11 +1,11 @@
 """Match the components of the old and the new robot.
 
-Components with the same name match. Each of the others matches if it is the only one with its definition and its mates to matched
-components; this repeats until there is nothing more to find. Then components get colours, refined by those of their neighbours until the
-partition is stable (B. Weisfeiler and A. Leman, 1968). Components of the same colour are matched by an isomorphism of the remaining graphs
-if these are small, else by their poses. Uncertain matches are marked `perhaps`.
+Components with the same name match. Another component matches if no other component has the same definition and the same mates to matched
+components. This step is repeated until no more matches are found. Then components get colours, which are refined by the colours of their
+neighbours until the partition is stable (B. Weisfeiler and A. Leman, 1968). Components of the same colour are matched by an isomorphism of
+the remaining graphs if these are small, else by their poses. Uncertain matches are marked `perhaps`.
 
-The result does not depend on which robot is the old one: both are ordered first.
+The result is the same if the robots are exchanged, because they are put in a defined order first.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from thingc.base.numeric import dist
 from thingc.tools.diff.snapshot import ComponentNode, Snapshot
 
 RESIDUE = 30
-"""Maximum number of remaining components for which an isomorphism is searched."""
+"""Maximum number of remaining components when searching for an isomorphism."""
 ROUNDS = 64
 """Maximum number of rounds of colour refinement."""
 SAME_PLACE = 1e-3
-"""Distance [m] below which two components are in the same place."""
+"""Distance [m] below which two components are at the same place."""
 
 
 class Match(FrozenStruct):
-    """The paths of a component in the old and the new robot, the reason for the match, and `perhaps` if it is uncertain."""
+    """A match: the paths of a component in the old and the new robot, the reason, and `perhaps` if it is uncertain."""
 
     old: str
     new: str
@@ -37,7 +37,7 @@ class Match(FrozenStruct):
 
 
 def match(old: Snapshot, new: Snapshot) -> dict[str, Match]:
-    """Match the components of two robots. The result is keyed by old path."""
+    """Match the components of two robots. Return the matches by old path."""
     if _order(new) < _order(old):
         return {
             pair.new: Match(old=pair.new, new=pair.old, reason=pair.reason, perhaps=pair.perhaps)
@@ -69,7 +69,7 @@ class _Side:
 
 
 class _Matching:
-    """The matches found so far; each method adds more, in order of certainty."""
+    """The matches found so far. Each method adds more matches; the most certain ones are added first."""
 
     def __init__(self, old: Snapshot, new: Snapshot) -> None:
         self.old, self.new = _Side(old), _Side(new)
@@ -94,7 +94,7 @@ class _Matching:
     def _around(self) -> bool:
         """Match assemblies that contain matched components, and components of the same name in matched assemblies.
 
-        Returns whether anything was found.
+        Return whether any were found.
         """
         before = len(self.found)
         for path in [one for one in self.old.left if self.old.nodes[one].kind == "assembly"]:
@@ -112,11 +112,9 @@ class _Matching:
     # --- neighbours --------------------------------------------------------------------------------------------------
 
     def _known_neighbours(self, what: Callable[[ComponentNode], Hashable], words: str, exact: bool) -> bool:
-        """Match unmatched components with unique values of `what` and unique mates to matched components.
+        """Match components that are the only ones with their value of `what` and their mates to matched components.
 
-        With `exact`, the names of the mounts must be equal, too.
-
-        Returns whether anything was found.
+        With `exact`, the names of the mounts must also be equal. Return whether any were found.
         """
         before = len(self.found)
         sides = (self._signed(self.old, what, self._old_name, exact), self._signed(self.new, what, self._back.get, exact))
@@ -131,7 +129,7 @@ class _Matching:
     def _signed(
         self, side: _Side, what: Callable[[ComponentNode], Hashable], known: Callable[[str], str | None], exact: bool,
     ) -> dict[tuple[Hashable, tuple[tuple[tuple[str, ...], str], ...]], list[str]]:
-        """Group the unmatched components by `what` and their mates to matched components. Components without such mates are omitted."""
+        """Group the unmatched components by `what` and by their mates to matched components. Components without such mates are omitted."""
         signed: dict[Any, list[str]] = defaultdict(list)
         for path in side.left:
             met = [
@@ -146,7 +144,7 @@ class _Matching:
         return path if path in self.found else None
 
     def _in_one_place(self, old: str, new: str) -> bool:
-        """Return whether two components are in the same assembly."""
+        """Return whether two components are in corresponding assemblies."""
         above, there = self.old.nodes[old].parent, self.new.nodes[new].parent
         known = self.found.get(above)
         return (above == "" and there == "") or known is not None and known.new == there
@@ -154,9 +152,9 @@ class _Matching:
     # --- colours -----------------------------------------------------------------------------------------------------
 
     def _colours(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
-        """Match all components with a unique colour, or else one group of equal colour by isomorphism or by position.
+        """Match all components with a unique colour. If there are none, match one group of equal colour by isomorphism or by position.
 
-        Returns whether anything was found.
+        Return whether any were found.
         """
         if not self.old.left or not self.new.left:
             return False
@@ -164,7 +162,7 @@ class _Matching:
         shared = self._shared(lambda number, path: colours[number, path])
         alone = [(ones[0], others[0]) for ones, others in shared if len(ones) == len(others) == 1]
         if alone:
-            # A component without matched neighbours may have been removed, and the other one added.
+            # without matched neighbours, one component may have been removed and the other one added
             for one, other in alone:
                 self._take(one, other, f"{words} and mates", perhaps=not self._met(one))
             return True
@@ -177,7 +175,7 @@ class _Matching:
         return self._by_definition(what, words)
 
     def _shared(self, key: Callable[[int, str], Hashable]) -> list[tuple[list[str], list[str]]]:
-        """Group the unmatched components of each robot by `key`, and return the groups that exist in both."""
+        """Group the unmatched components of each robot by `key`. Return the groups that exist in both robots."""
         groups: dict[Hashable, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
         for number, side in enumerate((self.old, self.new)):
             for path in side.left:
@@ -185,7 +183,7 @@ class _Matching:
         return [(ones, others) for ones, others in groups.values() if ones and others]
 
     def _by_definition(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
-        """Match by definition only, if no colours are shared. Returns whether anything was found."""
+        """Match only by definition if no colours are shared. Return whether any were found."""
         shared = self._shared(lambda number, path: what((self.old, self.new)[number].nodes[path]))
         before = len(self.found)
         for ones, others in shared:
@@ -196,7 +194,7 @@ class _Matching:
         return len(self.found) > before
 
     def _met(self, path: str) -> bool:
-        """Return whether a component of the old robot has a mate to a matched one."""
+        """Return whether a component of the old robot has a mate to a matched component."""
         return any(other in self.found for how, other in self.old.beside[path] if how[1] == "mate")
 
     def _refined(self, what: Callable[[ComponentNode], Hashable]) -> dict[tuple[int, str], int]:
@@ -223,7 +221,7 @@ class _Matching:
         return now
 
     def _isomorphic(self, colours: Mapping[tuple[int, str], int]) -> bool:
-        """Match all remaining components by an isomorphism if the graphs are small. Return whether there was one.
+        """Match all remaining components by an isomorphism if the graphs are small. Return whether one was found.
 
         If there are several isomorphisms, they differ by an automorphism of the new robot, so any of them is correct.
         """
@@ -263,7 +261,10 @@ class _Matching:
         return False
 
     def _by_place(self, ones: Sequence[str], others: Sequence[str], reason: str, within: float = math.inf) -> None:
-        """Match the nearest pairs first, and mark them as `perhaps`. Components without a pose count as infinitely far away."""
+        """Match components by position, nearest pairs first, and mark the matches as `perhaps`.
+
+        Components without a pose are treated as infinitely far away.
+        """
         for distance, one, other in sorted((self._distance(one, other), one, other) for one in ones for other in others):
             if distance <= within and one in self.old.left and other in self.new.left:
                 self._take(one, other, reason, perhaps=True)

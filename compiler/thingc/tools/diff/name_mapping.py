@@ -1,4 +1,4 @@
-"""Match named elements of the old and the new robot, translate names, and compare values."""
+"""Match the named elements of the old and the new robot, translate names, and compare values."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from thingc.tools.diff.matching import match
 from thingc.tools.diff.snapshot import Named, Snapshot, SnapshotElement, Value, What
 
 RELATIVE = 1e-9
-"""Relative tolerance of equal numbers (`0.1 m`, `100 mm`)."""
+"""Relative tolerance of equal numbers (`0.1 m` and `100 mm`)."""
 NOTHING = 1e-12
-"""Absolute tolerance near 0 for lengths [m], angles [rad] and other numbers."""
+"""Absolute tolerance of lengths [m], angles [rad] and other numbers near 0."""
 
 _ORDER: tuple[What, ...] = ("parameter", "material", "mount", "joint", "pose", "mode", "sensor", "test")
 _OWNED: tuple[What, ...] = ("component", "mate")
 
 
 class Pair(FrozenStruct):
-    """An element of both robots. `reason` explains the match of a renamed element, and `perhaps` marks an uncertain match."""
+    """An element that exists in both robots. `reason` explains the match of a renamed element, and `perhaps` marks an uncertain match."""
 
     old: SnapshotElement
     new: SnapshotElement
@@ -34,7 +34,10 @@ class Pair(FrozenStruct):
 
 
 class NameMapping:
-    """The mapping of names between two robots: `pairs` of elements in both, and elements `gone` from the old or `come` in the new one."""
+    """A mapping of names between two robots.
+
+    `pairs` are the elements of both robots, `gone` the elements only in the old robot, and `come` the elements only in the new robot.
+    """
 
     def __init__(self, old: Snapshot, new: Snapshot) -> None:
         self.old, self.new = old, new
@@ -59,7 +62,7 @@ class NameMapping:
         return self._back.get(path)
 
     def now(self, value: Value) -> Value:
-        """Replace old names in a value by new names. Removed elements keep their names."""
+        """Replace old names in a value by new names. Names of removed elements do not change."""
         if isinstance(value, tuple):
             return tuple(self.now(one) for one in value)
         if not isinstance(value, Named):
@@ -70,7 +73,7 @@ class NameMapping:
         return Named(what=value.what, path=self._paths[value.what].get(value.path, value.path), mount=mount)
 
     def same(self, old: Value, new: Value) -> bool:
-        """Return whether a value of the old robot equals one of the new robot. The order of names in a list does not matter."""
+        """Return whether a value of the old robot equals a value of the new robot. The order of names in a list is ignored."""
         now = self.now(old)
         if _names(now) and _names(new):
             return sorted(map(repr, now)) == sorted(map(repr, new))  # type: ignore[arg-type]
@@ -93,7 +96,7 @@ class NameMapping:
         self.come += news.values()
 
     def _called(self, thing: SnapshotElement) -> str | None:
-        """Return the expected new path of an element, below the new path of its component if it has one. None if that was removed."""
+        """Return the expected new path of an element, below the new path of its component. Return None if the component was removed."""
         if thing.what in _OWNED:
             return self._paths["component"].get(thing.path)
         if not thing.of:
@@ -148,7 +151,7 @@ class NameMapping:
         return sum(1 for _, before, after in self.facts(old, new) if self.same(before, after))
 
     def facts(self, old: SnapshotElement, new: SnapshotElement) -> Iterator[tuple[str, Value, Value]]:
-        """Yield the key, the old value and the new value of each fact of two elements. Old names in keys are translated."""
+        """Yield the key, the old value and the new value of each fact of two elements. Old names in keys are replaced by new names."""
         before = {self._key(old.what, key): fact.value for key, fact in old.facts.items()}
         for key in {**before, **dict.fromkeys(new.facts)}:
             after = new.facts[key].value if key in new.facts else None
@@ -165,7 +168,7 @@ class NameMapping:
         return key
 
     def old_fact(self, thing: SnapshotElement, key: str) -> str:
-        """Return the old key of a fact whose translated key is `key`."""
+        """Return the old key of the fact whose translated key is `key`."""
         return next((one for one in thing.facts if self._key(thing.what, one) == key), key)
 
 
@@ -174,7 +177,7 @@ def _names(value: Value) -> bool:
 
 
 def equal(old: Value, new: Value, scale: float = 0.0) -> bool:
-    """Return whether two values are equal up to rounding. Numbers in a tuple are compared relative to the largest one."""
+    """Return whether two values are equal up to rounding. The tolerance of numbers in a tuple is relative to the largest number."""
     if isinstance(old, tuple) and isinstance(new, tuple):
         scale = max(scale, *(largest(one) for one in (old, new)))
         return len(old) == len(new) and all(equal(one, other, scale) for one, other in zip(old, new, strict=True))

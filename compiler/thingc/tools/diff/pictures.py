@@ -1,4 +1,4 @@
-"""Draw the robot before and after a change with the same camera, and an overlay that colours the changes."""
+"""Render the robot before and after a change with the same camera, and an overlay with coloured changes."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Model = tuple[str, dict[str, bytes]]
 
 
 def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, bytes]:
-    """Return the PNG files `before`, `after` and `overlay` of two MuJoCo models with meshes, or none if nothing is visible.
+    """Return the PNG files `before`, `after` and `overlay` of two MuJoCo models with meshes, or no files if nothing is visible.
 
-    Call `render.ready` first, before MuJoCo is imported.
+    `render.ready` must be called before MuJoCo is imported.
     """
     seen = [extent(xml, assets, None) for xml, assets in (old, new)]
     points = [point for corners, _ in seen for point in corners]
@@ -32,7 +32,7 @@ def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, 
 
 
 def colours(changes: Iterable[Change]) -> dict[str, str]:
-    """Return a mapping of paths to colours for changed parts of the new robot. Components of added assemblies have their own changes."""
+    """Return the colours of changed parts of the new robot by path. Components of added assemblies have their own changes."""
     by_path: dict[str, str] = {}
     for change in changes:
         path = change.new_path or change.path
@@ -47,7 +47,7 @@ def colours(changes: Iterable[Change]) -> dict[str, str]:
 
 
 def coloured(xml: str, colours: Mapping[str, str]) -> str:
-    """Return the model with these colours on the visual geoms, and a pale colour on the others."""
+    """Return the model with these colours on its visual geoms. Other visual geoms get a pale colour."""
     root = ElementTree.fromstring(xml)
     for geom in root.iter("geom"):
         if geom.get("class") == "visual" and (name := geom.get("name")) is not None:
@@ -56,7 +56,7 @@ def coloured(xml: str, colours: Mapping[str, str]) -> str:
 
 
 def with_removed(new: Model, old: Model, changes: Iterable[Change]) -> Model:
-    """Return the new model with the removed parts of the old one added at their old poses."""
+    """Return the new model with the removed parts of the old model at their old poses."""
     gone = {change.path for change in changes if change.what == "component" and change.change == "removed"}
     before, root = ElementTree.fromstring(old[0]), ElementTree.fromstring(new[0])
     meshes = {mesh.get("name"): mesh for mesh in before.iter("mesh")}

@@ -1,4 +1,4 @@
-"""The result of `thingc diff`: the changes of every compared document, also as JSON."""
+"""The result of `thingc diff`: the changes of all compared documents, and their JSON format."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from thingc.tools.diff.snapshot import Change
 class DiffResult(OneLineRepr, FrozenStruct):
     """The result of a comparison of the sides named `old` and `new`.
 
-    `documents` maps the names of documents on both sides to comparisons. `come` and `gone` are the documents that exist on one side only.
+    `documents` maps the names of documents on both sides to comparisons. `come` are the documents that exist only on the new side, and
+    `gone` those that exist only on the old side.
     """
 
     old: str
@@ -31,7 +32,7 @@ class DiffResult(OneLineRepr, FrozenStruct):
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """All changes. Added and removed documents are changes of files."""
+        """All changes. An added or removed document is a change of a file."""
         alone = [Change(what="file", change="added", path=name) for name in self.come]
         alone += [Change(what="file", change="removed", path=name) for name in self.gone]
         return (*alone, *(change for _, comparison in self.documents for change in comparison.changes))
@@ -40,7 +41,7 @@ class DiffResult(OneLineRepr, FrozenStruct):
 def answered(
     old: str, new: str, pairs: Sequence[DocumentPair], compare: Callable[[DocumentPair], Comparison | BrokenSide],
 ) -> DiffResult | BrokenSide:
-    """Compare all documents. If a side does not compile, return the first such side instead."""
+    """Compare all documents. Return the first side that does not compile, if any, instead of the result."""
     documents: list[tuple[str, Comparison]] = []
     for both in pairs:
         if both.old is not None and both.new is not None:
@@ -55,7 +56,7 @@ def answered(
 
 
 def as_json(answer: DiffResult) -> dict[str, object]:
-    """Return `{"old", "new", "changes"}` in SI units. If several documents were compared, their changes have a key `document`."""
+    """Return `{"old", "new", "changes"}` in SI units. If several documents were compared, each change has a key `document`."""
     several = len(answer.documents) > 1
     alone = len(answer.come) + len(answer.gone)
     changes = [_entry(change) for change in answer.changes[:alone]]
@@ -81,7 +82,7 @@ def pack(answer: Comparison | BrokenSide) -> list[Any]:
 
 
 def unpack(values: list[Any]) -> Comparison | BrokenSide:
-    """Convert the output of `pack` back to a result."""
+    """Convert the output of `pack` to a result."""
     kind, name, inner, more = values
     if kind == "broken":
         return BrokenSide(name=name, diagnostics=tuple(unpacked(one) for one in inner), texts=more)

@@ -1,7 +1,7 @@
-"""Write revisions of a git repository to temporary folders, without touching the checkout and its index.
+"""Write revisions of a git repository to temporary folders, without changing the checkout and its index.
 
-Only the files that a document needs are written: the settings of its workspace, documents and files that it names, recursively, and the
-folders of parts. If a part reads other files, `everything` writes the rest.
+Only the files that a document needs are written: the settings of its workspace, the folders of parts, and recursively the documents and
+files that it refers to. If a part reads other files, `everything` writes all files.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from thingc.tools.affected.dependents import NotARepository, git, run_git
 LOCK_FILE = "parts.lock.json"
 DOCUMENTS = (".yaml", ".yml", ".toml")
 _NAMED = re.compile(rb"[^\s\"'\[\]{},:]+\.(?:ya?ml|toml|step|stp|brep|brp|stl|3mf|obj)\b", re.IGNORECASE)
-"""Pattern of possible file names in a document. It may match too much, never too little."""
+"""Regular expression of possible file names in a document. It may match other text, but it finds all file names."""
 _LINK = "120000"
 
 
 class UnknownRevision(Exception):
-    """The revision does not exist. `names` are the existing branches and tags."""
+    """Raised if a revision does not exist. `names` are the existing branches and tags."""
 
     def __init__(self, name: str, names: tuple[str, ...]) -> None:
         super().__init__(name)
@@ -36,9 +36,9 @@ class UnknownRevision(Exception):
 
 
 class Repository(OneLineRepr, FrozenStruct):
-    """A git repository; `top` is the absolute path of its checkout.
+    """A git repository. `top` is the absolute path of its checkout.
 
-    Filters of its own configuration run only if it is `trusted`.
+    Filters in its own configuration run only if it is `trusted`.
     """
 
     top: str
@@ -62,13 +62,13 @@ class Repository(OneLineRepr, FrozenStruct):
         return git(self.top, "merge-base", self.commit(old), self.commit(new)).strip()
 
     def path(self, file: str) -> str:
-        """Return the path in the repository, with `/`, of a file that is or was in the checkout."""
+        """Return the path in the repository, with `/`, of an existing or deleted file of the checkout."""
         folder, name = os.path.split(os.path.abspath(file))
         return os.path.relpath(os.path.join(os.path.realpath(folder), name), self.top).replace(os.sep, "/")
 
 
 class Revision:
-    """A commit whose files are written to a temporary folder on demand. As a context manager, it removes the folder on exit."""
+    """A commit whose files are written to a temporary folder on demand. A context manager that removes the folder on exit."""
 
     def __init__(self, repository: Repository, name: str, commit: str) -> None:
         self.repository, self.name, self.commit = repository, name, commit
@@ -93,11 +93,11 @@ class Revision:
         return [path for path in self._files if path.startswith(above) and path.lower().endswith(DOCUMENTS)]
 
     def file(self, path: str) -> str:
-        """Return the absolute path at which a file of the repository is written."""
+        """Return the absolute path to which a file of the repository is written."""
         return os.path.join(self.root, *path.split("/"))
 
     def lay_out(self, documents: Collection[str]) -> None:
-        """Write the files needed by documents, which are given by their paths in the repository."""
+        """Write the files that documents need. The documents are paths in the repository."""
         waiting = [path for path in documents if path in self._files]
         settings = {
             posixpath.join(folder, name) for path in documents for folder in _above(path) for name in (OWN_FILE, SHARED_FILE, LOCK_FILE)
@@ -115,11 +115,11 @@ class Revision:
             ]
 
     def everything(self) -> bool:
-        """Write all files; return whether any were missing."""
+        """Write all files. Return whether any of them had not been written before."""
         return bool(self._bring(self._files))
 
     def _bring(self, paths: Iterable[str]) -> dict[str, bytes]:
-        """Write the files that have not been written yet; return their contents."""
+        """Write the files that have not been written yet, and return their contents."""
         wanted = [path for path in dict.fromkeys(paths) if path in self._files and path not in self._there]
         self._there.update(wanted)
         contents = dict(self._contents(wanted))
@@ -129,7 +129,7 @@ class Revision:
         return contents
 
     def _contents(self, paths: list[str]) -> Iterator[tuple[str, bytes]]:
-        """Yield paths and contents, as in a checkout (with line endings converted and large files fetched by filters)."""
+        """Yield paths and contents as in a checkout, with converted line endings and with large files fetched by filters."""
         if not paths:
             return
         asked = b"".join(self._files[path][1].encode() + b" " + os.fsencode(path) + b"\n" for path in paths)
@@ -145,7 +145,7 @@ class Revision:
 
 
 def _listed(top: str, commit: str) -> Mapping[str, tuple[str, str]]:
-    """Return a mapping of paths in a commit to mode and hash, without submodules and names that a checkout cannot have.
+    """Return the mode and hash of each file in a commit by path, without submodules and names that a checkout cannot have.
 
     Raises `NotARepository` if a path is both a file and a folder.
     """
@@ -164,7 +164,7 @@ def _listed(top: str, commit: str) -> Mapping[str, tuple[str, str]]:
 
 
 def _above(path: str) -> Iterator[str]:
-    """Yield the folders that contain a file, the nearest first; the last one is the empty path of the repository itself."""
+    """Yield the folders that contain a file, the nearest first. The last one is the repository itself, with an empty path."""
     folder = posixpath.dirname(path)
     while folder:
         yield folder
@@ -187,7 +187,7 @@ def _parts(path: str, data: bytes) -> Iterator[str]:
 
 
 def _reads(path: str, data: bytes) -> Iterator[str]:
-    """Yield the files read by the parts in a lock. They show whether a part is up to date without running its code."""
+    """Yield the files that the parts in a lock have read. They are used to check without running code whether a part is up to date."""
     try:
         for thing in json.loads(data)["things"].values():
             for read in thing["reads"]:
@@ -197,6 +197,6 @@ def _reads(path: str, data: bytes) -> Iterator[str]:
 
 
 def _names(path: str, data: bytes) -> Iterator[str]:
-    """Yield the paths in the repository of the files that a document may name."""
+    """Yield the paths in the repository of the files that a document may refer to."""
     for match in _NAMED.finditer(data):
         yield posixpath.normpath(posixpath.join(posixpath.dirname(path), os.fsdecode(match[0])))

@@ -1,4 +1,4 @@
-"""A robot in comparable form (facts of its documents with source locations, and results), and changes between two of them."""
+"""Snapshots of robots for comparison (facts of documents with source locations, and results), and changes between two snapshots."""
 
 from __future__ import annotations
 
@@ -20,20 +20,23 @@ WHATS: tuple[What, ...] = get_args(What)
 How = Literal["added", "removed", "renamed", "moved", "changed"]
 
 DisplayValue = Union[None, bool, int, float, str, tuple["DisplayValue", ...]]
-"""A value in reports: SI units, names as in documents."""
+"""A value in reports, in SI units and with names as in documents."""
 
 PERHAPS = "perhaps"
-"""Marks an uncertain match in `because`."""
+"""Text in `because` that marks an uncertain match."""
 
 
 class Change(OneLineRepr, FrozenStruct):
     """A change.
 
-    `path` is the path of the element in the old robot (for added elements, in the new one), `new_path` its path in the new robot if it
-    differs. `field` is the key whose value changed from `old` to `new` (SI units). `words` are both values in display units, if their
-    dimension is known. `because` are the paths of the changes that caused it, empty for changes made in documents; it contains `perhaps`
-    for an uncertain match. `reason` is why a renamed element was matched. `span` is the location in the new robot, or for a removed element
-    in the old one.
+    Attributes:
+        path: The path of the element in the old robot, or in the new robot if it was added.
+        new_path: The path in the new robot, if it differs.
+        field: The key whose value changed from `old` to `new` (SI units).
+        words: Both values in display units, if their dimension is known.
+        because: The paths of the changes that caused it, none for a change made in a document. Contains `perhaps` for an uncertain match.
+        reason: Why a renamed element was matched.
+        span: The location in the new robot, or in the old robot if the element was removed.
     """
 
     what: What
@@ -50,14 +53,14 @@ class Change(OneLineRepr, FrozenStruct):
 
     @property
     def caused(self) -> bool:
-        """Whether it is the consequence of other changes."""
+        """Whether it is a consequence of other changes."""
         return any(word != PERHAPS for word in self.because)
 
 
 PLACES = frozenset({"origin", "origins", "span", "spans"})
-"""Fields of structs that are source locations."""
+"""Fields of structs that contain source locations."""
 NOT_COMPARED = PLACES | {"name", "sources", "wrong"}
-"""Fields that are not compared: source locations, names, sources of numbers, and unreadable values."""
+"""Fields that are not compared: source locations, names, sources of numbers, and invalid values."""
 
 
 class Named(OneLineRepr, FrozenStruct):
@@ -78,9 +81,9 @@ Value = Union[None, bool, int, float, str, Named, tuple["Value", ...]]
 
 
 class Fact(OneLineRepr, FrozenStruct):
-    """A value of a document.
+    """A value in a document.
 
-    `written` is its text, or None if it is not in the document. `scope` is the path of the assembly in which names of an expression are
+    `written` is its text, or None if it is not in the document. `scope` is the path of the assembly in which names in an expression are
     resolved. `words` is the value in display units, if its dimension is known.
     """
 
@@ -94,8 +97,7 @@ class Fact(OneLineRepr, FrozenStruct):
 class SnapshotElement(OneLineRepr, FrozenStruct):
     """An element of a document, with its facts by dotted key.
 
-    `label` is its description in reports. `of` is the path of the component that it belongs to, or empty for elements of the whole
-    document.
+    `label` is its description in reports. `of` is the path of its component, or an empty string for elements of the whole document.
     """
 
     what: What
@@ -121,12 +123,12 @@ class ComponentNode(OneLineRepr, FrozenStruct):
 
     @property
     def parent(self) -> str:
-        """The path of the assembly that contains it, empty for the top."""
+        """The path of the assembly that contains it, or an empty string at the top level."""
         return self.path.rpartition("/")[0]
 
 
 class Edge(OneLineRepr, FrozenStruct):
-    """A mate between two components (paths) at two mounts; `joint` is the kind of joint, `fixed`, or empty if it is not a joint."""
+    """A mate between two mounts of two components (paths). `joint` is the kind of joint, `fixed`, or empty if it is not a joint."""
 
     parent: str
     child: str
@@ -137,7 +139,7 @@ class Edge(OneLineRepr, FrozenStruct):
 class PartShape(OneLineRepr, FrozenStruct):
     """The geometry of a part: volume [m^3], area [m^2], centre [m], inertia at density 1 [m^5], corners of its bounding box [m].
 
-    `mesh` is the SHA-256 of the visual mesh, None if unknown; `made` is the location of its code.
+    `mesh` is the SHA-256 of the visual mesh, or None if unknown. `made` is the location of its code.
     """
 
     volume: float
@@ -152,9 +154,14 @@ class PartShape(OneLineRepr, FrozenStruct):
 class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
     """A part or frame of the linked assembly.
 
-    `properties` and `mass` [kg] are in its own frame, and `source` is the source of the mass. `shape` is None without geometry, `mounts`
-    are the mounts of its part, and `place` is its pose at q = 0. It is attached to `parent` (None for the base) by `joint` (None for a
-    rigid mate).
+    Attributes:
+        properties: The mass properties in its own frame, like `mass` [kg].
+        source: The source of the mass.
+        shape: None without geometry.
+        mounts: The mounts of its part.
+        place: Its pose at q = 0.
+        parent: The occurrence that it is attached to, or None for the base.
+        joint: The joint that attaches it, or None for a rigid mate.
     """
 
     path: str
@@ -171,7 +178,7 @@ class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
 
 
 class LinkOf(OneLineRepr, FrozenStruct):
-    """A link: its name, the occurrence that defines its frame, its members, and its mass in its frame."""
+    """A link: its name, the occurrence that defines its frame, its members, and its mass properties in its frame."""
 
     name: str
     frame: str
@@ -182,7 +189,7 @@ class LinkOf(OneLineRepr, FrozenStruct):
 class Row(OneLineRepr, FrozenStruct):
     """A row of the bill of materials: the quantity of a definition, and the paths of its pieces.
 
-    `stem` is the base name of its print file, None if it has none.
+    `stem` is the base name of its print file, or None if it has none.
     """
 
     definition: str
@@ -195,7 +202,7 @@ class Row(OneLineRepr, FrozenStruct):
 
 
 class TestOutcome(OneLineRepr, FrozenStruct):
-    """The result of a test in one mode and pose (`where`), with measured values [SI] keyed by name."""
+    """The result of a test in one mode and pose (`where`), with measured values [SI] by name."""
 
     test: str
     where: str
@@ -204,10 +211,10 @@ class TestOutcome(OneLineRepr, FrozenStruct):
 
 
 class Snapshot(OneLineRepr, FrozenStruct):
-    """A robot, ready to be compared. `things` are elements by kind and path, in document order; `lacks` lists what is unknown.
+    """A robot in a form that can be compared.
 
-    `coordinates` are the joints of every mode in model order; `prints` are the SHA-256 of print files by path, only for a build folder.
-    `outcomes` is None if no tests were run.
+    `things` are elements by kind and path, in document order. `lacks` lists what is unknown. `coordinates` are the joints of each mode in
+    model order. `prints` are the SHA-256 of print files by path, only for a build folder. `outcomes` is None if no tests were run.
     """
 
     name: str
@@ -225,12 +232,12 @@ class Snapshot(OneLineRepr, FrozenStruct):
 
 
 def told(value: Value) -> DisplayValue:
-    """Convert a value to the form in reports."""
+    """Convert a value to its form in reports."""
     if isinstance(value, Named):
         return value.text
     return tuple(map(told, value)) if isinstance(value, tuple) else value
 
 
 def field_values(key: str, kind: type[FrozenStruct], of: FrozenStruct | None) -> dict[str, Any]:
-    """Return the fields of a struct by dotted key, without those in `NOT_COMPARED`. If `of` is None, all values are None."""
+    """Return the fields of a struct by dotted key, except the fields in `NOT_COMPARED`. If `of` is None, all values are None."""
     return {f"{key}.{name}": getattr(of, name, None) for name in kind.__struct_fields__ if name not in NOT_COMPARED}

@@ -1,4 +1,4 @@
-"""Find the source locations and text of values in documents, to distinguish the user's changes from their consequences."""
+"""Find the source locations and texts of values in documents, to distinguish changes by the user from their consequences."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
 
 
 Section = tuple[Node | None, ...]
-"""The nodes of one element: its own, then those it inherits from (defaults, or the mode that it extends)."""
+"""The nodes of one element: its own node, and the nodes that it inherits from (defaults, or the mode that it extends)."""
 
 
 class DocumentTrees:
-    """The trees of documents, searched by element."""
+    """The trees of documents, with methods to find elements."""
 
     def __init__(self, documents: Documents) -> None:
         self._trees = {relative: document.tree for relative, document in documents.by_path.items()}
@@ -28,7 +28,7 @@ class DocumentTrees:
         self._by_key: dict[str, dict[Span, str]] = {}
 
     def note_component(self, path: str, document: str, component: Component) -> Section:
-        """Return the nodes of a component of a document (path in the workspace), and store them by the path of the component."""
+        """Return the nodes of a component of a document (path in the workspace), and remember them by the path of the component."""
         tree = self._trees.get(document)
         components = tree.entries.get("components") if tree is not None else None
         if not isinstance(components, MappingNode):
@@ -41,11 +41,11 @@ class DocumentTrees:
         return section
 
     def component(self, prefix: str) -> Section:
-        """Return the nodes of the component that is the assembly at a prefix (`hand/`), empty if unknown."""
+        """Return the nodes of the nested assembly at a prefix (`hand/`), or nothing if unknown."""
         return self._components.get(prefix.rstrip("/"), ())
 
     def section(self, document: str, *keys: str) -> Section:
-        """Return the node under some keys, and those that it extends."""
+        """Return the node at the given keys, and the nodes that it inherits from."""
         *above, name = keys
         nodes: dict[str, Node | None] = {}
         while name not in nodes:
@@ -71,9 +71,9 @@ class DocumentTrees:
         return {} if node is None else {"value": _node_text(node)}
 
     def fact(self, value: Value, section: Section, keys: Sequence[str], *, scope: str = "", otherwise: Span | None = None) -> Fact:
-        """Create a fact for a value under some keys of a section. If the keys are missing, its location is `otherwise`.
+        """Create a fact for a value at the given keys of a section. If the keys do not exist, its location is `otherwise`.
 
-        The key `rpy` also finds an orientation given as `quat`, and `words` is then its text.
+        The key `rpy` also finds an orientation given as `quat`; `words` is then its text.
         """
         for node in section:
             place = _at(node, keys)
@@ -87,7 +87,7 @@ class DocumentTrees:
         return Fact(value=value, scope=scope, span=otherwise)
 
     def number(self, text: str) -> Value:
-        """Parse a bound to a number [SI]. Expressions and texts that are not quantities are returned unchanged."""
+        """Parse a bound to a number [SI]. Return expressions and texts that are not quantities unchanged."""
         try:
             return parse_quantity(text).value
         except UnitError:
@@ -95,12 +95,12 @@ class DocumentTrees:
 
 
 def names_in(written: str) -> list[str]:
-    """Return the names in an expression or other text, sorted; dots in names become `/`, as in paths."""
+    """Return the names in an expression or other text, sorted. Dots in names are replaced by `/`, as in paths."""
     return sorted({name.replace(".", "/") for name in _NAME.findall(written)})
 
 
 def _at(node: Node | None, keys: Sequence[str]) -> Node | None:
-    """Return the node under some keys. A scalar on the way is the result (`mass: 12 g` for `mass.value`)."""
+    """Return the node at the given keys. If a scalar is found on the way, it is the result (`mass: 12 g` for `mass.value`)."""
     for key in keys:
         if isinstance(node, ScalarNode):
             return node

@@ -15,22 +15,22 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 AT_ONCE = 400_000
-"""Maximum number of pairs of point and triangle processed at once."""
+"""Maximum number of pairs of point and triangle that are processed together."""
 MOST = 60_000_000
-"""Maximum number of pairs in total; for more, the distance is unknown."""
+"""Maximum total number of pairs. Above it, the distance is unknown."""
 
 
 class SurfaceDistances:
-    """Distances between meshes in a store, which caches them."""
+    """Distances between meshes in a store, cached in the store."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._known: dict[tuple[str, str], float | None] = {}
 
     def farthest(self, old: str, new: str) -> float | None:
-        """Return the largest distance [m] of a vertex of either mesh (SHA-256 of OBJ files) from the surface of the other.
+        """Return the largest distance [m] of a vertex of either mesh (SHA-256 of OBJ files) from the surface of the other mesh.
 
-        This is the Hausdorff distance if it is attained at a vertex. The result is None if a mesh is missing or both meshes are too fine.
+        This is the Hausdorff distance if it is attained at a vertex. Return None if a mesh is missing or both meshes are too fine.
         """
         pair = (min(old, new), max(old, new))
         if pair not in self._known:
@@ -53,7 +53,7 @@ class SurfaceDistances:
 
 
 def _from_surface(points: Array, triangles: Array) -> float:
-    """Return the largest distance [m] of points `(n, 3)` from triangles `(m, 3, 3)`."""
+    """Return the largest distance [m] of points `(n, 3)` from the nearest of the triangles `(m, 3, 3)`."""
     import numpy as np
 
     step = max(1, AT_ONCE // len(triangles))

@@ -1,4 +1,4 @@
-"""Take the snapshot of a compilation: the values in its documents with their locations, and the results."""
+"""Take the snapshot of a compilation: the values in its documents, their locations, and the results."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from thingc.tools.diff.snapshot import PLACES, ComponentNode, Fact, Named, Snaps
 from thingc.tools.diff.source_locations import DocumentTrees
 
 KEYS = {"minimum": "min", "maximum": "max", "base": "from"}
-"""Keys of tests in documents whose fields have other names."""
+"""Keys of tests in documents that differ from the names of fields."""
 
 
 def take_snapshot(compilation: Compilation) -> Snapshot:
-    """Return the snapshot of a compilation without errors, without test results."""
+    """Return the snapshot of a compilation without errors. It does not contain test results."""
     assembly, documents = compilation.assembly, compilation.documents
     assert assembly is not None and documents is not None, "the compilation failed"
     reader = _Reader(assembly, DocumentTrees(documents))
@@ -47,7 +47,7 @@ def take_snapshot(compilation: Compilation) -> Snapshot:
 
 
 class _Reader:
-    """Walks a definition and its nested assemblies, and collects their elements."""
+    """Collects the elements of a definition and its nested assemblies."""
 
     def __init__(self, assembly: Assembly, written: DocumentTrees) -> None:
         self.assembly = assembly
@@ -83,7 +83,7 @@ class _Reader:
         self.things.append(SnapshotElement(what=what, path=path, facts=facts, label=label, of=of, span=span))
 
     def _parameters(self, prefix: str, definition: AssemblyDefinition) -> None:
-        """Collect the parameters of a placed document: values and bounds."""
+        """Collect the parameters of a nested document: values and bounds."""
         given = self.written.component(prefix)
         for name, value in definition.parameters:
             fact = self.written.fact(value, given, ("parameters", name), scope=prefix.rstrip("/").rpartition("/")[0])
@@ -140,7 +140,7 @@ class _Reader:
             }, of=path, span=mount.origin[0])
 
     def _placement(self, prefix: str, definition: AssemblyDefinition, component: Component, path: str, fact: Any) -> None:
-        """Collect the mate that places a component, unless a joint does."""
+        """Collect the mate that places a component, unless a joint places it."""
         placement = component.placement
         if isinstance(placement, Attach):
             self._add("mate", path, {
@@ -180,7 +180,7 @@ class _Reader:
             self._add("joint", prefix + joint.path.replace(".", "/"), own, label=joint.kind.name, of=scope, span=joint.origin[0])
 
     def _moving(self, prefix: str, definition: AssemblyDefinition, joint: Joint) -> Iterator[tuple[str, Value]]:
-        """Yield the properties of one coordinate, including defaults of its drive."""
+        """Yield the properties of one coordinate, including defaults from its drive."""
         edge: JointEdge | None = self._edges.get(prefix + joint.path.replace(".", "/"))
         limit, dynamics = (edge.limit, edge.dynamics) if edge is not None else (joint.limit, joint.dynamics)
         yield "offset", joint.offset
@@ -196,7 +196,7 @@ class _Reader:
         yield "mimic.offset", mimic.offset if mimic is not None else None
         yield "mimic.polynomial", mimic.polynomial if mimic is not None and mimic.higher else None
 
-    # --- the top -------------------------------------------------------------------------------------------------
+    # --- the top document --------------------------------------------------------------------------------------------
 
     def top(self) -> None:
         """Collect the elements that only the top document has."""
@@ -232,12 +232,12 @@ class _Reader:
         self._materials(definition)
 
     def _placed(self, value: Value, origin: Origin) -> Fact:
-        """Create a fact for a value of the top document at the first location of an origin."""
+        """Create a fact for a value in the top document at the first location of an origin."""
         span = origin[0] if origin else None
         return Fact(value=value, written=self.written.words_at(span), span=span)
 
     def _check(self, definition: AssemblyDefinition, check: object, within: str = "") -> Iterator[tuple[str, Value]]:
-        """Yield the settings of a test by key; keys of nested structs are dotted."""
+        """Yield the settings of a test by key. Keys of nested structs are dotted."""
         assert isinstance(check, FrozenStruct)
         for name in check.__struct_fields__:
             value, key = getattr(check, name), within + KEYS.get(name, name)
@@ -298,7 +298,7 @@ class _Reader:
         self._add("mode", mode.name, facts, span=mode.origin[0])
 
     def _materials(self, top: AssemblyDefinition) -> None:
-        """Collect the materials of all documents by name. If another document defines the name differently, its name is added."""
+        """Collect the materials of all documents by name. If definitions of a name differ, the name of the document is added."""
         known: dict[str, Mapping[str, Fact]] = {}
         for definition in assemblies_of(top):
             for name, material in definition.materials.items():
@@ -353,7 +353,7 @@ def _process(process: Process | None) -> Iterator[tuple[str, Fact]]:
 
 def _pose(pose: Pose) -> Iterator[tuple[str, Value]]:
     yield "xyz", tuple(pose.translation)
-    # Round first: at half turns (and quarter turns of pitch), equal rotations written in two ways give other angles.
+    # round first: at half turns (and quarter turns of pitch), different notations of the same rotation give different angles
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (tuple(round(part, 14) + 0.0 for part in row) for row in pose.rotation)
     yield "rpy", tuple(rpy_of(((xx, xy, xz), (yx, yy, yz), (zx, zy, zz))))
 

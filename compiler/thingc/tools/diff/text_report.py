@@ -1,4 +1,4 @@
-"""Format the result of a comparison as text for a terminal, Markdown for a comment, or an HTML page."""
+"""Format the result of a comparison as text for a terminal, as Markdown for a comment, or as an HTML page."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from thingc.tools.diff.snapshot import PERHAPS, Change, DisplayValue, How, What
 MOVED = ": moved"
 NOTHING = "no changes in meaning"
 SHOWN = 3
-"""Maximum number of paths in a line; others are counted."""
+"""Maximum number of paths in a line. Further paths are counted."""
 FOLLOWING = 30
 """Maximum number of lines of consequences on a terminal."""
 LARGEST = 60_000
@@ -46,7 +46,10 @@ _ANGLES = ("rpy", "turn", "fovy", "cone")
 
 
 class ReportLine(FrozenStruct):
-    """Equal changes of several elements: `paths`, and `words`, the description. `decides`: a test now passes or fails."""
+    """Equal changes of several elements with the paths `paths` and the description `words`.
+
+    `decides` marks a test that now passes or fails.
+    """
 
     what: What
     sign: str
@@ -62,7 +65,7 @@ class ReportLine(FrozenStruct):
 
 
 def as_text(answer: DiffResult) -> Iterator[str]:
-    """Yield the lines for a terminal."""
+    """Yield the lines of the report for a terminal."""
     for sign, names in (("+", answer.come), ("-", answer.gone)):
         yield from (f"{sign} {name}" for name in names)
     if not answer.documents and not answer.come and not answer.gone:
@@ -85,9 +88,10 @@ def as_text(answer: DiffResult) -> Iterator[str]:
 
 
 def as_markdown(answer: DiffResult, pictures: Callable[[str, str], str] | None = None) -> str:
-    """Format as Markdown of at most `LARGEST` bytes: changes in documents, changed test results, then other consequences, folded by kind.
+    """Format the result as Markdown of at most `LARGEST` bytes.
 
-    `pictures` returns the address of a picture by the name of the document and `before`, `after` or `overlay`.
+    It contains changes in documents, changed test results, and other consequences, folded by kind. `pictures` returns the address of a
+    picture by the name of the document and `before`, `after` or `overlay`.
     """
     for most in (10_000, 200, 50, 20, 5, 1):
         text = "\n".join(_markdown(answer, most, pictures)) + "\n"
@@ -131,12 +135,12 @@ def _items(lines: Sequence[ReportLine], most: int) -> Iterator[str]:
 
 
 def _plain(text: str) -> str:
-    """Replace the characters of a name that have a meaning in Markdown."""
+    """Escape characters in a name that have a meaning in Markdown."""
     return "".join(letter if letter.isalnum() or letter in " ./_-" else "?" for letter in escape_control(text))
 
 
 def _code(text: str) -> str:
-    """Format as a code span, so that text of documents is not read as Markdown."""
+    """Format a text as a code span, so that text from documents is not parsed as Markdown."""
     return f"`{escape_control(text).replace('`', chr(39))}`"
 
 
@@ -150,14 +154,14 @@ def made(comparison: Comparison) -> Iterator[ReportLine]:
 
 
 def following(comparison: Comparison) -> Iterator[ReportLine]:
-    """Return the consequences, the most important first: changed test results, then by kind, the whole robot before its parts."""
+    """Yield the consequences, the most important first: changed test results, then others by kind, the whole robot before its parts."""
     consequences = [change for change in comparison.changes if change.caused and not _of_a_part(change)]
     consequences.sort(key=lambda c: (0 if _decides(c) else _RANK[c.what], c.path != ""))
     return _lines(consequences)
 
 
 def outcomes_and_more(comparison: Comparison) -> tuple[list[ReportLine], dict[What, list[ReportLine]]]:
-    """Return the consequences: changed test results, and the others by kind."""
+    """Return the changed test results, and the other consequences by kind."""
     follows = list(following(comparison))
     kinds: dict[What, list[ReportLine]] = {}
     for line in follows:
@@ -171,7 +175,7 @@ def _decides(change: Change) -> bool:
 
 
 def _of_a_part(change: Change) -> bool:
-    """Return whether the change is one of the centre or inertia of a part or link, which only JSON output contains."""
+    """Return whether the change concerns the centre or inertia of a part or link, which are only in JSON output."""
     return change.what == "mass" and change.field in ("centre", "inertia", "link.centre", "link.inertia")
 
 
@@ -198,7 +202,7 @@ def _lines(changes: Iterable[Change]) -> Iterator[ReportLine]:
 def _motion(change: Change) -> tuple[float, float]:
     """Return the distance [m] and the angle [rad] of a motion.
 
-    The value of a `place` is a translation, of a `turn` three angles (roll, pitch, yaw), of a `pose` both.
+    The value is a translation in a `place`, three angles (roll, pitch, yaw) in a `turn`, and both in a `pose`.
     """
     values: Any = (change.old, change.new)
     pairs = {"place": [(value, (0.0,) * 3) for value in values], "turn": [((0.0,) * 3, value) for value in values]}
@@ -229,7 +233,7 @@ def _change_text(change: Change) -> str:
 
 
 def _share(old: DisplayValue, new: DisplayValue) -> str:
-    """Format the relative change of two numbers, empty if undefined."""
+    """Format the relative change of two numbers, or return an empty string if it is undefined."""
     if not isinstance(old, float) or not isinstance(new, float) or old == 0.0 or not math.isfinite(new / old):
         return ""
     return f" ({100.0 * (new / old - 1.0):+.3g} %)"
@@ -278,7 +282,7 @@ code { background: #f1f1f4; padding: 0 .25em; border-radius: .25em } li { margin
 
 
 def as_html(differences: DiffResult) -> str:
-    """Format as a self-contained HTML page."""
+    """Format the result as a self-contained HTML page."""
     title = f"{_escape_text(differences.old)} → {_escape_text(differences.new)}"
     return "\n".join([
         "<!doctype html>", f'<html lang="en"><head><meta charset="utf-8"><title>{title}</title>',

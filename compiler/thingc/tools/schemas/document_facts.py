@@ -1,6 +1,6 @@
-"""Facts about an assembly document for editors: its names, from the model and from the tree.
+"""Collect the names in an assembly document for editors, from its model and its tree.
 
-The model contains what is valid; the tree adds names in lines with errors, so that an error in one place does not hide other names.
+The model contains only valid elements. The tree adds names in lines with errors, so that an error does not hide other names.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from thingc.tools.schemas.parameter_schemas import parse_value, symbols_of, with
 
 ORIGIN = "origin"
 MAX_NAMES = 2000
-"""Maximum number of mounts, components or joints of one document that are offered."""
+"""Maximum number of mounts, components or joints of a document that are listed."""
 
 Names = dict[str, str]
 """Names with descriptions."""
@@ -25,10 +25,16 @@ Records = Mapping[str, PartRecord | PartFailure]
 
 
 class WrittenComponent(FrozenStruct):
-    """A component as written (a repeated one once); `label` is short, `what` is a sentence, `mounts` are by name.
+    """A component as in the document. The items of a repeat are one component.
 
-    `pattern` matches the names of all its items. `source` is the key and value that define it (`part`, `arm:BasePlate`), None if there are
-    none. `sure`: it has no other mounts. `actuator`: it can be used in `drive`.
+    Attributes:
+        label: A short description.
+        what: A sentence about it.
+        mounts: Its mounts by name.
+        pattern: A pattern that matches the names of all its items.
+        source: The key and value that define it (`part`, `arm:BasePlate`), or None.
+        sure: Whether it has no other mounts.
+        actuator: Whether it can be used in `drive`.
     """
 
     name: str
@@ -44,11 +50,11 @@ class WrittenComponent(FrozenStruct):
 
 
 class DocumentFacts(FrozenStruct):
-    """The names of a document.
+    """The names in a document.
 
-    `mounts` are references (`plate.servo_seat`); `components` and `joints` are dotted paths, including nested documents. `parameters` are
-    those of the document with their values; `nested_poses` are poses of nested documents by component. `materials_sure`: no other material
-    is in scope.
+    `mounts` are references (`plate.servo_seat`). `components` and `joints` are dotted paths, including nested documents. `parameters` are
+    the parameters of the document with their values. `nested_poses` are poses of nested documents by component. `materials_sure` specifies
+    that no other material can be used.
     """
 
     pieces: tuple[WrittenComponent, ...] = ()
@@ -65,10 +71,10 @@ class DocumentFacts(FrozenStruct):
 
 
 class JointFacts(FrozenStruct):
-    """A joint:
+    """A joint for editors.
 
-    `what` describes it; `angle`: its coordinate is an angle (None: unknown, or it has none); `settable`: poses can set it; `own`: it is not
-    in a nested document.
+    `what` is its description. `angle` specifies whether its coordinate is an angle (None: unknown or none). `settable` joints can be set by
+    poses. `own` joints are not in a nested document.
     """
 
     what: str
@@ -81,7 +87,7 @@ def facts_of(
     tree: MappingNode, model: AssemblyDefinition | None, records: Records, schemas: Mapping[str, PartSchema | PartFailure],
     usual: Mapping[str, Names],
 ) -> DocumentFacts:
-    """Return the facts of a document. `usual` are the mounts of the class of a part, used if its own are unknown."""
+    """Return the facts about a document. `usual` are the mounts of the class of a part, used if the mounts of the part are unknown."""
     made = {} if model is None else _by_item(model)
     pieces = tuple(_piece(name, node, made.get(name, ()), records, schemas, usual) for name, node in _entries(tree, "components").items())
     mounts: Names = {}
@@ -132,7 +138,7 @@ def _summary(node: Node) -> str:
 
 
 def _by_item(model: AssemblyDefinition) -> dict[str, tuple[Component, ...]]:
-    """Return the components of a model by the name under which they are written; items of a repeat are grouped."""
+    """Return the components of a model by the name in the document. The items of a repeat are grouped."""
     by_place: dict[tuple[int, int], list[Component]] = {}
     for component in model.components:
         span = component.origin[0]
@@ -196,13 +202,13 @@ def _what(label: str, source: tuple[str, str] | None, made: tuple[Component, ...
 
 
 def _exact(component: Component, records: Records) -> bool:
-    """Return whether the mounts of a part are its own, and not those of a substitute."""
+    """Return whether the mounts of a part are known exactly, and not replaced by the mounts of a substitute."""
     record = records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
     return not isinstance(record, PartRecord) or record.exact
 
 
 def _mounts_of(component: Component, records: Records) -> Names | None:
-    """Return the mounts of a component, those in a nested assembly as `cap.pen`; None if unknown."""
+    """Return the mounts of a component, or None if unknown. Mounts in a nested assembly have names such as `cap.pen`."""
     mounts: Names = {}
     definition = component.definition
     if isinstance(definition, PartDefinition):
@@ -225,7 +231,7 @@ def _mounts_of(component: Component, records: Records) -> Names | None:
 
 
 def usual_mounts(record: PartRecord) -> Names:
-    """Return the mounts of a part as usual mounts of its class."""
+    """Return the mounts of a part as default mounts of its class."""
     return {name: _of_mount(record.text, mount.interface) for name, mount in sorted(record.mounts.items())}
 
 

@@ -1,7 +1,7 @@
-"""Narrow the general schema of a kind of document to one document.
+"""Adapt the general schema of a kind of document to one document.
 
-Names defined by other files are checked: parameters and mounts of parts, parameters of nested documents, materials of material documents.
-Names of the document itself are offered but never rejected, because new ones are not in the schema before the document is saved.
+Names from other files are validated: parameters and mounts of parts, parameters of nested documents, and materials of material documents.
+Names in the document itself are suggested but never rejected, because new names are not part of the schema before the document is saved.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from thingc.tools.schemas.document_facts import DocumentFacts, JointFacts, Names
 from thingc.tools.schemas.parameter_schemas import DocumentSymbols, Schema, documentation, one_of, parameters_schema, part_schema, quantity
 
 OPEN = r"[*?\[$]"
-"""Characters of patterns and indices: such references are left to the compiler."""
+"""Characters of patterns and indices. References with these characters are validated by the compiler."""
 MAX_CHECKED = 500
-"""Maximum number of names in one pattern; more are not checked."""
+"""Maximum number of names in one pattern. With more names, they are not validated."""
 
 
 class SchemaContext(FrozenStruct):
-    """The names that a document can use besides its own, as it would write them.
+    """The names from other files that a document can use, as they would be written in it.
 
-    `parts` are the schemas of reachable parts, `usual` their usual mounts; `assemblies` and `materials` are other documents. `lost` are the
-    last known parameter schemas of parts that cannot be described now.
+    `parts` are the schemas of reachable parts, and `usual` their default mounts. `assemblies` and `materials` are other documents. `lost`
+    are the last known parameter schemas of parts that cannot be described now.
     """
 
     parts: Mapping[str, PartSchema] = {}
@@ -39,7 +39,7 @@ class SchemaContext(FrozenStruct):
 
 
 def narrowed(general: Schema, facts: DocumentFacts, around: SchemaContext) -> Schema:
-    """Return the schema of an assembly document; `general`, that of its kind, is not changed."""
+    """Return the schema of an assembly document. `general`, the schema of its kind, is not modified."""
     return _Narrowing(copy.deepcopy(general), facts, around).done()
 
 
@@ -49,12 +49,12 @@ def params_name(reference: str) -> str:
 
 
 def mounts_name(reference: str) -> str:
-    """Return the name in `$defs` of the schema of the usual mounts of a part."""
+    """Return the name in `$defs` of the schema of the default mounts of a part."""
     return f"mounts of {reference}"
 
 
 def remembered(schema: Schema, references: Iterable[str]) -> tuple[dict[str, Schema], dict[str, Names]]:
-    """Return the parameter schemas and usual mounts of parts in an earlier schema, each by reference."""
+    """Return the parameter schemas and default mounts of parts in an earlier schema, both by reference."""
     definitions = schema.get("$defs", {})
     lost: dict[str, Schema] = {}
     usual: dict[str, Names] = {}
@@ -75,7 +75,7 @@ def _ref(name: str) -> Schema:
 
 
 class _Narrowing:
-    """Narrows one schema; each method handles one section."""
+    """Adapts one schema. Each method handles one section."""
 
     def __init__(self, schema: Schema, facts: DocumentFacts, around: SchemaContext) -> None:
         self.schema = schema
@@ -103,7 +103,7 @@ class _Narrowing:
         return schema
 
     def _put(self, model: str, key: str, new: Schema) -> None:
-        """Replace the schema of a field, but keep its title and description."""
+        """Replace the schema of a field without changing its title and description."""
         old = self._field(model, key)
         texts: Schema = {one: old[one] for one in ("title", "description") if one in old}
         self.definitions[model]["properties"][key] = {**texts, **new}
@@ -112,9 +112,9 @@ class _Narrowing:
         self._put(model, key, one_of(choices))
 
     def _plain(self, model: str, title: str) -> Schema:
-        """Return the schema of any value of a model.
+        """Return a schema that accepts any value of a model.
 
-        The description is moved here from the definition, where it would hide that of named values.
+        The description is moved here from the definition, where it would hide the descriptions of named values.
         """
         self.definitions[model]["title"] = title
         return {**_ref(model), "title": title, "description": self.definitions[model].pop("description", "")}
@@ -138,7 +138,7 @@ class _Narrowing:
             self._put(model, "drive", {"anyOf": [*inline, one_of(drives)]})
 
     def _known_mounts(self) -> Iterable[Schema]:
-        """Yield one pattern for all components with the same known mounts, which a reference to one of them must match."""
+        """Yield one pattern for all components with the same known mounts. References to one of these components must match it."""
         alike: dict[tuple[tuple[str, ...], bool], list[WrittenComponent]] = {}
         for piece in self.facts.pieces:
             own = tuple(sorted(name for name in piece.mounts if "." not in name))
@@ -146,7 +146,7 @@ class _Narrowing:
                 alike.setdefault((own, piece.assembly), []).append(piece)
         for (own, assembly), pieces in alike.items():
             names = f"({'|'.join(piece.pattern for piece in pieces)})"
-            # A reference into a nested assembly may have more levels, `hand.cap.pen`; one to a part has one.
+            # a reference into a nested assembly can have more levels, such as `hand.cap.pen`; a reference to a part has one level
             other = rf"^(?!{names}\.[^.]*$)" if assembly else rf"^(?!{names}\.)"
             shown = f"`{pieces[0].name}` ({pieces[0].label})" if len(pieces) == 1 else f"`{pieces[0].label}`"
             yield {
@@ -172,7 +172,7 @@ class _Narrowing:
     # --- parts and components ----------------------------------------------------------------------------------
 
     def _parts(self) -> None:
-        """Narrow components by the value of their `part` or `assembly`."""
+        """Adapt the schema of components to the value of `part` or `assembly`."""
         choices = [(reference, documentation(part)) for reference, part in self.around.parts.items()]
         lost = self.around.lost
         choices += [(reference, str(one.get("description", ""))) for reference, one in lost.items()]
@@ -195,14 +195,14 @@ class _Narrowing:
             rules.append(_if("part", reference, {"properties": then, **({"required": ["params"]} if needs else {})}))
         for name, symbols in self.around.assemblies.items():
             rules.append(_if("assembly", name, {"properties": {"parameters": parameters_schema(name, symbols)}}))
-        for section in ("params", "parameters"):  # descriptions of all values would hide those of parameters
+        for section in ("params", "parameters"):  # descriptions of all values would hide the descriptions of parameters
             self._put("ComponentSpec", section, {"type": "object"})
         self._put("ComponentSpec", "attach", {"type": "object", **_full_or_short({"additionalProperties": _ref("mount")}, {})})
         if rules:
             self.definitions["ComponentSpec"]["allOf"] = rules
 
     def _attach(self, mounts: Names, *, sure: bool) -> Schema:
-        """Return the schema of `attach` for these mounts: they are its keys in the short form, and values of `mount` in the full form."""
+        """Return the schema of `attach` for these mounts. They are keys in the short form, and values of `mount` in the full form."""
         own = {name: {**_ref("mount"), "description": text} for name, text in mounts.items()}
         short: Schema = {"properties": own}
         full = one_of(mounts.items())
@@ -214,7 +214,7 @@ class _Narrowing:
         return {"type": "object", **_full_or_short(short, mounts, mount=full)}
 
     def _components(self) -> None:
-        """Narrow existing components to their own mounts, as long as their part is the one that was saved."""
+        """Adapt the schema of existing components to their own mounts, as long as their part has not changed since the last save."""
         section = self.properties["components"]
         known: Schema = {}
         for piece in self.facts.pieces:
@@ -287,8 +287,10 @@ class _Narrowing:
         self._offer("SensorSpec", "joint", [(name, joint.what) for name, joint in self.facts.joints.items()])
 
     def _tests(self) -> None:
-        """Narrow `tests`: references are components if the description says so, or in lists, else mounts; poses, modes and joints have the
-        same keys in all kinds.
+        """Adapt the schema of `tests`.
+
+        A reference is a component if it is in a list or if its description says so, else a mount. Poses, modes and joints have the same
+        keys in all kinds of tests.
         """
         joints = [(name, joint.what) for name, joint in self.facts.joints.items()]
         choices: dict[str, list[tuple[str, str]]] = {
@@ -320,7 +322,7 @@ def _each(section: Schema) -> Schema:
 
 
 def _set_each(section: Schema, value: Schema) -> None:
-    """Set the schema of the values of a mapping that are not in `properties`, with any names."""
+    """Set the schema of the values of a mapping that are not in `properties`."""
     section.pop("patternProperties", None)
     section["additionalProperties"] = value
 
@@ -330,8 +332,9 @@ def _if(key: str, text: str, then: Schema) -> Schema:
 
 
 def _full_or_short(short: Schema, mounts: Iterable[str], *, mount: Schema | None = None) -> Schema:
-    """Combine the full form, `{mount: back, to: plate.servo_seat}`, used if one of these keys is there and is not a mount, and the short
-    form, `{back: plate.servo_seat}`.
+    """Combine the schemas of the full form `{mount: back, to: plate.servo_seat}` and the short form `{back: plate.servo_seat}`.
+
+    The full form is used if the key `mount` or `to` exists and is not the name of a mount.
     """
     words = [word for word in ("mount", "to") if word not in mounts]
     full: Schema = dict(_ref("AttachSpec"))

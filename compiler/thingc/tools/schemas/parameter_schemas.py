@@ -22,14 +22,14 @@ Schema = dict[str, Any]
 _NUMBER = r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?"
 _ZERO = r"[-+]?0+(\.0*)?"
 EXPRESSION = r"^\s*="
-"""Pattern of the beginning of an expression."""
+"""Regular expression of the beginning of an expression."""
 
 MAX_BRANCHES = 300
-"""Maximum number of names that language servers should try one by one."""
+"""Maximum number of branches in a schema, because language servers try them one by one."""
 
 
 def quantity(dimension: Dimension) -> Schema:
-    """Return the schema of a quantity with its unit, or an expression. Products of units (`0.1 N*m/N`) are left to the compiler."""
+    """Return the schema of a quantity with its unit, or of an expression. Products of units (`0.1 N*m/N`) are validated by the compiler."""
     units = "|".join(re.escape(name) for name, (_, _, own) in UNITS.items() if own == dimension and name != "%")
     pattern = rf"^\s*(=.*|{_NUMBER}\s*({units}|°|[^\s\d].*[*/·^²³].*)|{_ZERO})\s*$"
     words = dimension.words
@@ -50,17 +50,17 @@ def ratio() -> Schema:
 
 
 def number(kind: str, minimum: Value | None, maximum: Value | None) -> Schema:
-    """Return the schema of a number (an integer if `kind` is one) within bounds, or an expression."""
+    """Return the schema of a number within bounds, or of an expression. `kind` specifies whether it is an integer."""
     bounds = {key: bound for key, bound in (("minimum", minimum), ("maximum", maximum)) if bound is not None}
     plain: Schema = {"type": "integer" if kind in WHOLE else "number", **bounds}
     return {"oneOf": [plain, {"type": "string", "pattern": EXPRESSION}]}
 
 
 def one_of(choices: Iterable[tuple[str, str]], **more: Any) -> Schema:
-    """Return the schema of a text with names to offer, each with its description. Other texts are valid unless `more` restricts them.
+    """Return the schema of a text with suggested names and their descriptions. Other texts are valid unless `more` restricts them.
 
-    It has one `const` per name, not an `enum`, so that language servers show the description of the name that is written. They try all
-    branches for every value, so many names become snippets instead, which are only offered.
+    The schema has one `const` per name instead of an `enum`, so that language servers show the description of the current name. Language
+    servers try all branches for every value, so large numbers of names become snippets, which are only suggested.
     """
     known = list(choices)
     if len(known) > MAX_BRANCHES:
@@ -72,14 +72,14 @@ def one_of(choices: Iterable[tuple[str, str]], **more: Any) -> Schema:
 
 
 def within(low: str | None, high: str | None) -> str:
-    """Format a range: `60 mm to 200 mm`, `at least 0`; empty without bounds."""
+    """Format a range, for example `60 mm to 200 mm` or `at least 0`, or return an empty string without bounds."""
     if low is not None and high is not None:
         return f"{low} to {high}"
     return f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
 
 
 def parse_value(text: str) -> Quantity | None:
-    """Parse a quantity, or None for anything else."""
+    """Parse a quantity. Return None for other text."""
     try:
         return parse_quantity(text)
     except UnitError:
@@ -87,7 +87,7 @@ def parse_value(text: str) -> Quantity | None:
 
 
 def fitting(parameters: Mapping[str, Quantity], dimension: Dimension) -> list[str]:
-    """Return `=name` for the parameters of the document that fit a dimension."""
+    """Return `=name` for the parameters of the document with this dimension."""
     return [f"={name}" for name, value in parameters.items() if fits(value.dimension, dimension)]
 
 
@@ -99,7 +99,7 @@ _KINDS: Mapping[ParameterKind, str] = {
 
 
 def part_schema(part: PartSchema, own: Mapping[str, Quantity]) -> Schema:
-    """Return the schema of the `params:` of a part; `own` are the parameters of the document, for use in expressions."""
+    """Return the schema of the `params:` of a part. `own` are the parameters of the document that expressions can use."""
     required = [one.name for one in part.parameters if one.required]
     return {
         "type": "object", "title": f"Parameters of {part.reference}",
@@ -110,7 +110,7 @@ def part_schema(part: PartSchema, own: Mapping[str, Quantity]) -> Schema:
 
 
 def documentation(part: PartSchema) -> str:
-    """Return the hover text of `part:`: the docstring of a Thing, and its parameters."""
+    """Return the hover text of `part:`: the docstring of the Thing and its parameters."""
     lines = [part.doc.strip() or f"`{part.reference}` has no docstring."]
     facts = []
     if part.parameters and "Args:" not in part.doc:
@@ -147,14 +147,14 @@ def _value(one: ParameterSchema) -> Schema:
 
 
 def _as_number(choice: Any) -> float | int | None:
-    """Return the number that YAML reads for a choice: `12` may be written for "12". None if it does not look like a number."""
+    """Return the number as which YAML parses a choice, for example 12 for "12", or None if it is not a number."""
     if not isinstance(choice, str) or not re.fullmatch(r"-?\d+(\.\d+)?", choice, re.ASCII):
         return None
     return float(choice) if "." in choice else int(choice)
 
 
 def _plain(one: ParameterSchema) -> Any:
-    """Return the default as written in a document: numbers and flags as such, quantities as text."""
+    """Return the default as in a document: numbers and flags as such, and quantities as text."""
     default = one.default
     if isinstance(default, (bool, str)) or one.kind in ("number", *WHOLE):
         return default
@@ -162,7 +162,7 @@ def _plain(one: ParameterSchema) -> Any:
 
 
 def _sentence(doc: str) -> str:
-    """Format a docstring as a sentence with a space after it; empty if there is none."""
+    """Format a docstring as a sentence followed by a space, or return an empty string if there is none."""
     return f"{doc[0].upper()}{doc[1:]}{'' if doc.endswith(('.', '!', '?')) else '.'} " if doc else ""
 
 
@@ -183,7 +183,7 @@ def _description(one: ParameterSchema) -> str:
 
 
 class ParameterSymbol(FrozenStruct):
-    """A parameter as written; missing keys are empty."""
+    """A parameter as in the document. Missing keys are empty."""
 
     value: str
     minimum: str = ""
@@ -192,7 +192,7 @@ class ParameterSymbol(FrozenStruct):
 
 
 class DocumentSymbols(FrozenStruct):
-    """The header and parameters of a document; `kind` is empty if it has none. `whole`: it could be parsed."""
+    """The header and parameters of a document. `kind` is empty if unknown, and `whole` specifies whether it could be parsed."""
 
     kind: str
     whole: bool = True
@@ -205,7 +205,7 @@ _KIND = re.compile(rb"""^[^#\n]*thingc["']?[ \t]*[:=][ \t]*["']?(\w+)/""", re.MU
 
 
 def read_symbols(path: str) -> DocumentSymbols:
-    """Read the symbols of a file; if it cannot be parsed, only its kind."""
+    """Read the symbols of a file. If it cannot be parsed, read only its kind."""
     try:
         data = beginning(path, 10_000_001)
     except OSError:
@@ -218,7 +218,7 @@ def read_symbols(path: str) -> DocumentSymbols:
 
 
 def symbols_of(tree: MappingNode) -> DocumentSymbols:
-    """Return the symbols of a tree, as far as they are valid."""
+    """Return the valid symbols of a tree."""
     return DocumentSymbols(
         kind=text_of(tree.entries.get("thingc")).strip().partition("/")[0], name=text_of(tree.entries.get("name")).strip(),
         description=" ".join(text_of(tree.entries.get("description")).split()),
@@ -234,7 +234,7 @@ def _parameter(node: Node) -> ParameterSymbol:
 
 
 def parameters_schema(document: str, symbols: DocumentSymbols) -> Schema:
-    """Return the schema of the `parameters:` that a parent sets in a nested document."""
+    """Return the schema of the `parameters:` that a parent document sets in a nested document."""
     return {
         "type": "object", "title": f"Parameters of {document}", "description": symbols.description or f"The parameters of `{document}`.",
         "properties": {name: _schema(name, one) for name, one in symbols.parameters.items()}, "additionalProperties": False,
@@ -260,7 +260,7 @@ def _schema(name: str, one: ParameterSymbol) -> Schema:
 
 
 def of_variants(general: Schema, assembly: DocumentSymbols | None, others: Mapping[str, DocumentSymbols]) -> Schema:
-    """Return the schema of a variants document: possible assemblies, and the parameters of its assembly."""
+    """Return the schema of a variants document with the possible assemblies, and the parameters of its assembly."""
     schema = copy.deepcopy(general)
     fields: Schema = schema["properties"]
     choices = [(name, one.description or one.name) for name, one in others.items()]
@@ -278,5 +278,5 @@ def of_variants(general: Schema, assembly: DocumentSymbols | None, others: Mappi
 
 
 def near(document: str, other: str) -> str:
-    """Return the relative path of another document from a document; both are paths in the workspace."""
+    """Return the path of another document relative to a document. Both paths are relative to the workspace."""
     return os.path.relpath(other, os.path.dirname(document) or ".").replace(os.sep, "/")

@@ -1,4 +1,4 @@
-"""The schemas of a workspace: write them to `.thingc/schema/`, or compute that of one document as typed; and their parts."""
+"""Generate the schemas of a workspace in `.thingc/schema/`, or the schema of one unsaved document."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from thingc.tools.schemas.parameter_schemas import DocumentSymbols, near, of_var
 
 
 class AvailableParts(Protocol):
-    """A source of parts that can list them: a geometry service, or a wrapper of one."""
+    """A source of parts that can list all of them, such as a geometry service."""
 
     def catalogue(self) -> list[str]:
         """Return `module:Class` of every reachable public class."""
@@ -49,7 +49,7 @@ class AvailableParts(Protocol):
 
 @dataclass(slots=True)
 class Parts:
-    """A cache of the answers of a source of parts."""
+    """A cache of the results of a source of parts."""
 
     service: AvailableParts
     schemas: dict[str, PartSchema | PartFailure] = field(default_factory=dict)
@@ -75,18 +75,18 @@ class Parts:
         return self.records
 
     def things(self) -> dict[str, PartSchema]:
-        """Return the schemas of reachable Things, and of other parts that are named, by reference."""
+        """Return the schemas of reachable Things and of other parts that documents use, by reference."""
         return {
             name: one for name, one in sorted(self.schemas.items())
             if isinstance(one, PartSchema) and (one.kind == "thing" or name not in (self._reach or ()))
         }
 
     def defaults(self) -> dict[str, PartDefinition]:
-        """Return the definition of each Thing with default parameters, if it has one."""
+        """Return the definition with default parameters of each Thing that has one."""
         return {name: made for name, one in self.things().items() if (made := one.default) is not None}
 
     def usual(self, definitions: Iterable[PartDefinition]) -> dict[str, Names]:
-        """Return the usual mounts of each part: those with default parameters, else of the first known definition."""
+        """Return the default mounts of each part: its mounts with default parameters, or else the mounts of its first known definition."""
         mounts: dict[str, Names] = {}
         defaults = self.defaults()
         for one in (*defaults.values(), *sorted(definitions, key=lambda one: one.text)):
@@ -106,9 +106,9 @@ class Parts:
 
 
 class ParsedDocument(FrozenStruct):
-    """A document with those that it names, and the parts (`references`) of all of them.
+    """A document with the documents that it refers to, and the parts (`references`) of all of them.
 
-    `broken`: it is not well-formed, and only partly read.
+    `broken` specifies that it is not well-formed and was only partly read.
     """
 
     documents: Documents
@@ -122,13 +122,13 @@ class ParsedDocument(FrozenStruct):
         return self.documents.root.kind
 
     def model(self, workspace: Workspace, schemas: Mapping[str, PartSchema | PartFailure]) -> AssemblyDefinition | None:
-        """Return the model of its valid part, or None if there is none."""
+        """Return the model of its valid part, or None if it has none."""
         sources = Sources(workspace=workspace, documents=self.documents, specs=self.specs, schemas=schemas)
         return resolve(sources, Settings(), Report())
 
 
 def read_document(path: str, workspace: Workspace) -> ParsedDocument | None:
-    """Read a document, or None if nothing of it can be read. Its errors are not reported here: `thingc check` does that."""
+    """Read a document. Return None if no part of it can be read. Errors are not reported here, but by `thingc check`."""
     report = Report()
     documents = load(path, workspace, report, kinds=KINDS)
     if documents is None:
@@ -142,17 +142,20 @@ def read_document(path: str, workspace: Workspace) -> ParsedDocument | None:
 
 
 LOOK = 1.0
-"""Maximum age [s] of the symbols of other documents while a user types."""
+"""Maximum age [s] of the symbols of other documents while the user types."""
 
 MAX_OTHERS = 100
-"""Maximum number of documents of a workspace to offer, the nearest first."""
+"""Maximum number of documents in a workspace that are suggested, the nearest first."""
 
 
 class RefreshOutcome(FrozenStruct):
-    """The result of writing schemas, as paths of documents in the workspace.
+    """The result of writing schemas. Documents are given by their paths in the workspace.
 
-    `documents` are all of them; for `written` ones the schema has changed; `kept` ones cannot be read now and keep their last schema; for
-    `removed` ones, which no longer exist, it was deleted.
+    Attributes:
+        documents: All documents.
+        written: The documents whose schema has changed.
+        kept: The documents that cannot be read now, so their last schema remains.
+        removed: The deleted documents, whose schema was deleted.
     """
 
     documents: tuple[str, ...]
@@ -162,7 +165,7 @@ class RefreshOutcome(FrozenStruct):
 
 
 class Schemas:
-    """The schemas of one workspace, with parts from `geometry`."""
+    """The schemas of one workspace. Its parts are described by `geometry`."""
 
     def __init__(self, workspace: Workspace, geometry: AvailableParts) -> None:
         self.workspace = workspace
@@ -179,12 +182,12 @@ class Schemas:
         if os.path.exists(own):
             paths.append(own)
         stats = {path: stat_of(path) for path in paths}
-        # Editors may empty a file before they write it: keep the document.
+        # editors may empty a file before they write it, so do not remove its schema
         emptied = {path: stat for path in self._seen if path not in stats and (stat := stat_of(path)) is not None and stat[1] == 0}
         return stats | emptied
 
     def _look(self) -> dict[str, str]:
-        """Return the paths in the workspace of all documents, by absolute path, and update the symbols of changed ones."""
+        """Return the paths in the workspace of all documents by absolute path, and update the symbols of changed documents."""
         before, self._seen = self._seen, self._scan()
         names = {path: self.workspace.relative(path) for path in self._seen}
         for gone in set(self._symbols) - set(names.values()):
@@ -197,7 +200,7 @@ class Schemas:
         return names
 
     def write(self, only: Collection[str] | None = None) -> RefreshOutcome:
-        """Write the changed schemas of all documents, or of `only` these (absolute paths). Raises OSError."""
+        """Write the changed schemas of all documents, or only of the documents `only` (absolute paths). Raises OSError."""
         names = self._look()
         read = {name: one for path, name in names.items() if (one := read_document(path, self.workspace)) is not None}
         schemas = self._parts.describe(dict.fromkeys(reference for one in read.values() for reference in one.references))
@@ -226,10 +229,9 @@ class Schemas:
         self, path: str, tree: MappingNode, model: AssemblyDefinition | None, records: Records,
         known: Mapping[str, PartSchema | PartFailure],
     ) -> dict[str, Any] | None:
-        """Return the schema of a document (absolute path) as typed, with the current state of other files, or None for unknown kinds.
+        """Return the schema of an unsaved document (absolute path) with the current state of other files, or None for unknown kinds.
 
-        `model` and `records` are those of the valid part of its `tree`; `known` are the schemas of the parts that it names. Nothing is
-        written.
+        `model` and `records` belong to the valid part of its `tree`. `known` are the schemas of the parts that it uses. No file is written.
         """
         if time.monotonic() - self._looked > LOOK:
             self._look()
@@ -264,7 +266,7 @@ class Schemas:
         )
 
     def _write(self, name: str, reading: ParsedDocument | None, model: AssemblyDefinition | None, usual: Mapping[str, Any]) -> bool | None:
-        """Write the schema of a document; return whether it changed. None if the document is broken: it keeps its last schema."""
+        """Write the schema of a document. Return whether it changed, or None if the document is broken, so its last schema remains."""
         root, kind = self.workspace.root, reading.kind if reading is not None else self._symbols[name].kind
         if (reading is None or reading.broken) and load_schema(root, name):
             return None
@@ -287,7 +289,7 @@ class Schemas:
         return write_schema(root, name, schema)
 
     def _last_references(self, name: str) -> list[str]:
-        """Return the parts in the last schema of a document, if a module cannot be parsed now; else nothing."""
+        """Return the parts in the last schema of a document if a module cannot be parsed now, else nothing."""
         if not self._parts.unreadable:
             return []
         definitions = load_schema(self.workspace.root, name).get("$defs", {})
@@ -307,12 +309,12 @@ SCHEMAS = ".thingc/schema"
 
 
 def schema_path(relative: str) -> str:
-    """Return the path of the schema of a document; both paths are in the workspace, with `/`."""
+    """Return the path of the schema of a document. Both paths are relative to the workspace, with `/`."""
     return f"{SCHEMAS}/{relative}.json"
 
 
 def load_schema(root: str, relative: str) -> dict[str, Any]:
-    """Read the last written schema of a document; empty if there is none."""
+    """Read the last schema of a document, or return an empty mapping if there is none."""
     try:
         with open(os.path.join(root, schema_path(relative)), encoding="utf-8") as stream:
             schema = json.load(stream)
@@ -322,9 +324,9 @@ def load_schema(root: str, relative: str) -> dict[str, Any]:
 
 
 def write_schema(root: str, relative: str, schema: dict[str, Any]) -> bool:
-    """Write the schema of a document if it has changed; return whether it has. Raises OSError.
+    """Write the schema of a document if it has changed. Return whether it has. Raises OSError.
 
-    It is a single line, which is ten times faster to write than indented JSON.
+    The JSON text is on a single line, because writing indented JSON takes ten times longer.
     """
     ignored = os.path.join(root, ".thingc", ".gitignore")
     if not os.path.exists(ignored):
@@ -333,13 +335,13 @@ def write_schema(root: str, relative: str, schema: dict[str, Any]) -> bool:
 
 
 def write_text(path: str, text: str) -> bool:
-    """Write a file and the folder that it is in, unless it has the same text already. Returns whether it was written. Raises `OSError`."""
+    """Write a file and create its folder, unless the file already has the same text. Return whether it was written. Raises `OSError`."""
     os.makedirs(os.path.dirname(path), exist_ok=True)
     return write_whole(os.path.realpath(path), text.encode())
 
 
 def remove_others(root: str, documents: Iterable[str]) -> list[str]:
-    """Remove the schemas of documents that no longer exist; return the paths of the documents in the workspace."""
+    """Remove the schemas of documents that no longer exist. Return the paths of these documents in the workspace."""
     top = os.path.join(root, SCHEMAS)
     kept = set(documents)
     removed: list[str] = []

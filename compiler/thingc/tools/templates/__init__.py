@@ -14,7 +14,7 @@ TEMPLATES = {
     "gripper": "a gripper with one servo: two gears, and fingers kept parallel by loops",
     "empty": "two parts and a joint",
 }
-"""Descriptions of the templates; the first one is the default."""
+"""Descriptions of the templates. The first one is the default."""
 PLACEHOLDER = "my_robot"
 _HERE = Path(__file__).parent
 
@@ -37,12 +37,12 @@ def files_of(template: str, name: str) -> dict[str, bytes]:
 
 
 def new_part(name: str, material: str | None) -> str:
-    """Return a module of parts with one class, with a default material (None: the document must set it)."""
+    """Return a module of parts with one class. `material` is its default material, or None if the document must set it."""
     text = (_HERE / "stubs" / "part.py").read_text(encoding="utf-8")
     stated = "" if material is None else f'material="{material}"'
     return text.replace("MyPart", name).replace('material="pla"', stated)
 
 
 def new_assembly(name: str, suffix: str) -> str:
-    """Return an assembly document with one frame; `suffix` is `.yaml` or `.toml`."""
+    """Return an assembly document with one frame. `suffix` is `.yaml` or `.toml`."""
     return (_HERE / "stubs" / f"assembly{suffix}.txt").read_text(encoding="utf-8").replace("NAME", name)
