@@ -1,4 +1,4 @@
-"""Switch modes at run time: convert the state of a robot with one root to the state of the same robot with another.
+"""Switch modes at run time: convert the state of a robot with one root to the state of the same robot with another root.
 
     from thingc.modes import Modes
 
@@ -6,12 +6,12 @@
     robot.switch(("bench", bench_data), ("adrift", adrift_data))      # fills the second `mujoco.MjData` from the first
     mujoco.mj_forward(adrift_model, adrift_data)
 
-q and v of the joints do not change, because they mean the same in every mode; forward kinematics gives the pose and twist of the new base.
-This is exact for a free base, and for a held base whose root link is at rest. If the base is held while its link moves, `on_motion`
-specifies what happens. Requires numpy, but not MuJoCo: its objects are used by their attributes.
+q and v of the joints do not change, because they have the same meaning in every mode. Forward kinematics gives the pose and twist of the
+new base. This is exact for a free base, and for a held base whose root link is at rest. If the base is held while its link moves,
+`on_motion` specifies what happens. The package requires numpy, but not MuJoCo: it only uses attributes of MuJoCo objects.
 
-Conventions are MuJoCo's: quaternions (w, x, y, z); the twist of a link is the linear velocity of its frame's origin in world
-axes, then the angular velocity in the link's own axes, as for a free joint.
+Conventions are MuJoCo's. Quaternions are (w, x, y, z). The twist of a link is the linear velocity of its frame's origin in world axes,
+followed by the angular velocity in the link's own axes, as for a free joint.
 """
 
 from __future__ import annotations

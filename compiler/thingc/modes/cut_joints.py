@@ -1,4 +1,4 @@
-"""Coordinates of joints outside the tree of a mode, computed from the poses and twists of their ends."""
+"""Coordinates of joints outside the tree of a mode, computed from the poses and twists of the two ends."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from thingc.modes.frames import Array, adjoint, exponential, inverse, logarithm,
 from thingc.modes.tree import Cut, Mode
 
 STEPS = 50
-"""Maximum number of iterations of Newton's method; a joint with one coordinate needs one."""
+"""Maximum number of iterations of Newton's method. A joint with one coordinate needs one iteration."""
 
 
 def coordinates(cut: Cut, X_AB: Array, usual: Sequence[float]) -> Array:
@@ -24,7 +24,7 @@ def coordinates(cut: Cut, X_AB: Array, usual: Sequence[float]) -> Array:
     q = np.array(usual, dtype=float)
     for k, twist in enumerate(cut.twists):
         pitch = float(twist[:3] @ twist[3:])
-        if pitch != 0.0:  # the advance of a screw determines the number of turns
+        if pitch != 0.0:  # the translation of a screw determines the number of turns
             turns = float(twist[:3] @ X_AB[:3, 3]) / pitch
             q[k] += math.tau * round((turns - q[k]) / math.tau)
     for _ in range(STEPS):
@@ -37,13 +37,13 @@ def coordinates(cut: Cut, X_AB: Array, usual: Sequence[float]) -> Array:
 
 
 def usual(mode: Mode, cut: Cut) -> list[float]:
-    """Return the values of the joint's coordinates in the mode's first pose."""
+    """Return the values of the joint's coordinates in the first pose of the mode."""
     first: Mapping[str, float] = next(iter(mode.named.values()), {})
     return [first.get(name, 0.0) for name in cut.coordinates]
 
 
 def freedoms(cut: Cut, q: Array, X_WB: Array) -> Array:
-    """Return (n, 6): the velocity of end B, at X_WB (4, 4), relative to A, per unit of each coordinate at q (n,).
+    """Return the velocity (6, n) of end B relative to A per unit of each coordinate, for end B at X_WB (4, 4) and coordinates q (n,).
 
     Rows are the velocity of B's origin, then the angular velocity, in world axes.
     """
@@ -55,7 +55,7 @@ def freedoms(cut: Cut, q: Array, X_WB: Array) -> Array:
 
 
 def _moved(cut: Cut, q: Array) -> tuple[Array, Array]:
-    """Return the pose (4, 4) of A after moving it by the coordinates, and their twists (n, 6) in this frame."""
+    """Return the pose (4, 4) of A after the motion by the coordinates, and the twists (n, 6) of the coordinates in this frame."""
     X, seen = np.eye(4), np.zeros((len(q), 6))
     for k in range(len(q) - 1, -1, -1):
         seen[k] = adjoint(inverse(X)) @ cut.twists[k]

@@ -12,18 +12,18 @@ class ModesError(ValueError):
 
 
 class UnknownMode(ModesError, KeyError):
-    """The robot does not have this mode."""
+    """Raised if the robot does not have the requested mode."""
 
     def __str__(self) -> str:
-        return ValueError.__str__(self)  # a KeyError would show the repr
+        return ValueError.__str__(self)  # KeyError would show the repr
 
 
 class WrongData(ModesError):
-    """A `mujoco.MjData` belongs to a model of another mode or variant."""
+    """Raised if a `mujoco.MjData` belongs to the model of another mode or variant."""
 
 
 class BaseMoves(ModesError):
-    """A base must be held still, but its link moves. `twist` (6,) is its motion [m/s, rad/s]."""
+    """Raised if a base must be at rest but its link moves. `twist` (6,) is its velocity [m/s, rad/s]."""
 
     def __init__(self, mode: str, link: str, twist: Array) -> None:
         linear, angular = float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:]))
@@ -35,7 +35,10 @@ class BaseMoves(ModesError):
 
 
 class BaseElsewhere(ModesError):
-    """The link of a fixed base is not at the pose of the mode. `distance` [m] and `angle` [rad] are the difference."""
+    """Raised if the link of a fixed base is not at the pose specified by the mode.
+
+    `distance` [m] and `angle` [rad] are the difference.
+    """
 
     def __init__(self, mode: str, link: str, distance: float, angle: float, tolerance: float) -> None:
         super().__init__(

@@ -16,13 +16,13 @@ def pose(rotation: ArrayLike, position: ArrayLike) -> Array:
 
 
 def inverse(X: Array) -> Array:
-    """Return `X_BA`, given `X_AB` (4, 4)."""
+    """Return the inverse `X_BA` of the pose `X_AB` (4, 4)."""
     back = X[:3, :3].T
     return pose(back, -back @ X[:3, 3])
 
 
 def rotation_of(quaternion: ArrayLike) -> Array:
-    """Return the rotation matrix (3, 3) of a quaternion; it is normalized first, as MuJoCo does in `qpos`."""
+    """Return the rotation matrix (3, 3) of a quaternion, which is normalized first, as MuJoCo does for `qpos`."""
     w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
     return np.array([
         [w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
@@ -34,7 +34,7 @@ def rotation_of(quaternion: ArrayLike) -> Array:
 def quaternion_of(rotation: Array) -> Array:
     """Return the unit quaternion (4,) of a rotation matrix, with its largest component positive.
 
-    Source: Shepperd, "Quaternion from rotation matrix", 1978 (starts with the largest component: accurate to rounding at any angle).
+    Source: Shepperd, "Quaternion from rotation matrix", 1978. It computes the largest component first, so it is accurate at any angle.
     """
     r = rotation
     trace = r[0, 0] + r[1, 1] + r[2, 2]
@@ -50,16 +50,16 @@ def quaternion_of(rotation: Array) -> Array:
 
 
 def turned(axis: Array, angle: float) -> Array:
-    """Return the rotation (3, 3) by `angle` [rad] about a unit axis: Rodrigues' `1 + sin [a]x + (1 - cos) [a]x^2`."""
+    """Return the rotation (3, 3) by `angle` [rad] about a unit axis a, by Rodrigues' formula `1 + sin [a]x + (1 - cos) [a]x^2`."""
     k = cross_matrix(axis)
     rotation: Array = np.eye(3) + np.sin(angle) * k + 2.0 * np.sin(angle / 2.0) ** 2 * (k @ k)
     return rotation
 
 
 def exponential(twist: Array, q: float) -> Array:
-    """Return the pose (4, 4) at q of a motion by `twist` (6,) per unit of q, from the identity at q = 0.
+    """Return the pose (4, 4) at q of a motion with the twist `twist` (6,) per unit of q, which is the identity at q = 0.
 
-    The angular part (a unit vector or 0) comes first; the linear part is parallel to it, or the angular part is 0.
+    The angular part comes first and must be a unit vector or 0. If it is not 0, the linear part must be parallel to it.
     """
     if not twist[:3].any():
         return pose(np.eye(3), twist[3:] * q)
@@ -67,7 +67,7 @@ def exponential(twist: Array, q: float) -> Array:
 
 
 def rotation_vector(rotation: Array) -> Array:
-    """Return the rotation vector (3,), the axis times the angle [rad] from 0 to pi, of a rotation (3, 3)."""
+    """Return the rotation vector (3,) of a rotation (3, 3): the unit axis times the angle [rad] from 0 to pi."""
     w = quaternion_of(rotation)
     w = -w if w[0] < 0.0 else w
     size = float(np.linalg.norm(w[1:]))
@@ -76,7 +76,7 @@ def rotation_vector(rotation: Array) -> Array:
 
 
 def logarithm(X: Array) -> Array:
-    """Return (6,): the rotation vector [rad] and the translation [m] of a pose near the identity."""
+    """Return the rotation vector [rad] and the translation [m] of a pose near the identity as one vector (6,)."""
     return np.concatenate([rotation_vector(X[:3, :3]), X[:3, 3]])
 
 
@@ -90,13 +90,13 @@ def adjoint(X: Array) -> Array:
 
 
 def cross_matrix(v: Array) -> Array:
-    """Return `[v]x` (3, 3), the matrix whose product with w is v x w."""
+    """Return the matrix `[v]x` (3, 3), whose product with w is v x w."""
     x, y, z = v
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def angle_between(one: Array, other: Array) -> float:
-    """Return the angle [rad] between two rotations (3, 3), accurate near 0."""
+    """Return the angle [rad] between two rotations (3, 3). It is accurate for small angles."""
     difference = one.T @ other
     sine = np.linalg.norm([difference[2, 1] - difference[1, 2], difference[0, 2] - difference[2, 0], difference[1, 0] - difference[0, 1]])
     return float(np.arctan2(sine, np.trace(difference) - 1.0))

@@ -1,4 +1,4 @@
-"""A perfectly inelastic impact: the velocity of a robot after the held links of a mode stop instantly."""
+"""Perfectly inelastic impact: compute the velocity of a robot after the held links of a mode stop instantly."""
 
 from __future__ import annotations
 
@@ -18,9 +18,11 @@ from thingc.modes.tree import Cut, Hold, Inertias, Mode
 class Impact(OneLineRepr):
     """The effect of a switch on a held link.
 
-    `removed` (6,) is the twist [m/s, rad/s] that was removed; for a hold that lets the link turn about the mount, the velocity of the
-    mount's origin, and 0. `impulse` (6,) is the impulse of an inelastic impact (0 without one): linear [N s] in world axes, angular [N m s]
-    about the link frame's origin in its own axes.
+    Attributes:
+        removed: The twist (6,) [m/s, rad/s] that was removed. For a hold that allows rotation about the mount, it is the velocity of the
+            mount's origin, followed by zeros.
+        impulse: The impulse (6,) of the impact, or 0 without impact: linear [N s] in world axes, and angular [N m s] about the origin of
+            the link frame in the axes of the link.
     """
 
     removed: Array
@@ -30,13 +32,13 @@ class Impact(OneLineRepr):
 def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> tuple[RobotState, Array, Mapping[str, Array]]:
     """Return the state after a perfectly inelastic impact with all held links of `mode`, and the impulses.
 
-    These are the impulse (6,) on the root link, and those on its holds by path.
+    The impulses are the impulse (6,) on the root link, and the impulses on the other holds by path.
 
-    Let C u = 0 be the constraints of the mode on the velocity u = (base twist, v): root link (unless free) and held links stand still,
-    mimic joints follow their leaders, loops stay closed. Their impulses p change u by `M (u' - u) = C^T p` with C u' = 0. With a basis N of
-    the allowed motions, u' = N w and `N^T M N w = N^T M u`: the projection of u that is orthogonal in the metric M. It is the nearest
-    allowed motion, and loses the kinetic energy of the difference (Carnot's theorem). If constraints are redundant, p is the solution of
-    least norm.
+    Let C u = 0 be the constraints of the mode on the velocity u = (base twist, v): the root link (unless free) and held links are at rest,
+    mimic joints follow their leaders, and loops stay closed. The impulses p of the constraints change u by `M (u' - u) = C^T p` with C u' =
+    0. With a basis N of the allowed motions, u' = N w and `N^T M N w = N^T M u`, which is the orthogonal projection of u in the metric M.
+    The result is the nearest allowed motion, and the kinetic energy of the difference is lost (Carnot's theorem). If constraints are
+    redundant, p is the solution of least norm.
     """
     M = mode.mass_matrix(state, inertias)
     u = mode.velocity(state)
@@ -60,7 +62,7 @@ def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> t
 
 
 def _allowed(mode: Mode, state: RobotState) -> tuple[Array, Array]:
-    """Return (n, k), a basis of the velocities that the mode allows, and (r, n), the constraints: root link, holds, mimics, loops."""
+    """Return a basis (n, k) of the velocities that the mode allows, and its constraints (r, n): root link, holds, mimics and loops."""
     n = 6 + len(mode.joints)
     moves, stays = _base(mode, state)
     base = np.hstack([stays, np.zeros((len(stays), n - 6))])
@@ -78,7 +80,7 @@ def _allowed(mode: Mode, state: RobotState) -> tuple[Array, Array]:
 
 
 def _base(mode: Mode, state: RobotState) -> tuple[Array, Array]:
-    """Return (6, k), a basis of the twists that the root link can have, and (6 - k, 6), the constraints on its twist."""
+    """Return a basis (6, k) of the allowed twists of the root link, and the constraints (6 - k, 6) on its twist."""
     if mode.base == "free":
         return np.eye(6), np.zeros((0, 6))
     if mode.part is None:
@@ -88,24 +90,24 @@ def _base(mode: Mode, state: RobotState) -> tuple[Array, Array]:
 
 
 def _held(hold: Hold, X: Array, J: Array) -> Array:
-    """Return the velocity constraints of a hold for a link at X (4, 4) with the Jacobian J (6, n).
+    """Return the velocity constraints of a hold for a link at X (4, 4).
 
-    J is that of the link, or (3, n) of the origin of a mount that may turn.
+    J is the Jacobian (6, n) of the link, or the Jacobian (3, n) of the mount's origin if the hold allows rotation.
     """
     return J[:3] - cross_matrix(X[:3, :3] @ hold.X_LM[:3, 3]) @ J[3:] if hold.turns else J
 
 
 def at_point(hold: Hold, X: Array, twist: Array) -> Array:
-    """Return (6,): the velocity [m/s] of the origin of a held mount in world axes, and zeros, for a link at X (4, 4).
+    """Return the velocity [m/s] of the origin of a held mount in world axes, followed by zeros (6,), for a link at X (4, 4).
 
-    `twist` (6,) is the link's: velocity of its frame's origin in world axes, angular velocity in its own axes.
+    `twist` (6,) is the twist of the link: the velocity of its frame's origin in world axes, and the angular velocity in its own axes.
     """
     linear = twist[:3] + np.cross(X[:3, :3] @ twist[3:], X[:3, :3] @ hold.X_LM[:3, 3])
     return np.concatenate([linear, np.zeros(3)])
 
 
 def _mimics(mode: Mode, state: RobotState) -> Array:
-    """Return (r, n): the constraints of all joints that follow a joint of the tree: v minus the multiple of the leader's v."""
+    """Return the constraints (r, n) of all joints that follow a joint of the tree: v minus the multiple of the leader's v."""
     column = {joint.name: 6 + number for number, joint in enumerate(mode.joints)}
     followers = [joint for joint in mode.joints if joint.mimic is not None and joint.mimic.joint in column]
     rows = np.zeros((len(followers), 6 + len(column)))
@@ -116,7 +118,7 @@ def _mimics(mode: Mode, state: RobotState) -> Array:
 
 
 def _ends_meet(mode: Mode, state: RobotState, cut: Cut, jacobians: tuple[Array, ...]) -> Array:
-    """Return (6 - d, n): the relative velocity of the ends of a cut joint, in the constrained directions of the joint."""
+    """Return the relative velocity (6 - d, n) of the ends of a cut joint in its constrained directions."""
     placed = list(mode.poses(state).values())
     X_WA, X_WB = placed[cut.parent] @ cut.X_PA, placed[cut.child] @ cut.X_CB
     ends = []
@@ -132,7 +134,7 @@ def _ends_meet(mode: Mode, state: RobotState, cut: Cut, jacobians: tuple[Array, 
 
 
 def _null_space(A: Array) -> Array:
-    """Return an orthonormal basis (columns) of the null space of A (r, k); singular values below 1e-10 of the largest count as 0."""
+    """Return an orthonormal basis (columns) of the null space of A (r, k). Singular values below 1e-10 of the largest are treated as 0."""
     _, values, Vt = np.linalg.svd(A)
     rank = int(np.sum(values > 1e-10 * values.max(initial=0.0)))
     basis: Array = Vt[rank:].T

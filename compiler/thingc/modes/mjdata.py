@@ -1,6 +1,6 @@
-"""Read and write the state of a mode in a `mujoco.MjData` by names. The scene can contain other elements besides the robot.
+"""Read and write the state of a mode in a `mujoco.MjData` by name. The scene can contain other elements besides the robot.
 
-MuJoCo itself is not imported: `MjData` provides its model and access by name.
+MuJoCo itself is not imported. `MjData` provides its model and access by name.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FREE = 0
 def check(mode: Mode, data: Any) -> None:
     """Check that `data` belongs to a model of `mode`.
 
-    Raises `WrongData` if it has other links, other parents, another base, or links, joints or mounts in other places.
+    Raises `WrongData` if the model has other links, other parents, another base, or links, joints or mounts at other places.
     """
     model = data.model
     body_of = _bodies(mode, model)
@@ -57,7 +57,10 @@ def check(mode: Mode, data: Any) -> None:
 
 
 def _link_above(model: Any, body: int, links: Collection[int]) -> int:
-    """Return the body of the parent link of `body`, or the world (0). Skip bodies that are not links (`--compat drake` adds some)."""
+    """Return the body of the parent link of `body`, or 0 for the world.
+
+    Bodies that are not links, which `--compat drake` adds, are skipped.
+    """
     above = int(model.body_parentid[body])
     while above and above not in links:
         above = int(model.body_parentid[above])
@@ -65,12 +68,15 @@ def _link_above(model: Any, body: int, links: Collection[int]) -> int:
 
 
 def _free_joint(mode: Mode, data: Any) -> Any:
-    """Return the joint of a free base, whatever its name is."""
+    """Return the joint of a free base. It can have any name."""
     return data.joint(int(data.model.body_jntadr[_bodies(mode, data.model)[mode.root_link]]))
 
 
 def read_state(mode: Mode, data: Any) -> RobotState:
-    """Return the state in `data`. The pose of a fixed base is that of the model; fixed and held bases are at rest. Raises `WrongData`."""
+    """Return the state in `data`. Raises `WrongData`.
+
+    The pose of a fixed base is read from the model. Fixed and held bases are at rest.
+    """
     check(mode, data)
     twist = np.zeros(6)
     if mode.base == "free":
@@ -99,7 +105,7 @@ def read_state(mode: Mode, data: Any) -> RobotState:
 
 
 def write_state(mode: Mode, state: RobotState, data: Any) -> None:
-    """Write a state of `mode` to `data`: qpos, qvel and mocap pose of the robot, nothing else. Raises `WrongData`."""
+    """Write a state of `mode` to `data`: only qpos, qvel and the mocap pose of the robot. Raises `WrongData`."""
     check(mode, data)
     position, quaternion = state.base_pose[:3, 3], quaternion_of(state.base_pose[:3, :3])
     if mode.base == "free":
@@ -124,7 +130,7 @@ def write_state(mode: Mode, state: RobotState, data: Any) -> None:
 
 
 def carry(modes: tuple[Mode, Mode], source: Any, target: Any) -> tuple[str, ...]:
-    """Copy values that a switch preserves besides the motion from `source` to `target`. Return the actuators that only `target` has.
+    """Copy from `source` to `target` the values that a switch preserves in addition to the motion. Return the actuators only in `target`.
 
     These values are the time, the controls and activations by actuator, and the joint accelerations for the solver's warm start. The
     controls of the returned actuators do not change.
@@ -154,7 +160,7 @@ def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
 
 
 def hold_here(mode: Mode, state: RobotState, data: Any) -> None:
-    """Move the anchors of a mode's other holds to the held links in `state` (if the hold lets the link turn: to the mount's origin).
+    """Move the anchors of a mode's other holds to the held links in `state`, or to the mount's origin if a hold allows rotation.
 
     With a fixed base, the holds of the model are not moved.
     """
@@ -175,7 +181,7 @@ def bolted(mode: Mode, data: Any) -> Array:
 
 
 def inertias(mode: Mode, data: Any) -> Inertias:
-    """Return the current inertias in the model of `data` (of any mode), in the order of `mode`'s tree."""
+    """Return the current inertias in the model of `data`, which can belong to any mode, in the order of `mode`'s tree."""
     model = data.model
     body_of = _bodies(mode, model)
     bodies = [body_of[link.name] for link in mode.links]
@@ -191,7 +197,7 @@ def inertias(mode: Mode, data: Any) -> Inertias:
 
 
 def _bodies(mode: Mode, model: Any) -> dict[str, int]:
-    """Return the bodies by name. A massless intermediate link, which has no body, is mapped to the body behind it."""
+    """Return the bodies by link name. A massless intermediate link has no body and is mapped to the body that follows it."""
     body_of = {model.body(number).name: number for number in range(model.nbody)}
     for joint in reversed(mode.joints):
         parent, child = mode.links[joint.parent], mode.links[joint.child]
@@ -206,6 +212,6 @@ def _actuators(model: Any) -> dict[str, int]:
 
 
 def _activation(model: Any, actuator: int) -> slice:
-    """Return the slice of an actuator's activation in `act` (empty if it has none)."""
+    """Return the slice of an actuator's activation in `act`, which is empty if it has none."""
     first, count = int(model.actuator_actadr[actuator]), int(model.actuator_actnum[actuator])
     return slice(first, first + count) if first >= 0 else slice(0, 0)

@@ -20,7 +20,7 @@ VERSION = 2
 
 
 def load_modes(path: str | os.PathLike[str]) -> dict[str, Mode]:
-    """Load the modes of a build folder or a `modes.json`. Raises `FileNotFoundError`, and `ModesError` if it is invalid."""
+    """Load the modes from a build folder or a `modes.json`. Raises `FileNotFoundError`, and `ModesError` if the file is invalid."""
     place = os.fspath(path)
     if os.path.isdir(place):
         place = os.path.join(place, FILE)
@@ -31,7 +31,7 @@ def load_modes(path: str | os.PathLike[str]) -> dict[str, Mode]:
 
 
 def parse(text: str | bytes, name: str = FILE) -> dict[str, Mode]:
-    """Parse the text of a `modes.json`; `name` is used in errors. Raises `ModesError`."""
+    """Parse the text of a `modes.json`. `name` is used in error messages. Raises `ModesError`."""
     try:
         modes: Mapping[str, Any] = json.loads(text)
         return {mode: _mode(mode, described) for mode, described in modes.items()}
@@ -95,7 +95,7 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
 
 
 def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[Joint]:
-    """Yield the coordinates of a joint in the order of the mode's tree: if reversed, from last to first, with inverted motions."""
+    """Yield the coordinates of a joint in the order of the mode's tree. For a reversed joint, the order and the motions are inverted."""
     back = bool(described["reversed"])
     before, after = _array(described["X_PJ"], 4, 4), inverse(_array(described["X_CJ"], 4, 4))
     if back:

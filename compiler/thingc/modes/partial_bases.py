@@ -1,4 +1,4 @@
-"""Bases with partial mobility: `planar` in the x-y plane of a frame A that is fixed in the world, `ball` about the origin of A.
+"""Bases with partial mobility: `planar` in the x-y plane of a frame A that is fixed in the world, and `ball` about the origin of A.
 
 Let X_WR be the pose of the root link, X0_WR its pose in the mode, and M the motion in A. Then X_WR = X_WA M inv(X_WA) X0_WR. MuJoCo
 represents M as two slides and a hinge about z, or as a quaternion in the axes of the root link.
@@ -18,7 +18,7 @@ from thingc.modes.frames import Array, inverse, pose, quaternion_of, rotation_of
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PartBase(OneLineRepr):
-    """Mobility of the root link: `kind` is `planar` or `ball`. `X_WA` and `X0_WR` (4, 4) are defined above."""
+    """Mobility of the root link. `kind` is `planar` or `ball`. The module defines `X_WA` and `X0_WR` (4, 4)."""
 
     kind: Literal["planar", "ball"]
     X_WA: Array
@@ -47,7 +47,7 @@ class PartBase(OneLineRepr):
         return self.X_WA @ M @ inverse(self.X_WA) @ self.X0_WR
 
     def qvel(self, X: Array, twist: Array) -> Array:
-        """Return MuJoCo's `qvel` (3,) for the root link at X with a twist (6,); components in constrained directions are dropped."""
+        """Return MuJoCo's `qvel` (3,) for the root link at X with a twist (6,). Components in constrained directions are ignored."""
         if self.kind == "ball":
             return twist[3:]
         R, spin = self.X_WA[:3, :3], X[:3, :3] @ twist[3:]
@@ -65,12 +65,12 @@ class PartBase(OneLineRepr):
         return np.concatenate([linear + np.cross(spin, X[:3, 3] - self._carried(X)), X[:3, :3].T @ spin])
 
     def motions(self, X: Array) -> Array:
-        """Return (6, 3): the possible twists at X, per unit of each entry of `qvel`."""
+        """Return the possible twists (6, 3) at X per unit of each entry of `qvel`."""
         return np.array([self.twist(X, unit) for unit in np.eye(3)]).T
 
     def _motion(self, X: Array) -> Array:
         return inverse(self.X_WA) @ X @ inverse(self.X0_WR) @ self.X_WA
 
     def _carried(self, X: Array) -> Array:
-        """Return (3,): the current position of the point that was at the origin of A, for the root link at X."""
+        """Return the current position (3,) of the point that was at the origin of A, for the root link at X."""
         return (self.X_WA @ self._motion(X))[:3, 3]

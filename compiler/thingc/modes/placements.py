@@ -1,4 +1,4 @@
-"""Check that a `mujoco.MjModel` has the dimensions of a mode; other variants have the same links, joints and mounts at other poses."""
+"""Check that a `mujoco.MjModel` has the dimensions of a mode. Other variants have the same links, joints and mounts with other poses."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ PLACES = ("names", "body_parentid", "body_pos", "body_quat", "jnt_type", "jnt_po
 
 @lru_cache(maxsize=64)
 def _accepted(mode: Mode) -> list[list[bytes]]:
-    """Return a cached list with the fields of the last accepted model: most calls are for the same one."""
+    """Return a cached list with the fields of the last accepted model, because most calls use the same model."""
     return []
 
 
 @lru_cache(maxsize=64)
 def _motions(mode: Mode) -> Array:
-    """Return (links, 6, joints): the twist of each link per unit of each v at q = 0, in the axes of the root link."""
+    """Return the twist of each link per unit of each v at q = 0 in the axes of the root link, as an array (links, 6, joints)."""
     return np.array(mode.jacobians(mode.state(base_pose=np.eye(4))))[:, :, 6:]
 
 
@@ -72,7 +72,7 @@ def _distances(mode: Mode, model: Any, body_of: Mapping[str, int]) -> Iterator[t
 
 
 def _frames(mode: Mode) -> Iterator[tuple[int, str, Array, bool]]:
-    """Yield the frames on links that are sites of the model: index of the link, name, pose, and whether only its position counts."""
+    """Yield the frames on links that are sites of the model: index of the link, name, pose, and whether only the position is compared."""
     for hold in mode.holds:
         yield hold.link, hold.anchor.removesuffix(":held"), hold.X_LM, hold.turns
     for cut in mode.cuts:
@@ -81,7 +81,7 @@ def _frames(mode: Mode) -> Iterator[tuple[int, str, Array, bool]]:
 
 
 def _motion(model: Any, name: str, X: Mapping[int, Array], here: Array, joint: Any) -> Array:
-    """Return (6,): the twist at the point `here` per unit of v at q = 0, of the body that a joint of the model moves."""
+    """Return the twist (6,) at the point `here` per unit of v at q = 0 of the body that a joint of the model moves."""
     one = model.joint(name)
     place = X[int(one.bodyid[0])]
     if joint.ball is None:

@@ -1,4 +1,4 @@
-"""All modes of a robot, and switching between them."""
+"""All modes of a robot, and methods to switch between them."""
 
 from __future__ import annotations
 
@@ -27,12 +27,15 @@ CHOICES: tuple[OnMotion, ...] = get_args(OnMotion)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SwitchResult(OneLineRepr):
-    """Result of a switch.
+    """The result of a switch.
 
-    `state` is the state in the new mode. `removed` (6,) is the twist [m/s, rad/s] of the new root link that the base removed (0 if none).
-    `impulse` (6,) is that of the impact on the root link: linear [N s] in world axes and angular [N m s] about its frame's origin in its
-    own axes; 0 unless `on_motion="impact"` removed a motion. `holds` contains the same for other held mounts, by path. `uncommanded` are
-    the actuators that only the new mode has: their controls do not change.
+    Attributes:
+        state: The state in the new mode.
+        removed: The twist (6,) [m/s, rad/s] of the new root link that the base removed, or 0.
+        impulse: The impulse (6,) of the impact on the root link: linear [N s] in world axes, and angular [N m s] about its frame's origin
+            in its own axes. It is 0 unless `on_motion="impact"` removed a motion.
+        holds: `removed` and `impulse` of the other held mounts, by path.
+        uncommanded: The actuators that only the new mode has. Their controls do not change.
     """
 
     state: RobotState
@@ -52,7 +55,7 @@ class Modes(Mapping[str, Mode]):
     def load(cls, path: str | os.PathLike[str]) -> Modes:
         """Load the modes of a robot from its build folder (`build/arm`) or its `modes.json`.
 
-        Raises `FileNotFoundError` if there is no such file, and `ModesError` if it is not a valid `modes.json`.
+        Raises `FileNotFoundError` if the file does not exist, and `ModesError` if it is not a valid `modes.json`.
         """
         return cls(modes_file.load_modes(path))
 
@@ -80,14 +83,14 @@ class Modes(Mapping[str, Mode]):
         return mjdata.read_state(self[mode], data)
 
     def write(self, state: RobotState, data: Any) -> None:
-        """Write a state to a `mujoco.MjData` of its mode's model: qpos, qvel and mocap pose of the robot, nothing else.
+        """Write a state to a `mujoco.MjData` of its mode's model. Only qpos, qvel and the mocap pose of the robot are changed.
 
-        For a fixed base only the joints are written: the model defines its pose. Raises `WrongData` for data of another model.
+        For a fixed base, only the joints are written, because the model defines its pose. Raises `WrongData` for data of another model.
         """
         mjdata.write_state(self[state.mode], state, data)
 
     def inertias(self, mode: str, data: Any) -> Inertias:
-        """Return the current inertias in the model of `data` (of any mode), in the order of the tree of `mode`."""
+        """Return the current inertias in the model of `data`, which can belong to any mode, in the order of the tree of `mode`."""
         return mjdata.inertias(self[mode], data)
 
     def switch(
@@ -103,18 +106,19 @@ class Modes(Mapping[str, Mode]):
         """Convert the state of `source` to a state of the mode `target`.
 
         `source` is a state, or the name of a mode and its `mujoco.MjData`. `target` is the name of a mode, or a name and the `MjData` to
-        fill: qpos, qvel and mocap pose of the robot, and from a source with data also the time, and controls and activations by actuator
-        name (so the strength of a magnet does not change). Call `mj_forward` on it afterwards. Other elements of the scene do not change.
+        fill. If `MjData` is given for `target`, qpos, qvel and the mocap pose of the robot are written. If `source` has data, the time, and
+        controls and activations by actuator name, are also copied. Other elements of the scene do not change. Call `mj_forward` on it
+        afterwards.
 
-        q and v of the joints do not change; pose and twist of the new root link follow by forward kinematics. If the new base is held or
-        fixed while its link moves faster than `at_rest` [m/s and rad/s], `on_motion` decides: `"raise"` raises `BaseMoves`; `"drop"` keeps
-        the joints' v; `"impact"` computes v after a perfectly inelastic impact (see `caught`), with `inertias`, or by default those of the
-        target's model, else of the source's, else of the build. A fixed base must be at its pose within `tolerance` [m and rad], else
-        `BaseElsewhere` is raised.
+        q and v of the joints do not change. Forward kinematics gives the pose and twist of the new root link. If the new base is held or
+        fixed while its link moves faster than `at_rest` [m/s and rad/s], `on_motion` specifies what happens: `"raise"` raises `BaseMoves`,
+        `"drop"` preserves v of the joints, and `"impact"` computes v after a perfectly inelastic impact (see `caught`). The impact uses
+        `inertias`, or by default the inertias of the target's model, else of the source's model, else of the build. A fixed base must be at
+        its pose within `tolerance` [m and rad], else `BaseElsewhere` is raised.
 
-        The same applies to the links of other holds (for a hold that carries only force, to the held point): they are held where they are,
-        and their anchors, which are mocap bodies, move there; but with a fixed base they must be where the document holds them. Models are
-        never modified, and if an exception (`ModesError`) is raised, no data is.
+        The same applies to the links of other holds, or to the held point if the hold allows rotation. They are held at their current
+        place, and their anchors (mocap bodies) are moved there. With a fixed base, they must be at the place specified in the document.
+        Models are never modified. If an exception (`ModesError`) is raised, no data is modified.
         """
         if on_motion not in CHOICES:
             raise ModesError(f"expected on_motion \"raise\", \"drop\" or \"impact\", found `{on_motion}`")
@@ -137,7 +141,7 @@ class Modes(Mapping[str, Mode]):
 def _placed(state: RobotState, mode: Mode, data: Any, tolerance: float) -> RobotState:
     """Return the state with a base pose that `mode` allows.
 
-    For a fixed base it is that of the model of `data`, if given, else that of the build.
+    The pose of a fixed base is read from the model of `data` if given, else from the build.
     """
     if mode.base == "fixed":
         return _bolted(state, mode, mode.X_world_root if data is None else mjdata.bolted(mode, data), tolerance)
@@ -163,7 +167,7 @@ def _stopped(state: RobotState, mode: Mode, on_motion: OnMotion, at_rest: float,
 
 
 def _known_inertias(mode: Mode, given: Inertias | None, *sources: Any) -> Inertias:
-    """Return `given`, or the inertias in the first `MjData` that is not None. By default, return the inertias of the build."""
+    """Return `given`, or the inertias in the first `MjData` that is not None, or else the inertias of the build."""
     if given is not None:
         return given
     data = next((data for data in sources if data is not None), None)
@@ -171,7 +175,10 @@ def _known_inertias(mode: Mode, given: Inertias | None, *sources: Any) -> Inerti
 
 
 def _seen_from(state: RobotState, old: Mode, new: Mode) -> RobotState:
-    """Return the same motion relative to another root. Coordinates of joints cut by `old` are computed from the motion of their ends."""
+    """Return the same motion relative to another root.
+
+    Coordinates of joints that are cut in `old` are computed from the motion of their ends.
+    """
     poses, twists = old.poses(state), old.twists(state)
     q, v = dict(state.q), dict(state.v)
     for cut in old.cuts:
@@ -184,7 +191,7 @@ def _seen_from(state: RobotState, old: Mode, new: Mode) -> RobotState:
 
 
 def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[str, Array]) -> tuple[Array, Array]:
-    """Return (q, v) of a cut joint from the motion of its ends; angles are within half a turn of their values in the mode's first pose."""
+    """Return (q, v) of a cut joint from the motion of its ends. Angles are within half a turn of their values in the mode's first pose."""
     parent, child = mode.links[cut.parent].name, mode.links[cut.child].name
     X_WA, X_WB = poses[parent] @ cut.X_PA, poses[child] @ cut.X_CB
     q = coordinates(cut, inverse(X_WA) @ X_WB, usual(mode, cut))
@@ -195,9 +202,10 @@ def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[st
 
 
 def _removed(state: RobotState, mode: Mode) -> dict[str, tuple[str, Array]]:
-    """Return the motions stopped by `mode`, keyed by mount path, root first.
+    """Return the motions that `mode` stops by mount path, starting with the root.
 
-    Each is the name of the link and its twist, or, for a hold that lets the link turn, the velocity of the mount's origin, and 0.
+    Each motion is the name of the link and its twist. For a hold that allows rotation, it is the velocity of the mount's origin, followed
+    by zeros.
     """
     twists = mode.twists(state)
     poses = mode.poses(state)
@@ -209,21 +217,22 @@ def _removed(state: RobotState, mode: Mode) -> dict[str, tuple[str, Array]]:
 
 
 def _kept(state: RobotState, mode: Mode) -> Array:
-    """Return (6,): the part of the root link's twist that the base of `mode`, which is not free, allows."""
+    """Return the part (6,) of the root link's twist that the base of `mode` allows. The base must not be free."""
     if mode.part is None:
         return np.zeros(6)
     return mode.part.twist(state.base_pose, mode.part.qvel(state.base_pose, state.base_twist))
 
 
 def _in_part(state: RobotState, mode: Mode, part: PartBase, tolerance: float) -> RobotState:
-    """Return the state with the base exactly at a pose that its partial mobility allows. Raises `BaseElsewhere` if it is not near one."""
+    """Return the state with the base exactly at a pose that its partial mobility allows. Raises `BaseElsewhere` if it is too far from one.
+    """
     place = part.pose(part.qpos(state.base_pose))
     _compare(mode, mode.root_link, state.base_pose, place, tolerance)
     return replace(state, base_pose=place)
 
 
 def _speed(twist: Array) -> float:
-    """Return the larger of linear [m/s] and angular speed [rad/s]."""
+    """Return the larger of the linear [m/s] and the angular speed [rad/s]."""
     return max(float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:])))
 
 

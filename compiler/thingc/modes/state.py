@@ -16,11 +16,15 @@ from thingc.modes.frames import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class RobotState(OneLineRepr):
-    """Pose and twist of the root link of `mode`, and q and v of every joint.
+    """The pose and twist of the root link of `mode`, and q and v of every joint.
 
-    `base_pose` (4, 4) is the root link's pose in the world; `base_twist` (6,) its motion: the velocity [m/s] of its frame's
-    origin in world axes, then the angular velocity [rad/s] in its own axes. `q` [rad or m] and `v` [rad/s or m/s] are by joint
-    path. Arrays are copied and read-only. Raises `ModesError` for wrong shapes or numbers that are not finite.
+    Arrays are copied and read-only. Raises `ModesError` for wrong shapes or numbers that are not finite.
+
+    Attributes:
+        base_pose: The pose (4, 4) of the root link in the world.
+        base_twist: The velocity [m/s] of the root frame's origin in world axes, then the angular velocity [rad/s] in its own axes (6,).
+        q: The coordinates [rad or m] by joint path.
+        v: The velocities [rad/s or m/s] by joint path.
     """
 
     mode: str

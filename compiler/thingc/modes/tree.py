@@ -1,4 +1,4 @@
-"""The tree of links and joints of one mode, as in `modes.json`: kinematics and the mass matrix in numpy."""
+"""The tree of links and joints of one mode, as in `modes.json`, with kinematics and the mass matrix in numpy."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from thingc.modes.state import RobotState
 class Ball(OneLineRepr):
     """A ball joint in the tree.
 
-    `name` is its name in the model, and `coordinates` are its three coordinates in the document's order. `reversed` means that the tree
-    traverses it from child to parent. `R` (3, 3) converts its q to MuJoCo's axes.
+    `name` is its name in the model, and `coordinates` are its three coordinates in the order of the document. `reversed` means that the
+    tree traverses it from child to parent. `R` (3, 3) converts its q to MuJoCo's axes.
     """
 
     name: str
@@ -31,11 +31,11 @@ class Ball(OneLineRepr):
     R: Array
 
     def vector(self, values: Mapping[str, float]) -> Array:
-        """Return the joint's three entries (3,) in the values of all coordinates."""
+        """Return the entries (3,) of the joint from the values of all coordinates."""
         return np.array([values[name] for name in self.coordinates])
 
     def step(self, coordinate: str, q: Mapping[str, float]) -> Array:
-        """Return the rotation (3, 3) across the joint in the tree for its first coordinate, and the identity for the others."""
+        """Return the rotation (3, 3) of the joint for its first coordinate in the tree, and the identity for its other coordinates."""
         if coordinate != self.coordinates[0]:
             return np.eye(3)
         turn = rotation(self.vector(q))
@@ -52,7 +52,7 @@ class Ball(OneLineRepr):
         return qvel
 
     def read(self, qpos: Array, qvel: Array) -> tuple[dict[str, float], dict[str, float]]:
-        """Convert MuJoCo's values to (q, v) by coordinate; the length of q is at most pi."""
+        """Convert MuJoCo's values to (q, v) by coordinate. The norm of q is at most pi."""
         r = self.R.T @ rotation_vector(rotation_of(qpos))
         spin = self.R.T @ np.asarray(qvel)
         if self.reversed:
@@ -69,10 +69,10 @@ def rotation(vector: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Inertias(OneLineRepr):
-    """Inertias of n links, and of m joints.
+    """Inertias of n links and of m joints.
 
-    Links: `mass` (n,) [kg], `centre` (n, 3) [m] in the link's frame, `inertia` (n, 3, 3) [kg m^2] about the centre in the link's axes.
-    Joints: `armature` (m,) [kg m^2; kg for slides], the reflected inertia of the rotor.
+    For links, `mass` (n,) [kg], `centre` (n, 3) [m] in the link's frame, and `inertia` (n, 3, 3) [kg m^2] about the centre in the link's
+    axes. For joints, `armature` (m,) [kg m^2; kg for slides], the reflected inertia of the rotor.
     """
 
     mass: Array
@@ -85,7 +85,7 @@ class Inertias(OneLineRepr):
 class Link(OneLineRepr):
     """A link.
 
-    `X_root_link` (4, 4) is its frame in the root link's at q = 0; `mass` [kg], `centre` (3,) [m] and `inertia` (3, 3) [kg m^2, about the
+    `X_root_link` (4, 4) is its pose in the root link at q = 0. `mass` [kg], `centre` (3,) [m] and `inertia` (3, 3) [kg m^2, about the
     centre] are in its own frame.
     """
 
@@ -98,7 +98,7 @@ class Link(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Mimic(OneLineRepr):
-    """Coupling to another joint: q = offset + multiplier x + higher[0] x^2 + ..., where x is the q of `joint`."""
+    """A coupling to another joint: q = offset + multiplier x + higher[0] x^2 + ..., where x is q of `joint`."""
 
     joint: str
     multiplier: float
@@ -114,11 +114,11 @@ class Mimic(OneLineRepr):
 class Joint(OneLineRepr):
     """A coordinate of a joint from link `parent` to link `child` (indices into `Mode.links`).
 
-    `first` marks the first coordinate of a joint. `X_PJ` (4, 4) is its frame in the parent, or in the frame that the previous coordinate
-    moves; `twist` (6,) its motion in this frame per unit of q, angular then linear; `X_JL` (4, 4) the moved frame (of the child or the next
-    coordinate) when q is -`offset`. `in_model` maps joints of the mode's own model to their motion per unit of q; `qpos` and `dof` are
-    their addresses. `reversed`: parent and child are swapped in the document; `kind` is that of the document. The coordinates of a `ball`
-    are exponential coordinates; `qpos` and `dof` of each are those of the whole ball.
+    `first` marks the first coordinate of a joint. `X_PJ` (4, 4) is the frame of the coordinate in the parent, or in the frame that the
+    previous coordinate moves. `twist` (6,) is the motion in this frame per unit of q, angular then linear. `X_JL` (4, 4) is the moved frame
+    (of the child or the next coordinate) when q is -`offset`. `in_model` maps joints of the mode's own model to their motion per unit of q;
+    `qpos` and `dof` are their addresses. `reversed` means that parent and child are exchanged in the document. `kind` is the kind in the
+    document. The coordinates of a `ball` are exponential coordinates, and `qpos` and `dof` of each are the addresses of the whole ball.
     """
 
     name: str
@@ -140,23 +140,23 @@ class Joint(OneLineRepr):
 
     @property
     def in_data(self) -> str:
-        """The MuJoCo joint that provides its values."""
+        """The MuJoCo joint that provides the values of this coordinate."""
         return next(iter(self.in_model))
 
     def step(self, q: Mapping[str, float]) -> Array:
-        """Return the motion (4, 4) of this coordinate in its frame, at q of all joints."""
+        """Return the motion (4, 4) of this coordinate in its frame. `q` contains all joints."""
         if self.ball is not None:
             return pose(self.ball.step(self.name, q), np.zeros(3))
         return exponential(self.twist, q[self.name] + self.offset)
 
     def in_qpos(self, q: Mapping[str, float]) -> Array:
-        """Return the entries in `MjData.qpos`. For a ball joint, they belong to the first coordinate in the tree."""
+        """Return the entries in `MjData.qpos`. The entries of a ball joint belong to its first coordinate in the tree."""
         if self.ball is None:
             return np.array([ratio * q[self.name] for ratio in self.in_model.values()])
         return self.ball.qpos(q) if self.first else np.zeros(0)
 
     def in_qvel(self, q: Mapping[str, float], v: Mapping[str, float]) -> Array:
-        """Return the entries in `MjData.qvel`. For a ball joint, they belong to the first coordinate in the tree."""
+        """Return the entries in `MjData.qvel`. The entries of a ball joint belong to its first coordinate in the tree."""
         if self.ball is None:
             return np.array([ratio * v[self.name] for ratio in self.in_model.values()])
         return self.ball.qvel(q, v) if self.first else np.zeros(0)
@@ -166,8 +166,8 @@ class Joint(OneLineRepr):
 class Hold(OneLineRepr):
     """A mount `path` on `link` (an index) that the mode holds in addition to its root.
 
-    `X_LM` (4, 4) is its pose in the link, `X_WM` (4, 4) its pose in the world according to the document. `anchor` is the mocap body of the
-    model that holds it. With `turns`, the hold carries only force: the origin is held, and the link can turn about it.
+    `X_LM` (4, 4) is its pose in the link, and `X_WM` (4, 4) its pose in the world as specified in the document. `anchor` is the mocap body
+    of the model that holds it. With `turns`, the hold transmits only force: the origin is held, and the link can rotate about it.
     """
 
     path: str
@@ -180,10 +180,10 @@ class Hold(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Cut(OneLineRepr):
-    """A joint that closes a loop and is not in this mode's tree.
+    """A joint that closes a loop and is not part of this mode's tree.
 
-    Frame A on link `parent` (index, `X_PA`), moved by its `coordinates` (names) in sequence with their `twists` (n, 6; angular, then
-    linear), coincides with frame B on link `child` (`X_CB`).
+    Frame A on link `parent` (index, `X_PA`) is moved by its `coordinates` (names) in sequence with their `twists` (n, 6; angular, then
+    linear). It then coincides with frame B on link `child` (`X_CB`).
     """
 
     name: str
@@ -200,11 +200,18 @@ class Cut(OneLineRepr):
 class Mode(OneLineRepr):
     """A mode of a robot.
 
-    `root` is the path of its root site; `base` is `fixed | held | free | planar | ball` (`part` describes the mobility of the last two);
-    `gravity` (3,) [m/s^2] is in the world; `X_world_root` (4, 4) is the initial pose of the root link. `links` has the root first and
-    parents before children; `joints` is in the order of the model. `named` contains the poses of the mode, q by joint path, its initial one
-    first. `holds` are other mounts that are held to the world; `cuts` are joints that close loops. `bases` contains poses of a free root
-    link that differ from `X_world_root`, by pose name. `standing_on` are the paths of the contact mounts of a free base.
+    Attributes:
+        root: The path of its root site.
+        base: `fixed`, `held`, `free`, `planar` or `ball`. `part` describes the mobility of the last two.
+        gravity: In the world [m/s^2] (3,).
+        X_world_root: The initial pose (4, 4) of the root link.
+        links: The links, the root first and parents before children.
+        joints: The joints in the order of the model.
+        named: The poses of the mode with q by joint path, the initial pose first.
+        holds: Other mounts that are held in the world.
+        cuts: The joints that close loops.
+        bases: The poses of a free root link that differ from `X_world_root`, by name of the pose.
+        standing_on: The paths of the contact mounts of a free base.
     """
 
     name: str
@@ -223,12 +230,12 @@ class Mode(OneLineRepr):
 
     @property
     def root_link(self) -> str:
-        """Name of the root link of the tree."""
+        """The name of the root link of the tree."""
         return self.links[0].name
 
     @property
     def inertias(self) -> Inertias:
-        """The inertias of the build. (Those of a model may have been changed since: see `Modes.inertias`.)"""
+        """The inertias of the build. `Modes.inertias` returns the inertias of a model, which may have changed since."""
         return Inertias(
             mass=np.array([link.mass for link in self.links]),
             centre=np.array([link.centre for link in self.links]),
@@ -245,11 +252,10 @@ class Mode(OneLineRepr):
         base_pose: ArrayLike | None = None,
         base_twist: ArrayLike | None = None,
     ) -> RobotState:
-        """Return a state of this mode: the pose `named` (None: every joint at 0), overridden by `q`.
+        """Return a state of this mode: the pose `named` (None: every joint at 0), with the values in `q` replaced.
 
-        It is at rest except for `v` and `base_twist`.
-
-        The base is at its initial pose unless `base_pose` is given. Raises `ModesError` for an unknown pose or joint.
+        The robot is at rest except for `v` and `base_twist`. The base is at its initial pose unless `base_pose` is given. Raises
+        `ModesError` for an unknown pose or joint.
         """
         if named is not None and named not in self.named:
             raise ModesError(f"mode `{self.name}` has no pose `{named}`: {did_you_mean(named, self.named, what='poses')}")
@@ -265,11 +271,11 @@ class Mode(OneLineRepr):
         )
 
     def poses(self, state: RobotState) -> dict[str, Array]:
-        """Return the pose (4, 4) of every link's frame in the world, by name, root first."""
+        """Return the pose (4, 4) of every link's frame in the world by name, the root first."""
         return dict(zip((link.name for link in self.links), self._placed(state), strict=True))
 
     def twists(self, state: RobotState) -> dict[str, Array]:
-        """Return the motion (6,) of every link by name.
+        """Return the twist (6,) of every link by name.
 
         It is the velocity [m/s] of its frame's origin in world axes, then the angular velocity [rad/s] in its own axes.
         """
@@ -294,10 +300,11 @@ class Mode(OneLineRepr):
         return tuple(self._jacobians(state, self._placed(state)))
 
     def mass_matrix(self, state: RobotState, inertias: Inertias | None = None) -> Array:
-        """Return the mass matrix (6 + m, 6 + m) of the robot with a free base, for velocities as in `velocity`, whatever its base.
+        """Return the mass matrix (6 + m, 6 + m) of the robot with a free base, for velocities as in `velocity`. The base of the mode is
+        ignored.
 
-        `M = sum J^T diag(m 1, R I R^T) J + diag(0, armature)` over the links, J the Jacobian of a link's centre. `inertias` are
-        in the order of this mode's tree (by default those of the build).
+        It is `M = sum J^T diag(m 1, R I R^T) J + diag(0, armature)` over the links, where J is the Jacobian of a link's centre. `inertias`
+        are in the order of this mode's tree. By default, the inertias of the build are used.
         """
         known = self.inertias if inertias is None else inertias
         placed = self._placed(state)
@@ -310,7 +317,7 @@ class Mode(OneLineRepr):
         return matrix
 
     def qpos(self, state: RobotState) -> Array:
-        """Return `MjData.qpos` of the mode's own model: the base (free, planar or ball), if any, then q."""
+        """Return `MjData.qpos` of the mode's own model: the coordinates of a free, planar or ball base, then q."""
         self._check(state)
         X = state.base_pose
         base = [*X[:3, 3], *quaternion_of(X[:3, :3])] if self.base == "free" else []
@@ -319,7 +326,7 @@ class Mode(OneLineRepr):
         return np.concatenate([base, *(joint.in_qpos(state.q) for joint in self.joints)])
 
     def qvel(self, state: RobotState) -> Array:
-        """Return `MjData.qvel` of the mode's own model: the twist of the base (free, planar or ball), if any, then v."""
+        """Return `MjData.qvel` of the mode's own model: the velocity of a free, planar or ball base, then v."""
         self._check(state)
         base = [*state.base_twist] if self.base == "free" else []
         if self.part is not None:
@@ -327,9 +334,9 @@ class Mode(OneLineRepr):
         return np.concatenate([base, *(joint.in_qvel(state.q, state.v) for joint in self.joints)])
 
     def coupling(self, q: Mapping[str, float]) -> Array:
-        """Return (m, k): the matrix at `q` (by joint) from v of the k independent joints to v of all m joints.
+        """Return the matrix (m, k) at `q` (by joint) that maps v of the k independent joints to v of all m joints.
 
-        Independent joints follow no other joint of this tree. Both are in the order of the model.
+        Independent joints follow no other joint of this tree. Rows and columns are in the order of the model.
         """
         by_name = {joint.name: joint for joint in self.joints}
         free = [joint.name for joint in self.joints if joint.mimic is None or joint.mimic.joint not in by_name]
@@ -357,7 +364,7 @@ class Mode(OneLineRepr):
                 raise ModesError(f"the state has no `{what}` of joint `{missing}`")
 
     def _placed(self, state: RobotState) -> list[Array]:
-        """Return poses in the world, by link: `X_WL = X_WP X_PJ exp(twist (q + offset)) X_JL`, for one coordinate after the other."""
+        """Return the poses of links in the world: `X_WL = X_WP X_PJ exp(twist (q + offset)) X_JL` for each coordinate in sequence."""
         self._check(state)
         poses = [state.base_pose] * len(self.links)
         for joint in self.joints:
@@ -366,7 +373,7 @@ class Mode(OneLineRepr):
         return poses
 
     def _jacobians(self, state: RobotState, placed: list[Array]) -> list[Array]:
-        """Return `jacobians`, given the poses of the links."""
+        """Return the result of `jacobians` for given poses of the links."""
         count = 6 + len(self.joints)
         root, here = np.zeros((6, count)), np.zeros(3)
         root[:3, :3], root[3:, 3:6] = np.eye(3), state.base_pose[:3, :3]
