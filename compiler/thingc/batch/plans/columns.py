@@ -7,7 +7,7 @@ the last bit from those of Python, which are therefore applied to one value afte
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import repeat
 from typing import Any
 
@@ -34,6 +34,7 @@ def column_function(program: Program) -> ColumnFunction:
         for one in program.statements[place].arguments:
             if isinstance(one, Ref):
                 last.setdefault(int(one), place)
+    functions = {**numeric.OPERATIONS, **program.operations, **ONE_BY_ONE}
     unused: list[list[int]] = [[] for _ in (*program.statements, None)]
     for index, place in last.items():
         unused[place].append(index)
@@ -43,7 +44,7 @@ def column_function(program: Program) -> ColumnFunction:
         ok = np.ones(len(values), dtype=np.bool_)
         with np.errstate(all="ignore"):
             for statement, dropped in zip(program.statements, unused[:-1], strict=True):
-                _execute(statement, columns, ok)
+                _execute(statement, columns, ok, functions)
                 for index in dropped:
                     columns.pop(index, None)
         outputs = np.empty((len(values), len(program.outputs)))
@@ -54,10 +55,10 @@ def column_function(program: Program) -> ColumnFunction:
     return run
 
 
-def _execute(statement: Line | Guard, columns: dict[int, Any], ok: Booleans) -> None:
+def _execute(statement: Line | Guard, columns: dict[int, Any], ok: Booleans, functions: Mapping[str, Callable[..., Any]]) -> None:
     """Compute a line, or clear the flags of rows that a guard excludes or for which an operation fails."""
     arguments = [_value(one, columns) for one in statement.arguments]
-    result = _operation(statement.operation, arguments, ok)
+    result = _operation(statement.operation, arguments, ok, functions)
     if isinstance(statement, Line):
         columns[statement.target] = result
     else:
@@ -68,7 +69,7 @@ def _value(argument: Argument, columns: dict[int, Any]) -> Any:
     return columns[int(argument)] if isinstance(argument, Ref) else argument.value
 
 
-def _operation(name: str, arguments: Sequence[Any], ok: Booleans) -> Any:
+def _operation(name: str, arguments: Sequence[Any], ok: Booleans, functions: Mapping[str, Callable[..., Any]]) -> Any:
     if name == "item":  # of a column of tuples
         items = [one[arguments[1]] for one in arguments[0]]
         return items if isinstance(items[0], tuple) else np.array(items, dtype=np.float64)
@@ -82,7 +83,7 @@ def _operation(name: str, arguments: Sequence[Any], ok: Booleans) -> Any:
         return np.sqrt(arguments[0])
     if name == "hypot":
         return _hypot(arguments, ok)
-    return _each(ONE_BY_ONE.get(name) or numeric.OPERATIONS[name], arguments, ok)
+    return _each(functions[name], arguments, ok)
 
 
 def _each(function: Callable[..., Any], arguments: Sequence[Any], ok: Booleans) -> Any:

@@ -165,7 +165,7 @@ def _generated(program: Program, steps: Sequence[Step], code: Code | None) -> Ca
     statements, entries = code or ([], [])
     text += [f" {one}" for one in statements]
     text.append(f" return ({outputs}), ({''.join(f'{one}, ' for one in entries)})")
-    return function("run", text)  # type: ignore[no-any-return]
+    return function("run", text, program.operations)  # type: ignore[no-any-return]
 
 
 def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -> Code:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -48,6 +48,8 @@ class Program:
     variables: tuple[int, ...]
     statements: tuple[Line | Guard, ...]
     outputs: tuple[Argument, ...]
+    operations: Mapping[str, Callable[..., Any]] = field(default_factory=dict, compare=False)
+    """Operations of the tape in addition to those of `base/numeric.py`, by name."""
 
     @cached_property
     def run(self) -> Run:
@@ -61,7 +63,7 @@ class Program:
             else:
                 text.append(f" if {'not ' * one.outcome}{expression(one.operation, one.arguments)}: return None")
         text.append(f" return ({''.join(f'{word(one)}, ' for one in self.outputs)})")
-        run: Run = function("run", text)
+        run: Run = function("run", text, self.operations)
         return run
 
 
@@ -78,12 +80,12 @@ def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
         if index in needed and operation != "variable":
             statements[Line(index, operation, arguments)] = None
     variables = tuple(index for index, (operation, _) in enumerate(tape.lines) if operation == "variable")
-    return Program(variables, tuple(statements), results)
+    return Program(variables, tuple(statements), results, dict(tape.operations))
 
 
-def function(name: str, lines: Sequence[str]) -> Any:
-    """Return the function `name` of a generated source, which can use `NAMES`."""
-    names = dict(NAMES)
+def function(name: str, lines: Sequence[str], operations: Mapping[str, Callable[..., Any]] = {}) -> Any:
+    """Return the function `name` of a generated source, which can use `operations` and `NAMES`."""
+    names = {**NAMES, **operations}
     exec("\n".join(lines), names)
     return names[name]
 

@@ -36,6 +36,7 @@ class Tape:
         self.guards: list[tuple[int, str, tuple[Any, ...], Any]] = []
         self.pinned: list[Traced] = []
         self.writing = False
+        self.operations: dict[str, Callable[..., Any]] = {}  # of this tape, in addition to those of `base/numeric.py`
         self._known: dict[tuple[str, tuple[Any, ...]], int] = {}
 
     def variable(self, value: float, of: Sequence[Traced] = ()) -> Traced:
@@ -46,6 +47,7 @@ class Tape:
         """Return a copy of lines, values and guards."""
         made = Tape()
         made.lines, made.values, made.guards = list(self.lines), list(self.values), list(self.guards)
+        made.operations = dict(self.operations)
         return made
 
     def apply(self, operation: str, arguments: Sequence[Number], value: Any) -> Traced:

@@ -12,6 +12,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.units import Quantity
 from thingc.batch.plans.part_exchange import PartDependsOnNumber, TracedParts
+from thingc.batch.plans.searches import SearchMemo
 from thingc.batch.plans.tape import Tape, Traced, variables_of
 from thingc.documents.expressions.value_text import text_of
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
@@ -64,7 +65,7 @@ def trace_compilation(
     tape = Tape()
     parts = TracedParts(session.environment.parts, lambda number: set(_names(tape, list(numbers), number)) <= set(exact))
     environment = copy.copy(session.environment)
-    environment.memo = Memo()
+    environment.memo = SearchMemo(tape)
     environment.__dict__["parts"] = parts
     traced = {name: Quantity(tape.variable(one.value), one.dimension) for name, one in numbers.items()}  # type: ignore[arg-type]
     by_path = _ByPath({name: one for name, one in traced.items() if "." in name})

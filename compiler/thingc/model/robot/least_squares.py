@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import mul
 
 from thingc.base.numeric import sqrt, sum_of
 
@@ -19,17 +20,18 @@ def solve(columns: Sequence[Sequence[float]], error: Sequence[float], damping: f
     tall = n <= m
     vectors = columns if tall else rows
     size = len(vectors)
-    gram = [[sum_of(a * b for a, b in zip(u, v, strict=True)) for v in vectors] for u in vectors]
+    half = [[sum_of(map(mul, u, v)) for v in vectors[: k + 1]] for k, u in enumerate(vectors)]
+    gram = [[half[i][j] if j <= i else half[j][i] for j in range(size)] for i in range(size)]
     trace = sum_of(gram[k][k] for k in range(size))
     if trace == 0.0:
         return [0.0] * n
     for k in range(size):
         gram[k][k] += damping * trace / size
     if tall:
-        right = [-sum_of(a * b for a, b in zip(column, error, strict=True)) for column in columns]
+        right = [-sum_of(map(mul, column, error)) for column in columns]
         return _cholesky_solve(gram, right)
     y = _cholesky_solve(gram, [-value for value in error])
-    return None if y is None else [sum_of(a * b for a, b in zip(column, y, strict=True)) for column in columns]
+    return None if y is None else [sum_of(map(mul, column, y)) for column in columns]
 
 
 def _cholesky_solve(matrix: Sequence[Sequence[float]], right: Sequence[float]) -> list[float] | None:
@@ -38,7 +40,7 @@ def _cholesky_solve(matrix: Sequence[Sequence[float]], right: Sequence[float]) -
     lower = [[0.0] * size for _ in range(size)]
     for i in range(size):
         for j in range(i + 1):
-            rest = matrix[i][j] - sum_of(lower[i][k] * lower[j][k] for k in range(j))
+            rest = matrix[i][j] - sum_of(map(mul, lower[i][:j], lower[j]))
             if i == j:
                 if not rest > 0.0:
                     return None

@@ -119,7 +119,7 @@ def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -
     if loops is None:
         return q
     place = ("closed", None, None if pose is None else pose.name)
-    return memo(place, _closed, loops, SolverState(q=q, base=NO_POSE), _joint_names(pose), False).state.q
+    return memo(place, close_pose, loops, SolverState(q=q, base=NO_POSE), _joint_names(pose), False).state.q
 
 
 def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
@@ -157,13 +157,14 @@ def keyframes_of(
     failed: list[Solution] = []
     for pose in poses:
         start = SolverState(q=coordinates(joints, pose.values), base=loops.base)
-        solution = memo(("closed", of_mode, pose.name), _closed, loops, start, _joint_names(pose), base_moves)
-        closure, residual = _worst(loops, solution)
+        solution = memo(("closed", of_mode, pose.name), close_pose, loops, start, _joint_names(pose), base_moves)
         moved = _moved(loops, start, solution, following - pose.values.keys())
         if not solution.closed:
+            closure, residual = _worst(loops, solution)
             unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin))
             failed.append(solution)
         elif pose.name != mode.pose and any(abs(moved.get(c.path, 0.0)) > FAR * c.unit for c in loops.coordinates):
+            closure, residual = _worst(loops, solution)
             unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin, moved=moved))
         else:
             base = solution.state.base if base_moves else stands.get(pose.name)
@@ -171,14 +172,14 @@ def keyframes_of(
                 name=pose.name, q=solution.state.q, origin=pose.origin, base=base, moved=moved, residual=solution.residual,
             ))
     own = next((one for one in unclosed if one.name == mode.pose), None)
-    best = None if len(failed) < len(poses) else _least(loops, failed, base_moves)
+    best = None if len(failed) < len(poses) else memo(("failed", of_mode), closest_failure, loops, tuple(failed), base_moves)
     if own is None and best is None:
         return tuple(keyframes), tuple(unclosed)
     _report(mode, loops, own, best, keyframes, report)
     return None
 
 
-def _least(loops: Loops, failed: list[Solution], base_moves: bool) -> Solution | None:
+def closest_failure(loops: Loops, failed: tuple[Solution, ...], base_moves: bool) -> Solution | None:
     """Return the solution with the smallest error; None if the loops can be closed from some state."""
     best = failed[0] if failed else None
     for solution in (*failed[1:], *_tried(loops, base_moves)):
@@ -225,7 +226,7 @@ def _moved(loops: Loops, start: SolverState, solution: Solution, following: Coll
     return {path: by for path, by in moved.items() if abs(by) > STILL}
 
 
-def _closed(loops: Loops, start: SolverState, named: Collection[str], base_moves: bool) -> Solution:
+def close_pose(loops: Loops, start: SolverState, named: Collection[str], base_moves: bool) -> Solution:
     """Close the loops from a pose. Return the best solution if they do not close.
 
     Coordinates without a given value (not in `named`) move first. If that is not enough, the result is the closed state nearest to

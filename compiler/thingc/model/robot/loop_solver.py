@@ -126,6 +126,26 @@ class Loops:
             return self._moves
         return {path: (leader, share) for path, (leader, share, _) in leaders(self.joints.values(), q).items()}
 
+    @property
+    def outside(self) -> frozenset[str]:
+        """The paths of joints that do not move the closures."""
+        inside = {joint.path for body in self._needed for joint in self.bodies[body].joints}
+        inside.update(joint.path for closure in self.closures for joint in closure.joints)
+        moved = {self._moves[path][0] for path in inside if path in self._moves}
+        return frozenset(path for path, (leader, _) in self._moves.items() if leader not in moved)
+
+    def alone(self, q: Mapping[str, float]) -> Loops:
+        """Return the same loops without what does not affect them: other bodies, and limits of joints `outside` if `q` is within them."""
+        outside = self.outside
+        if not all(c.lower <= q[c.path] <= c.upper for c in self.coordinates if c.path in outside):
+            return self
+        bodies = [body if k in self._needed else replace(body, X_PL=NO_POSE, joints=()) for k, body in enumerate(self.bodies)]
+        joints = [
+            replace(joint, limit=replace(joint.limit, lower=None, upper=None)) if joint.path in outside else joint
+            for joint in self.joints.values()
+        ]
+        return Loops(bodies, self.closures, joints, self.base)
+
     def _above(self, body: int | None) -> tuple[int, ...]:
         """Return a body and its ancestors, the root last; empty for the world."""
         chain: list[int] = []

@@ -36,7 +36,7 @@ def _filled(template: str, **words: str) -> str:
 
 def _mode(robot: Robot, controllers: list[str]) -> str:
     """Return the entry of a mode: the fixed frame, the start values of its joints [rad or m], and its controllers."""
-    joints = "".join(f'            "{name}": {value + 0.0!r},\n' for name, value in values(robot, start(robot)).items())
+    joints = "".join(f'            "{name}": {value + 0.0},\n' for name, value in values(robot, start(robot)).items())
     begin = f"{{\n{joints}        }}" if joints else "{}"
     named = ", ".join(f'"{name}"' for name in controllers)
     return f"""\

@@ -1,0 +1,136 @@
+"""Searches on a tape: a search that iterates, such as that for closed loops, is one operation, since its steps depend on the numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import lru_cache, partial
+from typing import Any
+
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.memo import Memo
+from thingc.batch.plans.tape import Ref, Tape, Traced
+from thingc.model.assembly.types import JointEdge
+from thingc.model.resolve.coordinates import Dynamics
+from thingc.model.robot.loop_closure import close_pose, closest_failure
+from thingc.model.robot.loop_solver import Loops, SolverState
+
+SEARCHES = (close_pose, closest_failure)
+"""Functions of structures of numbers, called through the memo, that the tape repeats as they are."""
+
+KEPT = 32
+"""Number of results of a search to cache, since plans are tried again for the same numbers."""
+
+Numbers = Sequence[float]
+
+
+class SearchMemo(Memo):
+    """The memo of a traced compilation. A call of one of `SEARCHES` with traced numbers becomes one operation on `tape`.
+
+    The operation raises `ValueError` if its result has another structure than the traced one (other than for its numbers), because the
+    tape does not apply then.
+    """
+
+    __slots__ = ("_tape",)
+
+    def __init__(self, tape: Tape) -> None:
+        super().__init__()
+        self._tape = tape
+
+    def __call__(self, place: Any, function: Callable[..., Any], *inputs: Any) -> Any:
+        """See `Memo`."""
+        return super().__call__(place, partial(self._search, function) if function in SEARCHES else function, *inputs)
+
+    def _search(self, function: Callable[..., Any], *inputs: Any) -> Any:
+        tape, numbers = self._tape, list[Traced]()
+        loops, start = (*inputs, None)[:2]
+        if isinstance(loops, Loops) and isinstance(start, SolverState):
+            inputs = (loops.alone(start.q), *inputs[1:])
+        build = _builder(inputs, numbers)
+        if build is None:
+            return function(*inputs)
+        plain = [one.value for one in numbers]
+        given = build(plain)
+        result = function(*given)
+        kept = _outside(given)
+        structure = _structure(result, kept, [])
+
+        @lru_cache(KEPT)
+        def repeated(*values: float) -> tuple[float, ...]:
+            given, found = build(values), list[float]()
+            if _structure(function(*given), _outside(given), found) != structure:
+                raise ValueError("a search has another result")
+            return tuple(found)
+
+        name = f"search_{len(tape.operations)}"
+        tape.operations[name] = repeated
+        whole = tape.apply(name, numbers, repeated(*plain))
+        tape.guards.append((len(tape.lines), "==", (Ref(whole.line), Ref(whole.line)), True))  # also if no number of it is used
+        items = [tape.apply("item", (whole, place), value) for place, value in enumerate(whole.value)]
+        return _with_numbers(result, kept, _outside(inputs), iter(items))
+
+
+def _builder(value: Any, numbers: list[Traced]) -> Callable[[Numbers], Any] | None:
+    """Return a function that returns the structure with other numbers in the places of traced ones, which are added to `numbers`.
+
+    None if there are none.
+    """
+    if isinstance(value, Traced):
+        place = next((place for place, one in enumerate(numbers) if one.line == value.line), len(numbers))
+        if place == len(numbers):
+            numbers.append(value)
+        return lambda values: values[place]
+    if isinstance(value, Loops):
+        parts = _builder((value.bodies, value.closures, tuple(value.joints.values()), value.base), numbers)
+        return None if parts is None else lambda values: Loops(*parts(values))
+    if isinstance(value, JointEdge):  # without what does not affect loops, so that a search is not repeated for it
+        value = replace(value, dynamics=Dynamics(), actuator=None, limit=replace(value.limit, effort=None, velocity=None))
+    if isinstance(value, FrozenStruct):
+        fields = _builder({name: getattr(value, name) for name in value.__struct_fields__}, numbers)
+        return None if fields is None else lambda values: replace(value, **fields(values))
+    items = list(value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, (tuple, list)) else ())
+    changed = [(key, inner) for key, one in items if (inner := _builder(one, numbers)) is not None]
+    if not changed:
+        return None
+    whole = dict(items)
+
+    def build(values: Numbers) -> Any:
+        made = {**whole, **{key: one(values) for key, one in changed}}
+        return made if isinstance(value, Mapping) else type(value)(made.values())
+
+    return build
+
+
+def _outside(inputs: Sequence[Any]) -> dict[str, Any]:
+    """Return the coordinates at the start of joints that do not move the closures, by path. Usually they are those of the result."""
+    loops, start = (*inputs, None)[:2]
+    return {path: start.q[path] for path in loops.outside} if isinstance(loops, Loops) and isinstance(start, SolverState) else {}
+
+
+def _is_kept(path: Any, value: Any, outside: Mapping[str, float]) -> bool:
+    return path in outside and repr(value) == repr(outside[path])
+
+
+def _structure(value: Any, outside: Mapping[str, float], numbers: list[float]) -> Any:
+    """Return a result without its floats, which are added to `numbers`, except those that are equal in `outside`."""
+    if type(value) is float:
+        numbers.append(value)
+        return float
+    if isinstance(value, FrozenStruct):
+        return type(value), _structure(tuple(getattr(value, name) for name in value.__struct_fields__), outside, numbers)
+    if isinstance(value, Mapping):
+        return tuple((key, _is_kept(key, one, outside) or _structure(one, outside, numbers)) for key, one in value.items())
+    return tuple(_structure(one, outside, numbers) for one in value) if isinstance(value, tuple) else value
+
+
+def _with_numbers(value: Any, outside: Mapping[str, float], traced: Mapping[str, Any], numbers: Iterator[Traced]) -> Any:
+    """Return a result with traced numbers in the places of its floats: those of `traced` for `outside`, then `numbers`, in order."""
+    change = partial(_with_numbers, outside=outside, traced=traced, numbers=numbers)
+    if type(value) is float:
+        return next(numbers)
+    if isinstance(value, FrozenStruct):
+        return replace(value, **{name: change(getattr(value, name)) for name in value.__struct_fields__})
+    if isinstance(value, Mapping):
+        return {key: traced[key] if _is_kept(key, one, outside) else change(one) for key, one in value.items()}
+    return tuple(map(change, value)) if isinstance(value, tuple) else value
