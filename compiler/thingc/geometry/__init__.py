@@ -1,1 +1,1 @@
-"""The geometry service: the only access to the CAD kernel. Start reading at `service`; the worker starts at `worker.server`."""
+"""The geometry service, which alone has access to the CAD kernel. Entry points: `service`, and `worker.server` for the worker process."""

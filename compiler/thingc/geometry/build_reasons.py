@@ -1,4 +1,4 @@
-"""Why a part was built or reused, as text, and the records that a service holds in memory with these reasons."""
+"""Reasons for building or reusing a part, and an in-memory cache of recent records with their reasons."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ RECENT = 512
 
 
 class BuildReason(FrozenStruct):
-    """Why a part was built (`reused` is False) or reused, as text: "module `arm` changed"."""
+    """The reason for building a part (`reused` is False) or for reusing it, for example "module `arm` changed"."""
 
     text: str
     reused: bool
@@ -27,7 +27,7 @@ def unchanged(reason: str) -> str:
 
 
 def why(definition: PartDefinition, build_key: BuildKey, results: Results) -> str:
-    """Return the reason why a part has to be built."""
+    """Return the reason why a part must be built."""
     last = results.last(definition.text)
     if last is None:
         return "parameters are new" if results.met_before(definition.reference) else "first time"
@@ -37,20 +37,20 @@ def why(definition: PartDefinition, build_key: BuildKey, results: Results) -> st
 
 
 class RecentRecords:
-    """The last records of a service, by definition and by whether they have convex pieces. Looking one up reads nothing from the store."""
+    """A cache of the latest records of a service, by definition and by whether they have convex pieces. Lookups do not read the store."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[PartDefinition, bool], tuple[PartRecord, str]] = {}
 
     def get(self, definition: PartDefinition, convex: bool) -> tuple[PartRecord, str] | None:
-        """Return the record and why it is reused, or None."""
+        """Return the record and the reason for reusing it, or None if it is not cached."""
         return self._kept.get((definition, convex))
 
     def keep(
         self, definitions: Mapping[str, PartDefinition], answers: Mapping[str, PartRecord | PartFailure], convex: Collection[str],
         decisions: Mapping[str, BuildReason],
     ) -> None:
-        """Store the records of one answer, each with the reason that a later service would give for reusing it."""
+        """Cache the records of one answer, each with the reason that a later service would give for reusing it."""
         for text, definition in definitions.items():
             record, decision, place = answers[text], decisions.get(text), (definition, text in convex)
             if isinstance(record, PartRecord) and decision is not None and place not in self._kept:

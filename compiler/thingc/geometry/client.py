@@ -1,4 +1,4 @@
-"""The client's end of the pipe: start worker processes, send requests, collect answers, read traces of crashes, and end all processes."""
+"""Client of the worker processes: start them, send requests, collect answers, parse crash traces, and end all processes."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 GRACE = 15.0
-"""Time [s] after the deadline of a request until a silent worker is ended."""
+"""Grace period [s] after the deadline of a request; a worker that is still silent is then ended."""
 LOADING = 120.0
 """Time limit [s] for a worker to load the kernel."""
 
 SPANS = 1000
-"""Number of answers whose times `busy` uses."""
+"""Number of recent answers whose time spans `busy` evaluates."""
 
 CAN_FORK = hasattr(os, "fork")
 
 ABSENT = "absent"
-"""Kind of failure of a part that is not in the store."""
+"""Failure kind of a part that is not in the store."""
 
 
 class WorkerBroken(Exception):
@@ -47,7 +47,7 @@ class WorkerBroken(Exception):
 
 @dataclass(slots=True)
 class _Process:
-    """A worker process and the requests that it has not answered."""
+    """A worker process and its unanswered requests."""
 
     process: JsonLinesProcess
     capacity: int
@@ -57,10 +57,10 @@ class _Process:
 
 
 class Workers:
-    """Worker processes of one service: one that forks if the system supports it, else one per job.
+    """The worker processes of one service: a single process that forks if the system supports it, else one process per job.
 
-    Processes are started when they are first needed. They end with `close`, or when this process ends. `seed` is the hash seed of Python in
-    them, which decides the iteration order of sets of texts. `there` is False if no worker will ever be started.
+    Processes are started when they are first needed. They end with `close`, or when this process ends. `seed` is their Python hash seed,
+    which determines the iteration order of sets of strings. `there` is False if no worker will ever be started.
     """
 
     there = True
@@ -78,9 +78,9 @@ class Workers:
         self._spans: deque[tuple[float, float]] = deque(maxlen=SPANS)
 
     def busy(self, since: float) -> float:
-        """Return the time [s] since `since` (`time.monotonic`) in which parts were built, measured or sliced, as reported by the workers.
+        """Return the time [s] that workers have spent on building, measuring or slicing parts since `since` (`time.monotonic`).
 
-        Overlapping times count once. Loading the modules of parts does not count.
+        Overlapping times count once. The time for loading part modules does not count.
         """
         total, until = 0.0, since
         for begun, ended in sorted(self._spans):
@@ -96,13 +96,13 @@ class Workers:
     def warm(self) -> None:
         """Start the workers without waiting, so that they load the kernel while the caller does something else.
 
-        If none starts, `run` raises.
+        If no worker starts, `run` raises the error later.
         """
         with contextlib.suppress(WorkerBroken):
             self.ensure()
 
     def _leave_others(self) -> None:
-        """Drop the workers after a fork: they belong to the parent, which goes on using them."""
+        """Drop the workers in a forked child: they belong to the parent process, which continues to use them."""
         if self._owner != os.getpid():
             self._owner = os.getpid()
             self._processes, self._lines = [], queue.SimpleQueue()
@@ -119,7 +119,7 @@ class Workers:
     def begin(self, requests: Iterable[Mapping[str, Any]]) -> None:
         """Send requests without waiting, so that a later `run` with the same requests gets their answers sooner.
 
-        Does nothing unless workers fork. If no worker starts, `run` raises.
+        Does nothing unless workers fork. If no worker starts, `run` raises the error later.
         """
         if self.forking:
             with contextlib.suppress(WorkerBroken):
@@ -134,7 +134,7 @@ class Workers:
             worker.process.ask({"prepare": files})
 
     def forget(self, but: Iterable[Mapping[str, Any]] = ()) -> None:
-        """End requests that were begun, except those in `but`."""
+        """Cancel requests that were begun, except those in `but`."""
         self._leave_others()
         wanted = set(map(_request_text, but))
         for text in [text for text in self._begun if text not in wanted]:
@@ -189,9 +189,9 @@ class Workers:
                 under_way.add(self._send(worker, request) if (begun := self._taken(request)) is None else begun)
 
     def _taken(self, request: Mapping[str, Any]) -> int | None:
-        """Return the number of a request that was begun, or None, and treat it as an ordinary request from now on.
+        """Return the number of a request that `begin` sent, or None. From now on, the request is treated like any other request of `run`.
 
-        An early answer is queued again.
+        If its answer has already arrived, the answer is queued again.
         """
         number = self._begun.pop(_request_text(request), None)
         if number is not None and number in self._early:
@@ -231,7 +231,7 @@ class Workers:
     def _answered(self, worker: _Process, answer: dict[str, Any]) -> tuple[int, Mapping[str, Any] | None]:
         """Return the number and the request of an answer, after removing `id` and `span` from the answer.
 
-        The request is None if it was forgotten, or if it was begun and `run` has not asked for it yet; then the answer is stored for later.
+        The request is None if it was cancelled. It is also None if it was begun and `run` has not requested it yet: the answer is stored.
         """
         number: int = answer["id"]
         if number in self._begun.values():
@@ -252,7 +252,7 @@ class Workers:
         ended, self._processes = self._processes, []
         self._begun, self._early = {}, {}
         for worker in ended:
-            if not worker.ready or not self.forking and worker.asked:  # it does not read its input, and has no children
+            if not worker.ready or not self.forking and worker.asked:  # the worker does not read its input, and has no children
                 worker.process.kill()
             worker.process.close()
 
@@ -260,7 +260,7 @@ class Workers:
         self._processes.remove(worker)
         self._begun = {text: number for text, number in self._begun.items() if number not in worker.asked}
         self._early = {number: early for number, early in self._early.items() if number not in worker.asked}
-        process_tree.stop(worker.process.pid)  # so that it forks no more children while they are ended
+        process_tree.stop(worker.process.pid)  # prevents new forks while its children are ended
         process_tree.end_descendants(worker.process.pid)
         worker.process.kill()
         worker.process.close()
@@ -289,7 +289,7 @@ class Workers:
 
 
 class NoWorkers(Workers):
-    """No workers: the failure of each request is `ABSENT`."""
+    """A replacement for `Workers` without processes: each request fails with the kind `ABSENT`."""
 
     there = False
 
@@ -306,7 +306,7 @@ class NoWorkers(Workers):
 
 
 class EndingWorkers(Workers):
-    """Workers that cannot be started again: after `end`, callers that wait for an answer get failures."""
+    """Workers that cannot be restarted: after `end`, waiting callers get failures."""
 
     ended = False
 
@@ -323,7 +323,7 @@ class EndingWorkers(Workers):
 
 
 def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
-    """Send one request to a worker process of its own (with `flags` such as `--assemble`) and return its answer, as in `Workers.run`."""
+    """Send one request to a new worker process (with `flags` such as `--assemble`) and return its answer, as in `Workers.run`."""
     try:
         process = _server(flags)
     except OSError as fault:
@@ -340,7 +340,7 @@ def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _request_text(request: Mapping[str, Any]) -> str:
-    """Return the text by which requests are compared: 1, 1.0 and True differ."""
+    """Return a text for comparing requests, in which 1, 1.0 and True differ."""
     return json.dumps(request, sort_keys=True)
 
 
@@ -357,7 +357,7 @@ _FRAME = re.compile(r'^\s*File "(?P<file>.+?)", line (?P<line>\d+)', re.MULTILIN
 
 
 def failure_of(subject: str, answer: Mapping[str, Any], timeout: float, workspace: Workspace) -> PartFailure:
-    """Return the failure of a part whose process ended, from the worker's answer; `timeout` [s] is the time that it had."""
+    """Return the failure of a part whose process ended, from the worker's answer; `timeout` [s] was the time limit."""
     file, line = _place_of(answer.get("detail", ""), workspace)
     message = f"it took longer than {timeout:g} s" if answer["failed"] == "hung" else answer["words"]
     return PartFailure(
@@ -369,7 +369,7 @@ def failure_of(subject: str, answer: Mapping[str, Any], timeout: float, workspac
 def _place_of(trace: str, workspace: Workspace) -> tuple[str | None, int | None]:
     """Return the innermost `(file, line)` in a part folder from a trace of `faulthandler` (most recent call first), or `(None, None)`."""
     folders = tuple(os.path.join(folder, "") for folder in workspace.parts)
-    # several threads, or an earlier trace: the last one counts
+    # with several threads, or after an earlier trace, use the last match
     for match in _FRAME.finditer(trace[max(trace.rfind("most recent call first"), 0) :]):
         if match["file"].startswith(folders):
             return match["file"], int(match["line"])

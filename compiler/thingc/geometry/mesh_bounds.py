@@ -21,7 +21,7 @@ LEVELS = 100
 _HEAD, _TRIANGLE = 84, 50
 """Bytes of a binary STL file before its triangles, and of each triangle."""
 _FACET, _FACE = re.compile(rb"endfacet", re.IGNORECASE), re.compile(rb"^[ \t]*f[ \t]", re.MULTILINE)
-"""Match once per facet of a text STL file, and of an OBJ file."""
+"""Patterns that match once per facet of an STL text file, and once per face of an OBJ file."""
 
 _NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 """Number of components of an element of a glTF accessor, by its type."""
@@ -30,11 +30,11 @@ _T = TypeVar("_T")
 
 
 class BadMesh(Exception):
-    """Why a file is not a mesh, as text that follows the file's name."""
+    """The reason why a file is not a valid mesh, as text that follows the file's name."""
 
 
 def damaged(suffix: str, fault: Exception) -> BadMesh:
-    """Return the reason for a file whose reader failed. Messages of Python about its own values are left out."""
+    """Return the error for a file whose reader failed. Python's own messages about its values are omitted."""
     said = " ".join(str(fault).removeprefix(f"{type(fault).__name__}: ").split())
     inner = isinstance(fault, (LookupError, TypeError, AttributeError, NameError, OSError)) or not said
     return BadMesh(f"is damaged, or is not {suffix[1:].upper()}" + ("" if inner else f" ({said})"))

@@ -1,4 +1,4 @@
-"""Files on which the answers for parts depend, as far as they are known before a part is built. Code is read, not run."""
+"""Files that the answers for parts depend on, as far as they are known before a part is built. Code is read, not run."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 class PartInputs(FrozenStruct):
-    """Inputs of parts.
+    """Files and folders that parts depend on.
 
-    `files` are absolute paths, whether they exist or not: of the code of parts and of the modules that it imports in the workspace, of
-    places where such a module would be found first, and of the lock. `folders` are those whose files a part may read when it is built.
+    `files` are absolute paths, whether they exist or not: the code of parts and the modules that it imports in the workspace, the places
+    where such a module would be found first, and the lock. `folders` are the folders whose files a part may read when it is built.
     """
 
     files: frozenset[str]

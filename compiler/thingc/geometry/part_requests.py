@@ -46,17 +46,17 @@ class PartRequests:
         self.slicings: dict[str, set[LikelySlicing]] = {}
 
     def around(self, code: CodeIngredients | None) -> dict[str, Any]:
-        """Return what every request contains about the place where it runs."""
+        """Return the fields that every request has: the code, the store, and the limits of time and memory."""
         return {**self._parts.around(code), "store": self._store.root, "timeout": self._timeout, "memory": self._workspace.part_memory}
 
     def given(self, definition: PartDefinition) -> dict[str, Value]:
-        """Return the parameters of a definition that differ from their defaults; all parameters if the class has not been described."""
+        """Return the parameters of a definition that differ from their defaults, or all of them if the class has not been described."""
         schema = self.schemas.get(definition.reference)
         own = {parameter.name: parameter.default for parameter in schema.parameters} if schema is not None else {}
         return {name: value for name, value in definition.parameters if repr(value) != repr(own.get(name))}
 
     def expect_slicings(self, definitions: Sequence[PartDefinition], wanted: Mapping[str, Collection[LikelySlicing]]) -> None:
-        """Store how parts are sliced now, or will likely be; `wanted` is by definition text."""
+        """Store the current or expected slicings of parts; `wanted` is by definition text."""
         self.slicings.update((definition.reference, set()) for definition in definitions)
         for definition in definitions:
             self.slicings[definition.reference].update(wanted.get(definition.text, ()))

@@ -40,7 +40,7 @@ class PartSource(Protocol):
         """Absolute paths of everything that the answers depend on, whether it exists or not."""
 
     def anticipate(self) -> bool:
-        """Prepare to build parts if that is likely to be necessary. Return whether it is; then the kernel is being loaded."""
+        """Prepare to build parts if that is likely to be necessary. Return True if it is; the kernel is then being loaded."""
 
     def close(self) -> None:
         """End all processes that were started."""
@@ -72,7 +72,7 @@ class PartSource(Protocol):
 def report_hidden(parts: PartSource, references: Iterable[tuple[str, Span | None]], report: Report) -> None:
     """Report a warning for each module of a part that hides another file of its name.
 
-    It is shown where the first part with that module is referenced, or at the module itself if that place is None.
+    The warning is shown where the first part with that module is referenced, or at the module itself if that place is None.
     """
     said: set[str] = set()
     for reference, where in references:
@@ -88,7 +88,7 @@ def report_hidden(parts: PartSource, references: Iterable[tuple[str, Span | None
 
 
 def report_gaps(parts: PartSource, report: Report, *, severity: Severity = Severity.ERROR) -> None:
-    """Report the faults found in the lock, and how many definitions could not be checked because there is no record."""
+    """Report the faults found in the lock, and the number of definitions that could not be checked because they have no record."""
     file = lock_path(parts.workspace)
     for fault in parts.broken[:SHOWN]:
         report_bad(file, fault, report, severity=severity)

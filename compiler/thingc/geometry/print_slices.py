@@ -1,4 +1,4 @@
-"""The material of a printed part: how it is sliced, and the resulting integrals. Plain frozen data, SI units.
+"""Print settings of a part, and the integrals that result from slicing it. Plain frozen data in SI units.
 
 The integrals do not depend on the infill: the mass at any percentage is a sum of three terms (`SliceResult.printed`).
 """
@@ -23,7 +23,7 @@ BRIDGE_FLOW = 1.0
 
 
 class Slicing(FrozenStruct):
-    """How a part is cut into layers and filled.
+    """Settings for cutting a part into layers and filling them.
 
     `up` is the direction away from the bed, a unit vector in the part's frame. `layer` is the height of a layer and `line_width` the width
     of a line [m]. `walls` is the number of lines in a wall, `top` and `bottom` the number of solid layers. `overlap` is a fraction of the
@@ -41,13 +41,13 @@ class Slicing(FrozenStruct):
 
 
 LikelySlicing = tuple[Slicing, bool]
-"""The expected slicing of a part that is not built yet, and whether `up` of the part itself takes precedence over that of the slicing."""
+"""The expected slicing of a part that is not built yet, and whether the part's own `up` takes precedence over the slicing's."""
 
 
 class Moments(OneLineRepr, FrozenStruct):
     """Moments of a body about the origin of the part's frame.
 
-    `volume` [m^3]; `first` are the integrals of x, y, z [m^4]; `second` are those of their products [m^5].
+    `volume` [m^3]; `first` are the integrals of x, y, z [m^4]; `second` are the integrals of their products [m^5].
     """
 
     volume: float = 0.0
@@ -93,7 +93,7 @@ class Moments(OneLineRepr, FrozenStruct):
 class SliceResult(OneLineRepr, FrozenStruct, tag=True):
     """The material of a part.
 
-    `solid` does not depend on the infill. `joins` are the pieces along the walls that connect infill lines, present with any infill.
+    `solid` does not depend on the infill. `joins` are the pieces along the walls that connect infill lines; they exist with any infill.
     `sparse` are the infill lines, as if the infill were 100 %.
     """
 
@@ -112,6 +112,6 @@ class SliceResult(OneLineRepr, FrozenStruct, tag=True):
 
 
 class SliceFailure(FrozenStruct, tag=True):
-    """Why a part cannot be sliced, as text that follows its name."""
+    """The reason why a part cannot be sliced, as text that follows its name."""
 
     reason: str

@@ -1,7 +1,7 @@
 """The answers of the geometry service: plain frozen data in SI units, readable without the CAD kernel.
 
-A `PartSchema` describes the parameters of a part, a `PartDefinition` is one choice of them, and a `PartRecord` is everything that later
-passes get about its geometry.
+A `PartSchema` describes the parameters of a part. A `PartDefinition` is a part with values for all parameters. A `PartRecord` contains
+everything about its geometry that later passes use.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ DIMENSIONS: Mapping[str, Dimension] = {
 """Dimensions of the numeric kinds of parameters."""
 
 SchemaKind = Literal["thing", "shape", "function"]
-"""What makes a part: a Thing, a shape class or a function."""
+"""How a part is defined: by a Thing, a shape class or a function."""
 
 ParameterKind = Literal["length", "angle", "mass", "ratio", "number", "count", "integer", "flag", "text", "choice"]
 """Kinds of parameters. Quantities are floats in SI units; `count` and `integer` are whole numbers; `choice` is one of several texts."""
@@ -98,7 +98,7 @@ class PartSchema(OneLineRepr, FrozenStruct):
 
     @property
     def defaults(self) -> dict[str, Value]:
-        """The defaults of all parameters that have one."""
+        """The default values of all parameters that have one."""
         return {parameter.name: parameter.default for parameter in self.parameters if parameter.default is not None}
 
     def definition(self, values: Mapping[str, Value]) -> PartDefinition:
@@ -117,15 +117,15 @@ FILE_UNIT = "mm"
 
 
 class PartDefinition(OneLineRepr, FrozenStruct):
-    """A part class with its complete canonical parameters: equal definitions are one node of the HAG.
+    """A part class with values for all its parameters. Equal definitions are one node of the HAG.
 
     `reference` is `module:Class`, or the path in the workspace for a part of `kind` `file`. `parameters` has every parameter, sorted by
     name; for a file it has its `faces`, and its `unit` unless that is `FILE_UNIT`. `text` identifies the definition and contains the exact
-    values that differ from their defaults (`arm:RotorBrace(length=0.1)`). `label` is the same for people (`arm:RotorBrace(length=100 mm)`);
-    two definitions with almost equal values may share it. `words` are the values of all parameters for people.
+    values that differ from their defaults (`arm:RotorBrace(length=0.1)`). `label` is the form for people (`arm:RotorBrace(length=100 mm)`);
+    two definitions with almost equal values may have the same label. `words` are the values of all parameters as shown to people.
 
-    A mirror image is a definition of its own (`arm:RotorBrace(length=0.1, mirror=y)`): `mirror` is the axis of the part's frame along which
-    it is mirrored, `plain` the definition that it mirrors.
+    A mirror image is a separate definition (`arm:RotorBrace(length=0.1, mirror=y)`): `mirror` is the axis of the part's frame along which
+    it is mirrored, `plain` is the definition of the part that it mirrors.
     """
 
     reference: str
@@ -161,12 +161,12 @@ LABEL_DIGITS = 6
 
 
 def definition_text(reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value]) -> str:
-    """Return `arm:RotorBrace(length=0.1)`: the parameters that differ from their defaults, sorted, in SI units, as `repr`."""
+    """Return `arm:RotorBrace(length=0.1)`, with the parameters that differ from their defaults, sorted, in SI units, as `repr`."""
     return _printed(reference, {name: repr(parameters[name]) for name in _differing(parameters, defaults)})
 
 
 def definition_label(reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value], words: Mapping[str, str]) -> str:
-    """Return `arm:RotorBrace(length=100 mm)`: the same for people. `words` are the values as in documents; a text is quoted."""
+    """Return the label `arm:RotorBrace(length=100 mm)`. `words` are the values as in documents; a text is quoted."""
     return _printed(reference, {
         name: repr(value) if isinstance(value := parameters[name], str) else words[name] for name in _differing(parameters, defaults)
     })
@@ -177,7 +177,7 @@ def _differing(parameters: Mapping[str, Value], defaults: Mapping[str, Value]) -
 
 
 def with_mirror(printed: str, axis: str) -> str:
-    """Add the mirror axis to the text or label of a definition. It cannot be confused with a parameter, because texts are quoted."""
+    """Add the mirror axis to the text or label of a definition. Parameter values are quoted if they are texts, so there is no ambiguity."""
     return f"{printed[:-1]}, mirror={axis})" if printed.endswith(")") else f"{printed}(mirror={axis})"
 
 
@@ -195,7 +195,7 @@ class MountRecord(OneLineRepr, FrozenStruct):
 
 
 class MountExpectation(OneLineRepr, FrozenStruct, array_like=True):
-    """`mount` was cut for the part `text` (a definition text; `label` is for people), mated at its mount `child_mount`."""
+    """An expected part: `mount` was cut for the part `text` (a definition text; `label` is for people), mated at its `child_mount`."""
 
     mount: str
     text: str
@@ -247,7 +247,7 @@ class Mesh(OneLineRepr, FrozenStruct, array_like=True, tag=True):
 
 
 class ImpureInputs(str, Enum):
-    """Inputs of a part that are not in its key: the part is not rebuilt when they change. `left`: it left processes running."""
+    """Inputs of a part that are not in its key: the part is not rebuilt when they change. `left` means that it left processes running."""
 
     ENVIRONMENT = "environment"
     CLOCK = "clock"
@@ -270,20 +270,20 @@ class PartWarning(OneLineRepr, FrozenStruct, array_like=True):
 
 
 class PartRecord(OneLineRepr, FrozenStruct):
-    """Everything that the passes know about a part. Lengths are in metres, in the part's own frame.
+    """All data about a part that the passes use. Lengths are in metres, in the part's own frame.
 
-    `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals over the B-rep. They
-    are zero for a Thing without geometry, whose `box` is None.
+    `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals over the B-rep. For a
+    Thing without geometry they are zero, and `box` is None.
 
-    `meshes` is empty without geometry; else it has `visual`, `hull` and `mesh` (OBJ, metres), `print` (binary STL, millimetres), and
+    `meshes` is empty without geometry. Otherwise it has `visual`, `hull` and `mesh` (OBJ, metres), `print` (binary STL, millimetres), and
     `simulation` (OBJ, metres) if the definition limits the triangles for simulators. `fits` are the smallest primitives that enclose the
-    part, by shape. `pieces` are the solids of the Thing's own `collision()`: primitives if they are exactly that, else OBJ files. `convex`
+    part, by shape. `pieces` are the solids of the Thing's own `collision()`: primitives if a solid is exactly one, else OBJ files. `convex`
     are the OBJ files of the convex decomposition, if requested.
 
     `up` is the Thing's preferred direction away from the print bed (a unit vector). `slices` are the requested results of slicing. `apart`
-    are the volumes [m^3] of the bodies of a part that should be one solid, the largest first; empty if they are connected or several are
-    intended. `own_image` is True for a mirror image that equals the part it mirrors: the solid, and the place and z of each mount. `brep`
-    is the digest of the B-rep in the store. `code` is `(file, line)` of the class.
+    are the volumes [m^3] of the bodies of a part that should be one solid, the largest first; it is empty if they are connected or if
+    several bodies are intended. `own_image` is True for a mirror image that equals its original in the solid and in the place and z axis
+    of each mount. `brep` is the digest of the B-rep in the store. `code` is `(file, line)` of the class.
 
     A record that is not `exact` is a placeholder for a part that may not be built now: only the names of its mounts, its material and
     whether it has an actuator are valid.
@@ -329,11 +329,11 @@ FailureKind = Literal[
     "refused", "missing", "raised", "trespassed", "hung", "crashed", "swarmed", "starved", "empty", "invalid", "unbounded",
     "resultless", "stale", "unlocked", "absent",
 ]
-"""Ways in which describing or building a part fails. `absent`: it is not in the store, and there are no workers."""
+"""Ways in which describing or building a part fails. `absent` means that it is not in the store and there are no workers."""
 
 
 class PartFailure(OneLineRepr, FrozenStruct):
-    """Why a part could not be described or built.
+    """The reason why a part could not be described or built.
 
     `message` is the text of the exception; `file`, `line` are the place in the part file; `candidates` of a `missing` part are similar
     modules, references or files; `detail` is the traceback, which only `--debug` shows.
@@ -349,7 +349,7 @@ class PartFailure(OneLineRepr, FrozenStruct):
 
 
 NO_PARTS = frozenset({"invalid", "missing", "resultless"})
-"""Kinds of failures of classes that are not parts. They are reported only if a document references such a class."""
+"""Failure kinds of classes that are not parts. They are reported only if a document references such a class."""
 
 
 class Placed(OneLineRepr, FrozenStruct):

@@ -1,4 +1,4 @@
-"""Part records in the store, found by the part's key, or by the key of its outline and the functions that ran when it was built."""
+"""Part records in the store, found by the part's key, or by its outline and the functions that ran when it was built."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def outlined(code: CodeIngredients) -> CodeIngredients:
 
 
 def executed_functions(code: CodeIngredients, ran: Mapping[str, Sequence[int] | None]) -> dict[str, Any] | None:
-    """Return the functions that ran, as stored in the cache: their numbers by module, and their digest.
+    """Return the functions that ran, in the form that is cached: their numbers by module, and their digest.
 
     Return None if a file or a function is not in the code.
     """
@@ -61,7 +61,7 @@ def _digest(code: CodeIngredients, ran: Ran) -> str | None:
 
 
 class KeptRecords:
-    """The complete records of a workspace's parts: those for which the store has every referenced file."""
+    """The complete records of a workspace's parts: the store contains every file that they reference."""
 
     def __init__(self, workspace: Workspace, store: Store, parts: PartCode, results: Results) -> None:
         self._workspace, self._store, self._parts, self._results = workspace, store, parts, results
@@ -71,7 +71,7 @@ class KeptRecords:
         return self._results.find("record", key, self._whole)
 
     def find(self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None) -> CachedResult | None:
-        """Return the record under the part's key, else one with the same outline whose executed functions are unchanged, or None."""
+        """Return the record under the part's key, or one with the same outline and unchanged executed functions, or None."""
         kept = self.under(build_key.key)
         if kept is not None or code is None or not code.sources:
             return kept
@@ -107,7 +107,7 @@ class KeptRecords:
 
 
 class ConvexAnswers:
-    """Convex pieces by mesh, cached in a store. `versions` returns the versions of everything that makes them."""
+    """Convex pieces by mesh, cached in a store. `versions` returns the versions of the software that computes them."""
 
     def __init__(self, store: Store, versions: Callable[[], Mapping[str, str]]) -> None:
         self._store = store
@@ -116,9 +116,9 @@ class ConvexAnswers:
     def add(
         self, records: Records, convex: Collection[str], run: Run, timeout: float, broken: Callable[[str, dict[str, Any]], PartFailure],
     ) -> None:
-        """Add the pieces to the `records` of the texts in `convex`.
+        """Add the convex pieces to the `records` whose texts are in `convex`.
 
-        `run` sends requests to the workers; `broken` makes a failure of an answer that failed.
+        `run` sends requests to the workers; `broken` converts a failed answer to a `PartFailure`.
         """
         wanted: dict[str, list[str]] = {}
         for text in sorted(convex):

@@ -1,6 +1,6 @@
-"""Part schemas, records and failures as JSON values, for the store and for the pipe to workers.
+"""Convert part schemas, records and failures to and from JSON values, for the store and for the pipe to workers.
 
-Files in the workspace are written relative to its `root`, so that machines can share records.
+Paths of files in the workspace are relative to its `root`, so that machines can share records.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def with_left(answer: dict[str, Any], commands: Iterable[str]) -> dict[str, Any]
 def record_to_json(record: PartRecord, root: str) -> Any:
     """Return the JSON value of a record, the inverse of `record_from_json`.
 
-    `convex` and `slices` are left out; they are cached separately. `mount_order` is added, because the store sorts keys.
+    `convex` and `slices` are omitted, because they are cached separately. `mount_order` is added, because the store sorts keys.
     """
     code = None if record.code is None else (shortened(record.code[0], root) or "", record.code[1])
     warnings = tuple(replace(warning, file=shortened(warning.file, root)) for warning in record.warnings)

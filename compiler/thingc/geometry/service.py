@@ -1,4 +1,4 @@
-"""The geometry service, through which the passes get parts: from the store if possible, else from workers.
+"""The geometry service, from which the passes get parts: cached in the store if possible, else built by workers.
 
 If nothing has to be built, no process is started and nothing heavy is imported.
 """
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from thingc.geometry.client import Workers
 
 PATIENCE = 150.0
-"""Time [s] beyond a part's own timeout to wait for the process that has locked it, whose worker may have to load the kernel."""
+"""Time [s] in addition to a part's timeout to wait for another process that builds it; its worker may have to load the kernel first."""
 
 Progress = Callable[[str, int, int], None]
 Printed = Callable[[str, Sequence[str]], None]
@@ -52,18 +52,18 @@ class _Task(FrozenStruct):
 
 
 class GeometryService:
-    """Part schemas, part records and STEP files of one workspace. A context manager, which ends its workers on exit.
+    """Part schemas, part records and STEP files of one workspace. A context manager that ends its workers on exit.
 
-    At most `jobs` parts are built at once, each in at most `timeout` [s]. `on_progress(what, done, total)` is called for each,
+    At most `jobs` parts are built at once, each in at most `timeout` [s]. `on_progress(what, done, total)` is called for each part, and
     `on_printed(part, lines)` with the lines that it printed.
 
     After `realize`, `modelled` and `reused` are the definition texts of parts that were built or found, `decisions` are the reasons, and
     `wanted` are the requested definitions. `inputs` are the absolute paths of all files and folders that the answers depend on, whether
-    they exist or not. `reads` are the files that answers depend on, as states by path, by subject; answers from a lock have none.
+    they exist or not. `reads` are the states of the files that an answer depends on, by subject and path; answers from a lock have none.
 
-    Pass `workers` to share those of a long-lived process; they are not ended here. `lock` reads the workspace's lock when it is first
-    needed, for callers that need no meshes; the lock is used for what is not in the store, and its faults are in `broken`. `seed` is the
-    hash seed of Python in its own workers; use a separate store for each seed, because it is not part of any key.
+    Pass `workers` to share the workers of a long-lived process; they are not ended here. `lock` reads the workspace's lock when it is first
+    needed, for callers that do not use meshes. The lock is used for parts that are not in the store; its faults are in `broken`. `seed` is
+    the Python hash seed of its own workers. Use a separate store for each seed, because it is not part of any key.
 
     Raises `StoreUnusable` if something has to be written and the store is not writable.
     """
@@ -110,12 +110,12 @@ class GeometryService:
 
     @property
     def reused(self) -> list[str]:
-        """Definition texts of the parts whose records the last `realize` found."""
+        """Definition texts of the parts whose records the last `realize` found in the store."""
         return [text for text, decision in self.decisions.items() if decision.reused]
 
     @property
     def inputs(self) -> frozenset[str]:
-        """Absolute paths of everything in folders and packages tracked by content that the answers depend on."""
+        """Absolute paths that the answers depend on, in folders and packages that are tracked by content."""
         return frozenset(self._parts.probed | self._results.consulted | self._locked.consulted)
 
     def warm(self) -> None:
@@ -127,17 +127,17 @@ class GeometryService:
 
         Return whether it did.
 
-        Call it before reading documents, since loading the kernel takes longest. With a lock, the kernel is probably not needed.
+        Call it before reading documents, because loading the kernel takes longest. With a lock, the kernel is probably not needed.
         """
         if needed := not self._locked.there and self._results.files_changed():
             self.warm()
         return needed
 
     def expect(self, last: GeometryService, saved: Collection[str] = ()) -> None:
-        """Begin to build parts that will probably be requested: those of the `last` service whose code has changed.
+        """Begin to build parts that will probably be requested: the parts of the `last` service whose code has changed.
 
-        `saved` are the files that changed (absolute paths). The classes are described in the meantime. `realize` uses a part that was begun
-        if its parameters turn out as they were given to `last`, with the defaults as they are now.
+        `saved` are the files that changed (absolute paths). The classes are described in the meantime. `realize` uses the result if the
+        part's parameters are the same as for `last`, with the current defaults.
         """
         begun = 0
         self._worker_pool().prepare([path for path in saved if path.endswith(".py")])
@@ -216,7 +216,7 @@ class GeometryService:
                 continue
             request = {"op": "describe", "references": [reference], **self._requests.around(code)}
             tasks.setdefault(reference.partition(":")[0], []).append(_Task(subject=reference, build_key=build_key, request=request))
-        groups = list(tasks.values())  # one child per module, so that code shared by the classes of a file is loaded once
+        groups = list(tasks.values())  # one child per module: code that the classes of a file share is loaded once
         if meanwhile is not None:
             self._worker_pool().begin(self._describing(groups))
             meanwhile()
@@ -236,7 +236,7 @@ class GeometryService:
         for request, answer in self._run(list(self._describing(groups))):
             group = groups[request["group"]]
             if "failed" in answer:
-                if len(group) > 1:  # one class ended the process: describe each by itself
+                if len(group) > 1:  # one class ended the process: describe each in its own process
                     alone.extend([task] for task in group)
                 else:
                     self._printed(group[0].subject, answer)
@@ -248,7 +248,7 @@ class GeometryService:
                 self._printed(failed[0], answer)
             for task in group:
                 value = given["answers"][task.subject]
-                # files read for one class of a module count for all that were described together
+                # classes of a module are described together, so files read for one of them count for all
                 self._results.keep("schema", task.build_key, value, given["reads"])
                 self.reads[task.subject] = dict(given["reads"])
                 described[task.subject] = self._schema(task.subject, value, self._parts.code(task.subject))
@@ -295,7 +295,7 @@ class GeometryService:
             elif locked and (held := self._locked.record(definition)) is not None:
                 self._decide(text, True, f"{LOCK_FILE} contains it")
                 answers[text] = held
-                del build_keys[text]  # nothing was built, and `thingc why` reports the last build
+                del build_keys[text]  # nothing was built; `thingc why` reports the last build
             else:
                 unmade.append((definition, prepared))
         tasks = self._tasks(unmade, likely)
@@ -316,7 +316,7 @@ class GeometryService:
         return {text: answers[text] for text in unique}
 
     def _tasks(self, parts: Sequence[tuple[PartDefinition, PartRequest]], likely: Likely) -> list[_Task]:
-        """Return the tasks. Parts that will be sliced come first, because they take longest and shorter tasks fill the gaps at the end."""
+        """Return the tasks. Parts that will be sliced come first because they take longest; shorter tasks fill the gaps at the end."""
         self._requests.suppose([definition for definition, _ in parts], likely)
         tasks = [
             _Task(
@@ -455,7 +455,7 @@ class GeometryService:
     def _run(self, requests: Sequence[dict[str, Any]], what: str = "", wanted: Iterator[dict[str, Any]] | None = None) -> Any:
         """Yield the answers of the workers as they arrive. If no worker starts, every request fails.
 
-        `wanted` yields the requests that are still needed when it is their turn.
+        `wanted` yields the requests that are still needed when they are about to be sent.
         """
         chosen = iter(requests) if wanted is None else wanted
         first = next(chosen, None)

@@ -1,1 +1,1 @@
-"""What a part's result depends on (code, files that it read, versions), and the cache of results by these."""
+"""Dependencies of a part's result (code, files that it read, versions), and the cache of results that is keyed by them."""

@@ -1,4 +1,4 @@
-"""The labelled ingredients of a result. Their digest is the key; two sets of ingredients give the reason of a rebuild."""
+"""The labelled ingredients of a result. Their digest is its key; comparing two sets of ingredients gives the reason for a rebuild."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from thingc.geometry.record import PartDefinition
 
 
 class BuildKey(FrozenStruct):
-    """Ingredients by label (`module arm`, `parameter length`, `version build123d`) and their key."""
+    """The ingredients of a result by label (`module arm`, `parameter length`, `version build123d`), and their key."""
 
     ingredients: dict[str, str]
 
@@ -26,7 +26,7 @@ class BuildKey(FrozenStruct):
 
 
 def schema_key(reference: str, code: CodeIngredients | None, versions: Mapping[str, str]) -> BuildKey:
-    """Return the key of a part schema: its code with docstrings, and versions. `code` is None for a part of an installed package."""
+    """Return the key of a part schema, from its code with docstrings and from versions. `code` is None for installed packages."""
     return BuildKey(ingredients={"part": reference, **versions, **(code.documented if code is not None else {})})
 
 

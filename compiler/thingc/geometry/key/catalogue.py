@@ -1,4 +1,4 @@
-"""Every Thing that a workspace can use, found by reading code without importing it."""
+"""Find every Thing that a workspace can use, by reading code without importing it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[s
 
 
 def classes_installed(module: str, file: str) -> list[str]:
-    """Return `module:Class` of every public class in the file of such a module, in order; empty if it is not valid Python."""
+    """Return `module:Class` of every public class in the file of an installed module, in order; empty if it is not valid Python."""
     try:
         with open(file, "rb") as stream:
             body = parse_python(stream.read()).body
@@ -55,7 +55,7 @@ def classes_installed(module: str, file: str) -> list[str]:
 
 
 def not_python(sources: ModuleSources, packages: Sequence[str]) -> list[PartFailure]:
-    """Return a failure for each module of `classes_in_reach` that is not valid Python, in which no class can be found."""
+    """Return a failure for each module of `classes_in_reach` that is not valid Python, because its classes cannot be found."""
     failures: list[PartFailure] = []
     for module in _modules(sources, packages):
         source = sources.source(module)

@@ -6,12 +6,12 @@ import os
 from collections.abc import Mapping
 
 PASSED = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
-"""Variables without which Python or the kernel may not start. They are passed on, and their values are in every key."""
+"""Variables that Python or the kernel may need to start. They are passed on, and their values are in every key."""
 
 FIXED: Mapping[str, str] = {
     "PATH": os.defpath, "LC_ALL": "C.UTF-8", "PYTHONUTF8": "1", "TZ": "UTC",
     "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",
-    # freed memory is reused: a child lives for about a second, a tenth of which was spent on fresh pages
+    # reuse freed memory: a child lives for about a second and spent a tenth of it on fresh pages
     "GLIBC_TUNABLES": ":".join(f"glibc.malloc.{name}={number}" for name, number in (
         ("mmap_threshold", 1 << 25), ("top_pad", 1 << 24), ("trim_threshold", 1 << 30), ("tcache_count", 64),
     )),
@@ -19,7 +19,7 @@ FIXED: Mapping[str, str] = {
 
 TEMPORARY = ("TMPDIR", "TEMP", "TMP")
 HOMES = ("HOME", "USERPROFILE")
-"""Variables that name the scratch folder of each part (see `scratch`)."""
+"""Variables that are set to the scratch folder of each part (see `scratch`)."""
 
 
 def passed() -> dict[str, str]:
@@ -30,7 +30,7 @@ def passed() -> dict[str, str]:
 def environment(seed: int = 0) -> dict[str, str]:
     """Return the environment of a worker, with the hash seed `seed`.
 
-    `TEMPORARY` is for the worker itself; each part gets its own folder there.
+    The variables in `TEMPORARY` are for the worker process; each part gets its own temporary folder.
     """
     variables = {name: os.environ[name] for name in TEMPORARY if name in os.environ}
     variables.update(passed())

@@ -1,9 +1,9 @@
-"""The state of a file as a short text, which results of parts are cached by:
+"""The state of a file as a short text, by which results of parts are cached:
 
     file:<sha256>     its content
     folder:<sha256>   the names in a folder that was listed
     folder            a folder that was only checked for existence
-    absent            nothing there
+    absent            no file or folder
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from thingc.base.filesystem import opened
 
 
 def state_of(path: str, *, listed: bool = False) -> str:
-    """Return the state of `path` in the form above. With `listed`, the state of a folder is the digest of its names."""
+    """Return the state of `path` in the form described above. With `listed`, the state of a folder is the digest of its names."""
     try:
         with opened(path) as stream:
             return "file:" + hashlib.file_digest(stream, "sha256").hexdigest()

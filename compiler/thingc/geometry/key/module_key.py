@@ -1,8 +1,9 @@
-"""The code that a part depends on, found by reading: its module, and every module that this one imports.
+"""The code that a part depends on: its module and all modules that this one imports, found by reading source files.
 
-Import statements are followed wherever they are, also in functions, to every module of the part folders and of packages that are tracked by
-content, with the packages that contain them. Comments, layout and docstrings do not count, unless some code may read docstrings: then the
-text of every file counts. A module that is imported in another way is noticed when the part runs, and counts as a file that the part read.
+Import statements are followed wherever they are, also in functions. They are followed into part folders and packages that are tracked by
+content; the packages that contain a module are included. Comments, layout and docstrings do not count, unless some code may read
+docstrings: then the text of every file counts. A module that is imported in another way is detected when the part runs, and counts as a
+file that the part read.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ MAX_UNTRUSTED = 1_000_000
 """Limit of bytes of source that are read from an untrusted workspace: the syntax tree takes a hundred times as much memory."""
 
 MAX_STEPS = 20
-"""Limit of modules through which a name is followed to its definition, for messages."""
+"""Maximum number of modules through which a name is followed to its definition, for messages."""
 
 
 class ModuleFacts(FrozenStruct):
@@ -51,10 +52,10 @@ class ModuleFacts(FrozenStruct):
 
 
 class ModuleSource(FrozenStruct, kw_only=False):
-    """The source of a module, as read.
+    """A module's source code and the path of its file.
 
-    `path` is its path in the workspace, since code looks for files beside itself; outside of the workspace only the file's name, which is
-    the same on every machine.
+    `path` is relative to the workspace, because code looks for files beside itself. For a file outside of the workspace, it is only the
+    file name, which is the same on every machine.
     """
 
     module: Module
@@ -70,12 +71,12 @@ class ModuleSource(FrozenStruct, kw_only=False):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CodeIngredients:
-    """The code of a part.
+    """The code of a part and everything that determines it.
 
     `ingredients` are digests and paths by module (`module arm`), `documented` the same with docstrings. `installed` are the modules of
     installed packages that it imports. `files` are the files that it is loaded from, with their SHA-256. `plain` are its packages without
     `__init__.py`. `hiding` are its modules that hide others of the same name. `place` is `(file, line)` of the class. `sources` are the
-    modules by file; it is empty if some code may inspect itself, because then the code counts as a whole, whichever parts run.
+    modules by file; it is empty if some code may inspect itself, because then all code counts, whichever parts run.
     """
 
     ingredients: dict[str, str] = field(default_factory=dict)
@@ -200,7 +201,7 @@ def defined_in(module: str, sources: ModuleSources) -> tuple[str, ...]:
 
 
 def _namespaces(module: str, sources: ModuleSources) -> list[ModuleSource | None]:
-    """Return the module, and those whose names it has through star imports; None in place of a module that cannot be read."""
+    """Return the module and all modules that it star-imports, directly or indirectly; None in place of a module that cannot be read."""
     met = [module]
     namespaces: list[ModuleSource | None] = []
     for name in met:

@@ -1,7 +1,7 @@
-"""Where modules are: in a part folder of the workspace, in a package tracked by content, elsewhere in the environment, or absent.
+"""Find modules by name: in a part folder of the workspace, in a package tracked by content, elsewhere in the environment, or not at all.
 
-The client, which reads part files without importing them, and the worker, which imports them, share this module, so that a name means the
-same file for both.
+The client reads part files without importing them, and the worker imports them. Both use this module, so that a name refers to the same
+file for both.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CONTENT_TRACKED = frozenset({"thingc_stock"})
 """Packages tracked by content wherever they are installed."""
 
 OWN = frozenset({"thingc"})
-"""Packages that count by the state of the compiler, which is in every key."""
+"""Packages whose files are part of the compiler's own state, which is in every key."""
 
 SELDOM_USED = frozenset({
     "IPython", "ezdxf", "fontTools", "lib3mf", "ocp_gordon", "ocpsvg", "requests", "scipy", "sklearn", "svgpathtools",
@@ -41,16 +41,16 @@ PROTECTED = frozenset(sys.stdlib_module_names) | SELDOM_USED | {
 
 
 MAX_NAME = 500
-"""Longest dotted name [characters] that is looked up."""
+"""Longest dotted name [characters] that is accepted."""
 
 
 class Module(FrozenStruct):
-    """A module as found by name, without importing it.
+    """A module found by name, without importing it.
 
-    `kind` is `content` (its code is read, followed and in the key), `installed` (found by Python itself: it counts by its version, or by
-    its files as they were loaded) or `absent`. `file` is its source, or the binary of an extension; None for a folder without `__init__.py`
-    and for built-in modules. `folders` contain its submodules; empty for a plain module. `hides` are other files in the part folders that
-    have the same module name but lower precedence.
+    `kind` is `content` (its code is read, its imports are followed, and it is in the key), `installed` (found by Python itself: it counts
+    by its version, or by its files as they were loaded) or `absent`. `file` is its source, or the binary of an extension; None for a folder
+    without `__init__.py` and for built-in modules. `folders` contain its submodules; empty for a plain module. `hides` are other files in
+    the part folders that have the same module name but lower precedence.
     """
 
     name: str
@@ -74,10 +74,10 @@ def own_roots() -> tuple[str, ...]:
 
 @cache
 def installed_roots() -> tuple[str, ...]:
-    """Return the folders whose contents count by version.
+    """Return the folders of installed packages, whose contents count by version.
 
-    These are those of the interpreter, and other folders of the import path into which packages were installed (for example by a `.pth`
-    file).
+    They include the interpreter's own folders, and other folders of the import path into which packages were installed (for example by a
+    `.pth` file).
     """
     others = [folder for folder in import_path() if any(name.endswith(".dist-info") for name in listing(folder))]
     return tuple(dict.fromkeys((*own_roots(), *_in_both_forms(others))))
@@ -95,9 +95,9 @@ def is_installed(file: str) -> bool:
 class Finder:
     """Finds modules by name for one workspace.
 
-    `parts` are its absolute part folders in order of precedence, `packages` the packages that it allows. These are followed as code, unless
-    they are installed; other imports are not. `probed` collects the absolute paths that were tested in folders tracked by content, whether
-    they exist or not.
+    `parts` are its absolute part folders in order of precedence, `packages` the packages that it allows. Imports of these packages are
+    followed as code unless they are installed; other imports are not followed. `probed` collects the absolute paths that were tested in
+    folders tracked by content, whether they exist or not.
     """
 
     def __init__(self, parts: Sequence[str], packages: Iterable[str] = ()) -> None:
@@ -183,7 +183,7 @@ class Finder:
 
 
 def _on_path(name: str, followed: Collection[str]) -> Module | None:
-    """Return a top-level module of the environment, or None. Finders of editable packages are asked, too."""
+    """Return a top-level module of the environment, or None. The finders of editable packages are asked, too."""
     specification = specification_of(name)
     if specification is None:
         return None

@@ -125,9 +125,9 @@ class PartCode:
         return file
 
     def around(self, code: CodeIngredients | None) -> dict[str, Any]:
-        """Return what a request to the worker contains about the code.
+        """Return the part of a worker request that describes the code.
 
-        These are the folders and packages of the workspace, the SHA-256 of files that are in the key, part packages without `__init__.py`,
+        It has the folders and packages of the workspace, the SHA-256 of files that are in the key, part packages without `__init__.py`,
         and installed packages to load before the fork.
         """
         code = code or CodeIngredients()
@@ -144,7 +144,7 @@ class PartCode:
 
 
 def file_state(definition: PartDefinition, workspace: Workspace, results: Results) -> str | PartFailure:
-    """Return the state of a part that is a file, as in `reads`, or the failure if there is none."""
+    """Return the state of a part that is a file, in the form of `file_states`, or a failure if the file does not exist."""
     path = os.path.join(workspace.root, definition.reference)
     if os.path.isabs(definition.reference) or not workspace.contains(path):
         return PartFailure(subject=definition.text, kind="refused", message=f"`{definition.reference}` is outside the workspace")

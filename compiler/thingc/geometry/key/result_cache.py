@@ -1,6 +1,6 @@
-"""Results cached in the store: by build key, and under each build key by the files that were read.
+"""Results cached in the store, by build key and then by the files that were read.
 
-A build key can have several results, each with its reads. The one whose reads all have the same states now is the answer.
+A build key can have several results, each with its reads. A lookup returns the result whose reads all still have the same states.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Results:
         return self._seen(path, like)
 
     def _seen(self, path: str, like: str) -> str:
-        """Return the same for a file that no result depends on: the path is not added to `consulted`."""
+        """Return the state of a path like `state`, but without adding it to `consulted`, because no result depends on it."""
         listed = like.startswith("folder:")
         absolute = os.path.normpath(os.path.join(self.root, path))
         if (absolute, listed) not in self._states:
@@ -66,7 +66,7 @@ class Results:
         return None
 
     def keep(self, kind: str, build_key: BuildKey, value: Any, reads: list[Any], reason: str = "") -> None:
-        """Store a result, before the others of its build key."""
+        """Store a result as the first one under its build key."""
         plain = [list(read) for read in reads]
         self.met.update((path, state) for path, state in plain)
         for path, _ in plain:
@@ -84,14 +84,14 @@ class Results:
             self.store.note_json("files", self.root, dict(files))
 
     def files_changed(self) -> bool:
-        """Whether a file that parts depended on in the last run has changed; also True if there was no last run."""
+        """Whether a file that parts depended on in the last run has changed. Also True if there was no last run."""
         files = self.store.get_json("files", self.root)
         return not isinstance(files, dict) or any(self._seen(path, state) != state for path, state in files.items())
 
     # --- last builds, for `thingc why` -------------------------------------------------------------------------------
 
     def last(self, text: str) -> BuildKey | None:
-        """Return the build key of a definition when it was last realized in this workspace, or None."""
+        """Return the build key that a definition had when it was last realized in this workspace, or None."""
         key = self.store.get_json("last", self._of(text))
         ingredients = self.store.get_json("build_key", key) if isinstance(key, str) else None
         return BuildKey(ingredients=ingredients) if isinstance(ingredients, dict) else None
@@ -101,7 +101,7 @@ class Results:
         return self.store.get_json("met", self._of(reference)) is not None
 
     def remember(self, realized: Iterable[tuple[str, str, BuildKey]]) -> None:
-        """Store what was realized (reference, definition text, build key). Nothing is written if it is the same as before."""
+        """Store the last builds as (reference, definition text, build key). Nothing is written if they are the same as before."""
         for reference, text, build_key in realized:
             if self.store.get_json("last", self._of(text)) == build_key.key:
                 continue
@@ -115,7 +115,7 @@ class Results:
         return f"{self.root}\n{name}"
 
     def changed_read(self, key: str) -> str | None:
-        """Describe which reads of the newest result under a build key have changed; None if none has."""
+        """Describe which reads of the newest result under a build key have changed; None if none have changed."""
         for candidate in self._candidates("record", key)[:1]:
             changed = [(path, state, now) for path, state in candidate["reads"] if (now := self.state(path, state)) != state]
             if changed:

@@ -1,4 +1,4 @@
-"""Read the relevant facts from the syntax tree of a source file. Never imports or runs anything."""
+"""Extract the relevant facts from the syntax tree of a source file, without importing or running it."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ TELLING = frozenset({
     "__doc__", "f_lineno", "tb_lineno", "co_firstlineno", "co_lines", "co_positions", "co_linetable", "co_lnotab", "co_consts",
     "inspect", "linecache", "pydoc", "traceback",
 })
-"""Words with which code reads docstrings, line numbers or source texts, which are otherwise not part of a key."""
+"""Names that code uses to read docstrings, line numbers or source texts, which are otherwise not part of a key."""
 
 BINDING = frozenset({
     "exec", "eval", "globals", "locals", "vars", "setattr", "modules", "f_globals", "__dict__", "__getattr__", "__builtins__",
 })
-"""Words with which a module can have names that none of its statements binds. `global` in a function has the same effect."""
+"""Names that a module can use to define names without a statement that binds them. `global` in a function has the same effect."""
 
 LOOKING = re.compile(
     rb"\b(?:__code__|__defaults__|__kwdefaults__|__globals__|co_code|settrace|setprofile|gc|dis|marshal|dill|cloudpickle"
     rb"|n?jit|numba|cython|FunctionType|LambdaType|CodeType)\b"
 )
-"""Words with which code inspects functions that it does not call, or has them run in another way."""
+"""Names that code uses to inspect functions without calling them, or to run them in another way."""
 
 _IMPLIED = ("ctx", "kind")
 """Fields of nodes that carry no information: the position of a name shows its use, and `u"x"` equals `"x"`."""
 _END, _LEFT = object(), object()
 
 PLAIN = frozenset({"classmethod", "property", "staticmethod"})
-"""Decorators after which a function still only runs when it is called."""
+"""Decorators that do not run a function: it still runs only when it is called."""
 
 
 def read_source(source: bytes) -> dict[str, Any]:
@@ -53,8 +53,8 @@ def read_source(source: bytes) -> dict[str, Any]:
 def functions(tree: ast.Module, source: bytes) -> list[ast.FunctionDef]:
     """Return the functions and methods of a module that run only when they are called, in the order of the text.
 
-    Left out are functions that other code may have inspected before (those with decorators other than `PLAIN`), and those whose call runs
-    nothing yet (generators and coroutines).
+    Functions with decorators other than `PLAIN` are excluded, because other code may have inspected them before. Generators and coroutines
+    are excluded, because a call does not run their body.
     """
     definitions: list[ast.FunctionDef] = []
     yields = b"yield" in source
@@ -81,7 +81,7 @@ def _is_value(node: ast.expr) -> bool:
 
 
 def _facts(tree: ast.Module, source: bytes) -> dict[str, Any]:
-    """Return the facts of a module in one walk in the order of the text. Not recursive: sums nest deeper than Python's stack."""
+    """Return the facts of a module. One walk in source order, without recursion: long sums nest deeper than Python's stack."""
     syntax: list[str] = []
     outline: list[str] = []
     called = functions(tree, source)

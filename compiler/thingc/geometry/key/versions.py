@@ -1,4 +1,4 @@
-"""Versions of everything that affects a result but is not code of the workspace: Python, packages, and thingc itself."""
+"""Versions of everything outside the workspace that affects a result: Python, packages, and thingc itself."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ KINDS: frozenset[ParameterKind] = frozenset(get_args(ParameterKind))
 SOURCES = frozenset({"measured", "vendor", "estimated", "stated"})
 _ORTHOGONAL = 1e-6
 _NOTHING = 1e-20
-"""Far below any inertia at density 1 [m^5] of a part with a mass."""
+"""Smallest plausible inertia at density 1 [m^5], far below that of any part with a mass."""
 _ENTRIES = 9
 _MOMENTS = 10
 _LAID = ("solid", "joins", "sparse")
@@ -59,7 +59,7 @@ class BadLock(Exception):
 def schema_values(schema: PartSchema) -> dict[str, Any]:
     """Return the JSON values of a schema, the inverse of `read_schema`.
 
-    The place in the part file is left out: every comment changes it.
+    The place in the part file is omitted, because every comment changes it.
     """
     return {
         "kind": schema.kind, "doc": schema.doc, "material": schema.material, "actuator": schema.actuator,
@@ -86,7 +86,7 @@ def _parameter_values(parameter: ParameterSchema) -> dict[str, Any]:
 def record_values(record: PartRecord) -> dict[str, Any]:
     """Return the JSON values of a record, the inverse of `read_record`.
 
-    They are those that checks of assemblies need, without meshes and places in files.
+    They are the values that checks of assemblies need. Meshes and places in files are omitted.
     """
     values: dict[str, Any] = {
         "material": record.material, "color": record.color, "volume": _rounded(record.volume), "area": _rounded(record.area),
@@ -246,7 +246,7 @@ def _sliced(value: Any, path: str) -> tuple[Slicing, SliceResult | SliceFailure]
 
 
 def _matter(value: Any, path: str) -> Moments:
-    """Return the ten moments in `value`. Raises `BadLock` unless matter can have them."""
+    """Return the ten moments in `value`. Raises `BadLock` unless they are physically possible."""
     moments = Moments.of(numbers(value, _MOMENTS, path))
     of = moments.properties
     if moments.volume < 0.0 or moments.volume > 0.0 and physical_fault(of.inertia) is not None:

@@ -26,7 +26,7 @@ LOCK_FILE = "parts.lock.json"
 VERSION = "lock/1"
 MAX_BYTES = 10_000_000
 REMAKE = "run `thingc lock` on a machine that may run part code, and commit the file that it writes"
-"""The instruction for any fault of the lock."""
+"""The help text for all errors of the lock."""
 
 
 class LockedThing(FrozenStruct):

@@ -1,4 +1,4 @@
-"""Part schemas and records from `parts.lock.json`: in addition to the store, or alone if no code of the workspace may run."""
+"""Read part schemas and records from `parts.lock.json`, in addition to the store, or alone if no code of the workspace may run."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _T = TypeVar("_T")
 
 
 class LockAnswers:
-    """What a lock can answer for the current code and files. `consulted` are the absolute paths that were read."""
+    """Looks up answers in a lock, for the current code and files. `consulted` are the absolute paths that were read."""
 
     def __init__(self, lock: Lock, workspace: Workspace, parts: PartCode) -> None:
         self.lock = lock
@@ -98,8 +98,8 @@ class LockAnswers:
     def relative(self, definition: PartDefinition) -> PartRecord | None:
         """Return a placeholder for a definition that is not in the lock, or None if the lock does not have its class. Raises `BadLock`.
 
-        It has the mounts that the class has with other parameters, and no mounts if counts, flags, choices or texts that differ from their
-        defaults may decide about the names of mounts.
+        It has the mounts that the class has with other parameters. It has no mounts if counts, flags, choices or texts that differ from
+        their defaults may affect the names of mounts.
         """
         schema = self.lock.schema(definition.reference)
         if schema is None:
@@ -123,7 +123,7 @@ class LockAnswers:
 
 
 class LockFallback:
-    """A lock used for what is not in the store. It is read when it is first needed; its faults are collected in `broken`."""
+    """A lock for parts that are not in the store. It is read when it is first needed; its faults are collected in `broken`."""
 
     def __init__(self, lock: Callable[[], Lock | None] | None, workspace: Workspace, parts: PartCode) -> None:
         self.broken: list[BadLock] = []

@@ -34,7 +34,7 @@ def locked(
     """Make the lock of a workspace whose documents use `references` (`module:Class`), `definitions` and `slicings` (by definition text).
 
     It contains all Things of the part folders, and the Things of packages that are used. A Thing that cannot be built with its defaults has
-    no record for them, unless a document uses it so.
+    no record for them, unless a document uses it with its defaults.
     """
     in_folders = [reference for reference in geometry.catalogue() if geometry.in_part_folders(reference)]
     schemas = geometry.describe(sorted({*references, *in_folders}))
@@ -86,7 +86,7 @@ def _thing(
 
 
 def lock_text(values: Mapping[str, Any]) -> str:
-    """Return the text of the file: indented by two spaces, lists of numbers on one line, so that a change of a number changes one line.
+    """Return the text of the file, indented by two spaces. Lists of numbers are on one line, so that a changed number changes one line.
 
     The text has no invisible characters, so that a reviewer sees every change.
     """

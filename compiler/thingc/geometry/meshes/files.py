@@ -1,4 +1,4 @@
-"""Mesh files as documents name them, before they are read: the digests of their contents, and the unit."""
+"""Mesh files that documents list, before they are read: the digests of their contents, and the scale."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class MeshFile(OneLineRepr, FrozenStruct):
     """A mesh file of the workspace.
 
     `path` is its path in the workspace, `folder` its absolute folder, `sha256` the digest of its content. `beside` are the names and
-    digests of the files that its colours come from. `scale` are the factors to metres along x, y and z; some are negative if the mesh is
+    digests of the files that define its colours. `scale` are the factors to metres along x, y and z; some are negative if the mesh is
     mirrored.
     """
 

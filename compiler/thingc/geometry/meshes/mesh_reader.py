@@ -27,10 +27,10 @@ MUJOCO_MOST = 200_000
 """Largest number of triangles of an STL file that MuJoCo reads."""
 
 LEAST_SCALE = 1e-4
-"""Smallest scale factor with which MuJoCo still finds a volume in a mesh of some units."""
+"""Smallest scale factor with which MuJoCo still finds a volume in a mesh of a few units in size."""
 
 FLAT = 1e-9
-"""Thickness relative to its size up to which a mesh is flat: coordinates have single precision."""
+"""Thickness relative to its size up to which a mesh counts as flat, because coordinates have single precision."""
 
 _AXES = re.compile(rb"<up_axis>\s*([XYZ])_UP")
 _COLLADA = re.compile(rb"<(\w+:)?COLLADA\s[^>]*xmlns")
@@ -38,13 +38,13 @@ _METER = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)")
 _TEXTURE = re.compile(rb"<texture\b[^>]*?(?:/>|>.*?</texture>)", re.DOTALL)
 _PARAMETER = re.compile(rb"<newparam\b.*?</newparam>", re.DOTALL)
 _MATERIALS = re.compile(rb"<bind_material\b.*?</bind_material>", re.DOTALL)
-"""In COLLADA effects: a colour that is an image, the parameters of images, and the materials of a geometry."""
+"""Patterns for COLLADA effects: a colour that is an image, the parameters of images, and the materials of a geometry."""
 _FACE, _NEXT = (re.compile(rb"^[ \t]*%s[ \t]" % word, re.MULTILINE) for word in (b"f", b"[og]"))
-"""In an OBJ file: the line of a face, and the line that begins an object or a group."""
+"""Patterns for OBJ files: the line of a face, and the line that begins an object or a group."""
 
 
 class _Beside(trimesh.resolvers.Resolver):
-    """Resolves files that a mesh file names: only those of its colours, whose digests are known."""
+    """Resolves the files that a mesh file references. Only files of its colours, whose digests are known, are allowed."""
 
     def __init__(self, file: MeshFile) -> None:
         self._file = file
@@ -201,7 +201,7 @@ def _placed(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDArra
 
 
 def _kept(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassProperties | None, bool]:
-    """Store triangles as a mesh.
+    """Store triangles as one mesh.
 
     Return the mesh, its mass properties (None if it is open or flat), and whether its faces were flipped because they pointed inwards.
     """

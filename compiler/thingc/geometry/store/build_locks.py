@@ -1,8 +1,8 @@
-"""Build locks: a part that several processes with the same store need is built once.
+"""Build locks ensure that a part is built only once if several processes with the same store need it.
 
 A build lock is a lock on one byte of the store's file `build_locks`, at an offset computed from the build key. The system releases it when
-its process ends in any way. No process waits for one lock while it holds another, so there is no deadlock. If locks do not work (some
-network file systems, Windows), every lock is granted, and a part may be built twice, with the same result.
+its process ends for any reason. A process never waits for a lock while it holds another one, so there is no deadlock. If locks do not work
+(some network file systems, Windows), every lock is granted; a part may then be built twice, with the same result.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class BuildLocks:
         return True
 
     def give_back(self, key: str) -> None:
-        """Release a lock. It may be one that was not taken."""
+        """Release a lock. Do nothing if the lock was not taken."""
         if self._descriptor is not None and fcntl is not None:
             with contextlib.suppress(OSError):
                 fcntl.lockf(self._descriptor, fcntl.LOCK_UN, 1, _lock_offset(key))

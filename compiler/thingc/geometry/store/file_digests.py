@@ -1,4 +1,4 @@
-"""Digests of files, cached for files that have not changed according to the file system."""
+"""Digests of files, cached as long as the file system reports no change of the files."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ LARGE = 1 << 20
 """Size [bytes] from which a digest is worth caching."""
 
 SETTLED = 2_000_000_000
-"""Age [ns] of the last change from which a digest is cached: a later change within the resolution of file times would not show in them."""
+"""Age [ns] of the last change from which a digest is cached. Shortly after a change, another one may have the same file times."""
 
 
 FileSignature = tuple[int, int, int, int, int]
-"""Size, modification time, change time, inode and device of a file. If they are equal, so is the content."""
+"""Size, modification time, change time, inode and device of a file. Files with the same signature have the same content."""
 
 Digests = dict[FileSignature, str]
 """The digests computed by one command."""
@@ -27,8 +27,8 @@ Digests = dict[FileSignature, str]
 def digest_of(path: str, store: Store | None = None, known: Digests | None = None) -> str:
     """Return the SHA-256 of a file's content in hexadecimal. Raises `OSError`.
 
-    Digests of large files are cached in `store` by path and signature, which includes the change time, which programs cannot set. `known`
-    caches all digests, for callers that read the same files again.
+    Digests of large files are cached in `store` by path and signature, which includes the change time, because programs cannot set it.
+    `known` caches all digests, for callers that read the same files again.
     """
     known = {} if known is None else known
     with opened(path) as stream:

@@ -1,12 +1,12 @@
-"""The content-addressed store: geometry by the SHA-256 of its bytes, small JSON documents by kind and key.
+"""The content-addressed store: geometry by the SHA-256 of its content, small JSON documents by kind and key.
 
-Every file is written under a temporary name and renamed, so that any number of processes may share a store and be killed at any time: a
-file is either absent or complete. Files are checked when they are read, and a damaged one counts as absent. Nothing is pickled.
+Every file is written under a temporary name and renamed, so a file is either absent or complete. Any number of processes can share a store,
+and they can be killed at any time. Files are checked when they are read; a damaged file counts as absent. Nothing is pickled.
 
     <root>/blobs/ab/cdef...     the bytes whose SHA-256 is abcdef...
     <root>/<kind>/ab/cdef...    the JSON document whose key has that SHA-256, after a line with its checksum
 
-The checksum of a document includes its kind and name, so that a document in the place of another is invalid.
+The checksum of a document includes its kind and name, so that a document stored under another name is invalid.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from thingc.base.filesystem import hash_name
 SEALED = 946_684_800
 """Modification time [s] of every complete blob (2000-01-01).
 
-A blob that was written to later has another time, and is hashed before use.
+A blob that was modified later has another time, and is hashed before use.
 """
 
 
@@ -68,7 +68,7 @@ def cache_root() -> str:
 class Store:
     """A store in the folder `root` (default: `default_root()`). The folder is created with the first write.
 
-    Writing raises `StoreUnusable` if the folder is not writable. Reading never does: a file that cannot be read counts as absent.
+    Writing raises `StoreUnusable` if the folder is not writable. Reading does not raise it: a file that cannot be read counts as absent.
     """
 
     __slots__ = ("_noted", "root")
@@ -94,7 +94,7 @@ class Store:
     def has(self, sha256: str, size: int | None = None) -> bool:
         """Whether a valid blob is in the store (of `size` bytes, if given).
 
-        A sealed blob is trusted. One with another time is hashed, and then sealed again or removed.
+        A sealed blob is trusted. A blob with another time is hashed, and then sealed again or removed.
         """
         try:
             path = self.path(sha256)
@@ -159,7 +159,7 @@ class Store:
         self._write(self._document(kind, key), _sealed(kind, key, value))
 
     def note_json(self, kind: str, key: str, value: Any) -> None:
-        """Store a JSON value that only saves time. If it cannot be written, no error is raised."""
+        """Store a JSON value that is only an optimisation. No error is raised if it cannot be written."""
         path, data = self._document(kind, key), _sealed(kind, key, value)
         if self._noted is not None:
             self._noted[path] = data
@@ -168,7 +168,7 @@ class Store:
 
     @contextlib.contextmanager
     def hurried(self) -> Iterator[None]:
-        """Delay the writes of `note_json` until exit, after the result of a command is complete."""
+        """Delay the writes of `note_json` until exit, so that the result of a command is complete first."""
         noted: dict[str, bytes] = {}
         self._noted = noted
         try:
@@ -270,7 +270,7 @@ class Outbox(Store):
         return self._held[sha256] if sha256 in self._held else super().read(sha256)
 
     def deliver(self) -> None:
-        """Move all blobs from the outbox to the store, by the hash of their content, so that no blob in the store can be replaced.
+        """Move all blobs from the outbox to the store, by the hash of their content: no existing blob can be replaced.
 
         The process that wrote the outbox must have ended. Raises `StoreUnusable`.
         """

@@ -1,8 +1,8 @@
 """A store shared by machines: a local folder in front of a URL that fsspec supports.
 
-What is not in the folder is fetched from the URL, and new results are sent there: first the files, then the entry that refers to them, so
-that an entry is never found without its files. Both have checksums, so that an incomplete or damaged file counts as absent. Only results
-for parts are shared; values that concern one machine stay in its folder.
+Files that are not in the folder are fetched from the URL, and new results are uploaded: first the files, then the entry that refers to
+them. An entry is therefore never found without its files. Both have checksums, so an incomplete or damaged file counts as absent. Only
+results for parts are shared; values that concern one machine stay in its folder.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from typing import Any
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable, cache_root
 
 CONVEX = "convex-meshes"
-"""Kind of the documents of convex pieces. Their key has no version of thingc: rename the kind when the fields of `Mesh` change."""
+"""Kind of the documents of convex pieces. Their key contains no version of thingc: rename the kind when the fields of `Mesh` change."""
 SHARED = frozenset(("record", "schema", CONVEX, "slices", "step"))
 """Kinds of JSON documents that are shared: their values mean the same on every machine and are worth the transfer."""
 
 WHOLE = frozenset(("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "oss", "memory"))
-"""Protocols by which a file appears as a whole. With others it is written under a temporary name and renamed."""
+"""Protocols with atomic uploads. With others a file is written under a temporary name and renamed."""
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 def opened(name: str | None) -> Store:
-    """Return the store of that name, a folder or a URL (None: `$THINGC_STORE`, else the user's cache).
+    """Open the store with a name, which is a folder or a URL (None: `$THINGC_STORE`, else the user's cache).
 
     Raises `StoreUnusable` for a URL that cannot be used.
     """
@@ -37,10 +37,10 @@ def opened(name: str | None) -> Store:
 
 
 class SharedStore(Store):
-    """The store at a URL (`s3://bucket/parts`, `sftp://host/srv/parts`, ...), with a folder of the user's cache in front.
+    """The store at a URL (`s3://bucket/parts`, `sftp://host/srv/parts`, ...), with a folder in the user's cache as a local copy.
 
-    `root` is that folder. Reading, too, raises `StoreUnusable` if the server does not answer: building everything again silently would be
-    worse.
+    `root` is that folder. Reading also raises `StoreUnusable` if the server does not answer, because it would be worse to rebuild
+    everything silently.
     """
 
     __slots__ = ("_base", "_damaged", "_made", "_sent", "_system", "url")
@@ -62,7 +62,7 @@ class SharedStore(Store):
     # --- reading ---------------------------------------------------------------------------------------------------
 
     def has(self, sha256: str, size: int | None = None) -> bool:
-        """Whether a valid blob is in the store. One that is only at the URL is fetched."""
+        """Whether a valid blob is in the store. A blob that exists only at the URL is fetched."""
         return super().has(sha256, size) or (self._fetched(sha256) and super().has(sha256, size))
 
     def read(self, sha256: str) -> bytes:
@@ -111,7 +111,7 @@ class SharedStore(Store):
     # --- writing ---------------------------------------------------------------------------------------------------
 
     def put(self, data: bytes) -> str:
-        """Store `data` in the folder. It is sent when an entry refers to it."""
+        """Store `data` in the folder. It is uploaded when an entry refers to it."""
         return Store(self.root).put(data)
 
     def put_json(self, kind: str, key: str, value: Any) -> None:
@@ -180,12 +180,12 @@ class SharedStore(Store):
         return {named} if isinstance(named, str) else set(named)
 
     def _there(self, path: str) -> str:
-        """Return the place of a file of the folder at the URL."""
+        """Return the path at the URL for a file in the folder."""
         return f"{self._base}/{os.path.relpath(path, self.root).replace(os.sep, '/')}"
 
     @contextlib.contextmanager
     def _words(self) -> Iterator[None]:
-        """Raise any exception of the libraries for protocols as `StoreUnusable`."""
+        """Raise `StoreUnusable` in place of any exception of the protocol libraries."""
         try:
             yield
         except StoreUnusable:

@@ -22,8 +22,8 @@ Run = Callable[[list[dict[str, Any]], str], Iterable[tuple[dict[str, Any], dict[
 class SliceCache:
     """Slices by mesh, cached in a store by everything that they depend on.
 
-    A part with other print settings is not built again, and an equal mesh is not sliced again. `versions` returns the versions of
-    everything that slices meshes.
+    A change of print settings does not rebuild a part, and an equal mesh is not sliced again. `versions` returns the versions of the
+    software that slices meshes.
     """
 
     def __init__(self, store: Store, versions: Callable[[], Mapping[str, str]]) -> None:
@@ -36,9 +36,9 @@ class SliceCache:
         self, records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]], run: Run, timeout: float,
         broken: Callable[[str, dict[str, Any]], PartFailure],
     ) -> Records:
-        """Return the records with the slices that are `wanted`, by text; records without a mesh are unchanged.
+        """Return the records with the slices that are `wanted`, by text. Records without a mesh are unchanged.
 
-        `run` sends requests to the workers; `broken` makes a failure of an answer that failed.
+        `run` sends requests to the workers; `broken` converts a failed answer to a `PartFailure`.
         """
         sliced: Records = dict(records)
         texts = {text: frozenset(slicings) for text, slicings in wanted.items() if slicings and _lacks(records.get(text), slicings)}
@@ -100,7 +100,7 @@ class SliceCache:
         self._known[key] = convert(value, SliceResult | SliceFailure)
 
     def _with(self, text: str, record: PartRecord, slicings: frozenset[Slicing]) -> PartRecord:
-        """Return the record with these slices; the same object as last time if nothing changed."""
+        """Return the record with these slices. If nothing changed, it is the same object as last time."""
         last = self._made.get(text)
         if last is None or last[0] is not record or last[1] != slicings:
             slices = {slicing: answer for slicing in slicings if (answer := self._kept(_mesh(record), slicing)) is not None}
