@@ -10,19 +10,20 @@ from typing import Literal, TypeAlias
 
 Stated: TypeAlias = "float | tuple[float, str] | None"
 SOURCES = ("measured", "vendor", "estimated", "stated")
-"""Sources of a number; `stated` is one that was written without a source."""
+"""Valid sources of a number; `stated` is used for a number without a given source."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, init=False)
 class Actuator:
     """An actuator at its output shaft, in SI units.
 
-    `kind` is `position`, `velocity` or `motor`; `stall_torque` [N m] (linear: [N]), `no_load_speed` [rad/s] (linear: [m/s]), `gear_ratio`
-    (motor turns per output turn), `rotor_inertia` [kg m^2] before the gear, gains `kp` [N m/rad], `kv` [N m s/rad].
+    `kind` is `position`, `velocity` or `motor`. `stall_torque` is in [N m] (linear: [N]), `no_load_speed` in [rad/s] (linear: [m/s]),
+    `gear_ratio` in motor turns per output turn. `rotor_inertia` [kg m^2] is before the gear. The gains are `kp` [N m/rad] and `kv`
+    [N m s/rad].
 
-    Each number may be given as `(value, source)` with source `measured`, `vendor` or `estimated`; the attribute `sources` has them by name.
-    Raises `ValueError` for an unknown kind or source and for a number that is not finite or not positive (`rotor_inertia`, `kp` and `kv`
-    may be 0).
+    Each number may be given as `(value, source)` with source `measured`, `vendor` or `estimated`; the attribute `sources` has the sources
+    by name. Raises `ValueError` for an unknown kind or source and for a number that is not finite or not positive (`rotor_inertia`, `kp`
+    and `kv` may be 0).
     """
 
     kind: Literal["position", "velocity", "motor"]

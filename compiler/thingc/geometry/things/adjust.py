@@ -1,4 +1,4 @@
-"""Change parameters of a Thing, also those that a subclass sets."""
+"""Change parameters of a Thing, including those that a subclass sets."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from thingc.geometry.things.thing import Thing
 
 Change = tuple[str, object]
-"""The operation, `set | add | mul`, and its operand."""
+"""An operation, `set | add | mul`, and its operand."""
 
 
 def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:
     """Return the Thing of the same class with changed parameters.
 
-    A name is looked up in the class's own parameters, then in those of its parents, nearest first. A parent's `__init__` gets the changed
-    value instead of the one that the subclass passes, now and in later adjustments. `__add` and `__mul` start from the value that the
-    subclass passes after its own changes.
+    A name is looked up in the class's own parameters, then in those of its parents, nearest first. A parent's `__init__` then gets the
+    changed value instead of the value that the subclass passes, now and in later adjustments. `__add` and `__mul` start from the value
+    that the subclass passes after its own changes.
     """
     cls, construction = type(thing), thing._construction
     signature = family_signature(cls)
@@ -57,7 +57,7 @@ def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:
 
 
 def _target(thing: Thing, signature: Signature, key: str) -> tuple[type, Parameter, str]:
-    """Return the class whose parameter `key` changes, the parameter, and the operation: `width`, `width__add` or `width__mul`."""
+    """Return the class whose parameter is changed by `key` (`width`, `width__add` or `width__mul`), the parameter, and the operation."""
     cls = type(thing)
     families: list[tuple[type, Signature]] = [(cls, signature)]
     families.extend((call.family, family_signature(call.family)) for call in _parents(thing))
@@ -77,7 +77,7 @@ def _target(thing: Thing, signature: Signature, key: str) -> tuple[type, Paramet
 
 
 def _parents(thing: Thing) -> list[InitCall]:
-    """Return the calls of `__init__` above the one with the class's own parameters."""
+    """Return the calls of `__init__` of parent classes, above the one with the class's own parameters."""
     return thing._construction.calls[1:]
 
 

@@ -1,4 +1,4 @@
-"""Data files of a part: found beside its module or in the workspace, and recorded as read."""
+"""Data files of a part: searched beside its module and in the workspace, and recorded as read."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _roots: tuple[str, ...] = ()
 def install(record: Callable[[str], None] | None, roots: Sequence[str] = ()) -> None:
     """Call `record` with every absolute path that `asset` tries, found or not, and let `asset` search the folders `roots`.
 
-    For the geometry worker, before it loads part modules. `install(None)` removes both.
+    The geometry worker calls it before it loads part modules. `install(None)` undoes it.
     """
     global _record, _roots
     _record = record

@@ -1,7 +1,7 @@
-"""Construction of Things: arguments are checked, equal parameters give the same object, and it is immutable after `__init__`.
+"""Construction of Things: arguments are checked, equal parameters give the same object, and the object is immutable after `__init__`.
 
-`__init__` runs once and in isolation. A metaclass is needed to intercept the call before the object exists (memoisation by value, checks
-before geometry) and to wrap each `__init__` of a family, so that the parameters of parents are known, too.
+`__init__` runs once and in isolation. The metaclass intercepts the call before the object exists, for memoisation by value and for checks
+before geometry is made. It also wraps each `__init__` of a family, so that the parameters of parent classes are recorded.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _files: list[str] = []
 
 @dataclass(slots=True, kw_only=True)
 class InitCall:
-    """One `__init__` of the chain: the arguments that `family` was called with, and `values` after adjustments, with which it ran."""
+    """One call of `__init__`: the arguments with which `family` was called, and the `values` after adjustments, with which it ran."""
 
     family: type[Any]
     given: dict[str, Value]
@@ -42,9 +42,9 @@ class InitCall:
 
 @dataclass(slots=True, kw_only=True)
 class Construction:
-    """The record of a Thing's construction.
+    """The state of a Thing's construction.
 
-    `calls` are the `__init__`s of the chain, the class's own first; `running` are those that have not returned, innermost last. `finished`
+    `calls` are the calls of `__init__`, the class's own first; `running` are the calls that have not returned, innermost last. `finished`
     is set when the Thing becomes immutable. `mounts` are by exported name and are filled in last.
     """
 
@@ -69,8 +69,8 @@ class Construction:
 class Parameters:
     """Access to the parameters of a Thing: `self.p.length`, canonical, in author units.
 
-    A parameter of a parent class that a subclass sets is included. While an `__init__` runs, its own arguments come first; afterwards those
-    of the class do. Raises `AttributeError` for a name that is not a parameter.
+    A parameter of a parent class that a subclass sets is included. While an `__init__` runs, its own arguments take precedence; afterwards
+    the class's own parameters do. Raises `AttributeError` for a name that is not a parameter.
     """
 
     __slots__ = ("_construction", "_owner")
@@ -106,15 +106,15 @@ class ThingType(ABCMeta):
     if not TYPE_CHECKING:  # type checkers take the signature from `__init__`
 
         def __call__(cls, *args: object, **kwargs: object) -> Thing:
-            """Return the member of the family with these parameters: made once, then always the same object."""
+            """Return the Thing with these parameters. It is made once, and later calls return the same object."""
             return make(cls, family_signature(cls).bind(args, kwargs), {})
 
 
 def make(cls: type[Any], parameters: dict[str, Value], adjustments: Adjustments) -> Thing:
     """Return the only Thing of class `cls` with these canonical `parameters` and `adjustments`; make it if necessary.
 
-    Exceptions of `__init__` are passed on, and nothing is cached. A build123d builder that is active at the call does not get the geometry
-    made inside, because a Thing depends on its parameters alone.
+    Exceptions of `__init__` are passed on, and nothing is cached. Geometry made inside is not added to a build123d builder that is active
+    at the call, because a Thing depends only on its parameters.
     """
     pinned = tuple((family, name, value) for family in cls.__mro__ for name, value in sorted(adjustments.get(family, {}).items()))
     key = (cls, tuple((name, type(value), value) for name, value in parameters.items()), pinned)
@@ -147,7 +147,7 @@ def _constructed(cls: type[Any], parameters: dict[str, Value], adjustments: Adju
 
 
 def wrapped(cls: type[Any], parameters: dict[str, Value], **attributes: object) -> Thing:
-    """Return a finished Thing of class `cls` made without `__init__`, with these attributes; not memoised."""
+    """Return a finished Thing of class `cls` with these attributes, made without `__init__` and not memoised."""
     thing: Thing = cls.__new__(cls)  # type: ignore[call-overload]
     object.__setattr__(thing, "_construction", Construction(parameters=parameters, adjustments={}, finished=True))
     for name, value in attributes.items():
@@ -171,7 +171,7 @@ def family_signature(cls: type[Any]) -> Signature:
 
 
 def _recorded(cls: type[Any], init: Callable[..., None]) -> Callable[..., None]:
-    """Wrap `init` of the class `cls`: its arguments are checked and recorded, and it runs with the adjusted values."""
+    """Wrap `init` of the class `cls` to check and record its arguments, and to run it with the adjusted values."""
 
     @functools.wraps(init)
     def construct(self: Thing, *args: object, **kwargs: object) -> None:

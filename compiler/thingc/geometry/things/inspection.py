@@ -1,7 +1,7 @@
-"""What the geometry worker reads from a part: its parameters, one member of its family, and the data of that member.
+"""Inspection of a part for the geometry worker: its parameters, one member of its family, and the data of that member.
 
-Everything is in author units: lengths in mm, angles in degrees, masses in kg. The worker gets geometry from the Thing itself:
-`thing.result()`, `.collision()`, `.visual()`, `.envelope()` return a build123d Shape, several, or None.
+All values are in author units: lengths in mm, angles in degrees, masses in kg. The worker gets geometry from the Thing itself:
+`thing.result()`, `.collision()`, `.visual()` and `.envelope()` return a build123d Shape, several, or None.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedPart:
-    """`mount` of a Thing was cut for a member of `family` with `parameters` (complete, author units), at its `child_mount`.
+    """A part that a mount was cut for: `mount` expects a member of `family` with `parameters` (complete, author units), at `child_mount`.
 
-    Changes by `adjust` of parameters that `family` sets itself are left out, because documents cannot express them.
+    Changes by `adjust` of parameters that `family` sets itself are omitted, because documents cannot express them.
     """
 
     mount: str
@@ -47,7 +47,7 @@ class ExpectedPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statement:
-    """A value that a Thing states: a number, a vector or a 3 x 3 matrix, and its source (`measured | vendor | estimated | stated`)."""
+    """A value that a Thing declares: a number, a vector or a 3 x 3 matrix, and its source (`measured | vendor | estimated | stated`)."""
 
     value: float | Vector | Matrix
     source: str = "stated"
@@ -55,7 +55,7 @@ class Statement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statements:
-    """Mass [kg], centre [mm], matrix [kg m^2, about the centre, Thing axes] and density [kg/m^3]; None if not stated."""
+    """Mass [kg], centre [mm], matrix [kg m^2, about the centre, Thing axes] and density [kg/m^3]; None if not declared."""
 
     mass: Statement | None
     centre: Statement | None
@@ -64,10 +64,10 @@ class Statements:
 
 
 def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
-    """Return the kind of part that an object is, without calling it, or None.
+    """Return the kind of part that an object is, or None if it is not a part. The object is not called.
 
-    A Thing subclass, a build123d Shape class, or a Python function that returns a shape (a return annotation must name a shape class;
-    without one, `build` checks the result). Abstract classes and `Thing` itself are not parts.
+    Parts are Thing subclasses, build123d Shape classes, and Python functions that return a shape. A return annotation of a function must
+    name a shape class; without annotation, `build` checks the result. Abstract classes and `Thing` itself are not parts.
     """
     if isinstance(candidate, type):
         if inspect.isabstract(candidate) or candidate is Thing:
@@ -89,16 +89,16 @@ def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingMember:
-    """What a class lacks, as text that follows its name, and the file and line where it should be."""
+    """What a class lacks, as text that follows its name, and the file and line where to add it."""
 
     words: str
     place: tuple[str, int] | None
 
 
 def lacking_result(part: PartLike) -> MissingMember | None:
-    """Return why a Thing class has no geometry, or None.
+    """Return why a Thing class has no geometry, or None if it has.
 
-    The class has no `result()` of its own, or one without any `return`, which its author forgot. A part without geometry has `return None`.
+    The class has no `result()` of its own, or its `result()` has no `return`. A part that has no geometry on purpose has `return None`.
     The answer is also None if `part` is not a Thing class.
     """
     if not isinstance(part, type) or not issubclass(part, Thing):
@@ -116,7 +116,7 @@ def lacking_result(part: PartLike) -> MissingMember | None:
 def syntax_of(function: Callable[..., Any]) -> ast.FunctionDef | ast.AsyncFunctionDef | None:
     """Return the syntax tree of a function from its file, or None if there is no such file.
 
-    `inspect` would go through the whole file for each of its functions and classes.
+    Each file is parsed once; `inspect` would parse it for each of its functions and classes.
     """
     code = getattr(inspect.unwrap(function), "__code__", None)
     if not isinstance(code, types.CodeType):
@@ -147,18 +147,18 @@ def _code_location(code: Any) -> tuple[str, int] | None:
 
 
 def parameters_of(part: PartLike) -> tuple[Parameter, ...]:
-    """Return the parameters in order of the signature, defaults canonical, in author units.
+    """Return the parameters in the order of the signature, with canonical defaults, in author units.
 
-    Arguments of a shape class or a function that cannot be parameters are left out and have their default. Raises `SignatureError` (a
+    Arguments of a shape class or a function that cannot be parameters are omitted and keep their default. Raises `SignatureError` (a
     `TypeError`) if an argument of a Thing, or one without default, cannot be a parameter.
     """
     return _signature(part).parameters
 
 
 def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
-    """Return the member with these parameters [author units]: a Thing, for a shape class or function one whose result is the shape.
+    """Return the Thing with these parameters [author units]. For a shape class or function, its `result` is the shape.
 
-    Raises `ParameterError` before anything is made, `TypeError` if a function does not return a shape, and any exception of the part's own
+    Raises `ParameterError` before anything is made, `TypeError` if a function does not return a shape, and exceptions of the part's own
     code.
     """
     if isinstance(part, type) and issubclass(part, Thing):
@@ -173,7 +173,7 @@ def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
 
 
 def mounts_of(thing: Thing) -> dict[str, MountPoint]:
-    """Return the mounts by exported name, in order of assignment, without `origin`; `.location` and `.tolerance` are in mm."""
+    """Return the mounts by exported name, in order of assignment, without `origin`. `.location` and `.tolerance` are in mm."""
     return dict(thing._construction.mounts)
 
 
@@ -206,8 +206,8 @@ def expectations_of(thing: Thing) -> tuple[ExpectedPart, ...]:
 def statements_of(thing: Thing) -> Statements:
     """Return the values of the Thing's own `mass()`, `centre()`, `matrix_of_inertia()` and `density()`.
 
-    Each may return its value or `(value, source)`. Raises `ValueError` for a value of the wrong shape, one that is not finite, a mass or
-    density that is not positive, an inertia that is not symmetric, or an unknown source.
+    Each method may return a value or `(value, source)`. Raises `ValueError` for a value with the wrong shape or that is not finite, a mass
+    or density that is not positive, an inertia that is not symmetric, or an unknown source.
     """
     return Statements(
         mass=_stated(thing, "mass", _positive),
@@ -218,7 +218,7 @@ def statements_of(thing: Thing) -> Statements:
 
 
 def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
-    """Return the value of `result()` and similar methods as a tuple of shapes. Raises `TypeError` if it contains anything else."""
+    """Return the geometry that `result()` or a similar method returned as a tuple of shapes. Raises `TypeError` for other contents."""
     if geometry is None:
         return ()
     shapes: tuple[Any, ...]
@@ -233,9 +233,9 @@ def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
 
 
 def is_one_solid(geometry: Geometry) -> bool:
-    """Whether a value of `result()` is meant to be one solid: a single shape that was not composed of several (a list, a `Compound`).
+    """Whether a value of `result()` is meant to be one solid: a single shape, not a list or a `Compound` of several.
 
-    The result of a boolean operation is a Compound, too, but it stores the operation.
+    The result of a boolean operation is also a Compound, but it stores the operation and counts as one solid.
     """
     if not isinstance(geometry, Shape):
         return False
@@ -295,7 +295,7 @@ def actuator_of(part: Thing | PartLike) -> Actuator | None:
 
 
 class _ShapePart(Thing):
-    """A part that is a plain shape: the wrapper that `build` returns."""
+    """A part that is a plain shape, as `build` returns it."""
 
     _family: str
     _shape: Shape[Any]
@@ -319,7 +319,7 @@ def _signature(part: Any) -> Signature:
 
 
 def _only_mounts(value: object) -> bool:
-    """Whether an attribute contains mounts and nothing else."""
+    """Whether an attribute contains only mounts."""
     if isinstance(value, dict):
         value = list(value.values())
     if type(value) in (list, tuple):

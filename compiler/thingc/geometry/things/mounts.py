@@ -25,16 +25,16 @@ RESERVED = frozenset({"origin", "root", "world"})
 
 
 class MountPoint(Framed):
-    """A frame on a Thing, z pointing out of the material; immutable.
+    """A frame on a Thing, with z pointing out of the material. Immutable.
 
-    `location` is the frame in the Thing's own frame [mm]; it may be a `Plane` or another mount. `interface` names what fits there
-    (`"x430-horn"`, `"m2.5-clearance"`). `tolerance` [mm] is the largest error of the real frame.
+    `location` is the frame in the Thing's own frame [mm]; it may be a `Plane` or another mount. `interface` is the name of the mating
+    interface (`"x430-horn"`, `"m2.5-clearance"`). `tolerance` [mm] is the largest error of the real frame.
 
     `facing` or `mate_x` turn the frame about its z; both are directions in the Thing's frame. `facing` is the direction of the mount's x
     axis. `mate_x` is the direction of the x axis of a mount that is mated with this one. Use `mate_x` for seats, and `facing` for the
     mounts of parts that sit on them.
 
-    Assigned to an attribute of a Thing (alone, or in a list or dict), it becomes a mount of that name (`hip_0`, `hip_left`). Raises
+    A mount gets its name (`hip_0`, `hip_left`) from the attribute of the Thing that it is assigned to, alone or in a list or dict. Raises
     `TypeError` if `location` is not a frame, `ValueError` for a negative tolerance and for a direction along z.
     """
 
@@ -64,12 +64,12 @@ class MountPoint(Framed):
 
     @property
     def location(self) -> Location:
-        """The frame [mm] in the frame of the Thing that it was read from (through a moved view: in the local frame)."""
+        """The frame [mm] in the frame of the Thing that it was read from (in a moved view: the local frame)."""
         return self._view * self._local
 
     @property
     def interface(self) -> str | None:
-        """The name of what fits here, or None."""
+        """The name of the mating interface, or None."""
         return self._interface
 
     @property
@@ -84,16 +84,16 @@ class MountPoint(Framed):
 
     @property
     def expected(self) -> tuple[tuple[Thing, str], ...]:
-        """Mounts that were aligned to this one while its Thing was made: for each the other Thing and the name of its mount."""
+        """Mounts that were aligned to this one while its Thing was made: the other Thing and the name of its mount, for each."""
         return tuple(self._expected)
 
     def align(self, other: MountPoint) -> Any:
         """Place the Thing of the mount `other` so that the two mounts mate, and return it as a moved view in the frame of this mount.
 
-        With A this mount and B the other on its Thing, the Thing is at A M inv(B), with M = `MATE`. (For a type checker the result is
-        `Any`: write `cap: PenCap = self.cap_seat.align(PenCap().seat)` to check its use.)
+        If A is this mount and B the other mount on its Thing, the Thing is at A M inv(B), with M = `MATE`. (For a type checker the result
+        is `Any`: write `cap: PenCap = self.cap_seat.align(PenCap().seat)` to check its use.)
 
-        If this mount belongs to the Thing that is being made, the other Thing is stored as an expectation of this mount, also before this
+        If this mount belongs to the Thing that is being made, the other Thing is stored as an expectation of this mount, even before this
         mount is assigned. Raises `TypeError` or `ValueError` if `other` is not a mount of a finished Thing.
         """
         if not isinstance(other, MountPoint):
@@ -122,7 +122,7 @@ class MountPoint(Framed):
 
 
 def _directed(location: Location, facing: VectorLike | None, mate_x: VectorLike | None) -> Location:
-    """Turn `location` about its z, so that its x axis (`facing`) or that of a mated mount (`mate_x`) is along a direction."""
+    """Turn `location` about its z so that its x axis (`facing`), or the x axis of a mated mount (`mate_x`), is along a direction."""
     z, wanted = Plane(location).z_dir, Vector(facing if facing is not None else mate_x)
     along = wanted - z * wanted.dot(z)
     if (facing is not None and mate_x is not None) or along.length < 1e-6:
@@ -131,14 +131,14 @@ def _directed(location: Location, facing: VectorLike | None, mate_x: VectorLike 
 
 
 def origin_of(thing: Thing) -> MountPoint:
-    """Return the mount `origin` that every Thing has: its own frame."""
+    """Return the mount `origin` of a Thing, which is its own frame."""
     mount = MountPoint(Location())
     mount._owner, mount._name = thing, "origin"
     return mount
 
 
 def adopt(thing: Thing, name: str, value: Any) -> Any:
-    """Return `value` as the attribute `name` of `thing`, which is being made: its mounts now belong to the Thing.
+    """Return `value` for the attribute `name` of `thing`, which is being made. Mounts in it then belong to the Thing.
 
     A mount of another Thing is copied at its place; otherwise the same object is returned. Raises `ValueError` for a name that a mount
     cannot have.
@@ -149,8 +149,8 @@ def adopt(thing: Thing, name: str, value: Any) -> Any:
 def settle(thing: Thing, name: str, value: Any, mounts: dict[str, MountPoint]) -> Any:
     """Call `adopt` for the last time: give every mount its final name and add it to `mounts`.
 
-    A mount that already has a name in `mounts` is copied, without its expectations. Raises `ValueError` for a name that is taken or that a
-    mount cannot have.
+    A mount that already has a name in `mounts` is copied without its expectations. Raises `ValueError` for a name that is already used or
+    that a mount cannot have.
     """
 
     def named(own_name: str, mount: MountPoint) -> MountPoint:

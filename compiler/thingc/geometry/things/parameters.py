@@ -1,4 +1,4 @@
-"""Parameters of a part: annotations for units, bounds, and the check of a value.
+"""Parameters of a part: annotations for units, bounds, and validation of values.
 
 Author units are used: millimetres, degrees, kilograms. The CAD kernel is not needed.
 """
@@ -25,7 +25,7 @@ NOUNS = {
 
 
 class ParameterError(ValueError):
-    """A value with which a part cannot be made; raised before any geometry is made.
+    """A value with which a part cannot be made. It is raised before any geometry is made.
 
     `parameter` is the name of the parameter, `owner` the name of the class or function.
     """
@@ -41,7 +41,7 @@ class CallError(ParameterError, TypeError):
 
 
 class SignatureError(TypeError):
-    """An `__init__` whose arguments cannot be parameters: an unknown annotation, `*args`, a default out of bounds."""
+    """An `__init__` whose arguments cannot be parameters, for example with an unknown annotation, `*args`, or a default out of bounds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Kind:
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Bounds of a parameter, both inclusive, in author units: `Annotated[Length, Range(10, 200)]`, `Range(minimum=0)`.
+    """Inclusive bounds of a parameter in author units: `Annotated[Length, Range(10, 200)]`, `Range(minimum=0)`.
 
     Raises `SignatureError` if a bound is not a number or the minimum is above the maximum.
     """
@@ -124,11 +124,11 @@ class Parameter:
         return typed
 
     def error(self, problem: str, owner: str) -> ParameterError:
-        """Return a `ParameterError` with the parameter, its owner, and the problem."""
+        """Return a `ParameterError` that names the parameter, its owner, and the problem."""
         return ParameterError(f"`{self.name}` of `{owner}` {problem}", owner=owner, parameter=self.name)
 
     def _typed(self, value: object) -> Value | None:
-        """Return the value in the type of this kind, or None if it has another type."""
+        """Return the value converted to the type of this kind, or None if it has another type."""
         if self.kind == "choice":
             return next((choice for choice in self.choices if _same(choice, value)), None)
         if self.kind == "flag":
@@ -148,7 +148,7 @@ class Parameter:
             return math.inf
 
     def _shown(self, value: float) -> str:
-        """Return a number as people write it, with its unit."""
+        """Return a number with its unit as text for people."""
         text = repr(value)
         return text.removesuffix(".0") + UNITS.get(self.kind, "")
 

@@ -18,7 +18,7 @@ from thingc.geometry.things.actuator import Actuator
 
 
 class Framed(ABC):
-    """An object with a frame that can be seen from another frame: a Thing, a mount, or a moved view."""
+    """An object whose frame can be expressed in another frame: a Thing, a mount, or a moved view."""
 
     __slots__ = ()
 
@@ -28,10 +28,10 @@ class Framed(ABC):
 
 
 class TransformResolver(Framed):
-    """A moved view of a Thing: every attribute is returned in the local frame, at any depth and through calls.
+    """A moved view of a Thing, which returns every attribute in the local frame, at any depth and through calls.
 
-    `TransformResolver(thing, location)` is what `thing.move(location)` and `mount.align(other)` return: `thing`'s frame is at `location`
-    [mm]. It is for construction only and adds nothing to an assembly. Values are transformed by `placed`; a method runs in the Thing's own
+    `thing.move(location)` and `mount.align(other)` return `TransformResolver(thing, location)`, with `thing`'s frame at `location` [mm].
+    A view is only for construction and adds nothing to an assembly. Values are transformed by `placed`; a method runs in the Thing's own
     frame and its result is transformed. Read-only.
     """
 
@@ -46,7 +46,7 @@ class TransformResolver(Framed):
         return TransformResolver(self.__target, _location(location) * self.__location)
 
     def __getattr__(self, name: str) -> Any:
-        """Return the attribute of the Thing in the local frame. Raises `AttributeError` if it has none."""
+        """Return the attribute of the Thing in the local frame. Raises `AttributeError` if the Thing does not have it."""
         if name.startswith("__"):
             raise AttributeError(name)
         return placed(getattr(self.__target, name), self.__location)
@@ -117,7 +117,7 @@ def placed(value: Any, location: Location) -> Any:
 
 
 def _calling(function: Callable[..., Any], location: Location) -> Callable[..., Any]:
-    """Wrap `function`: it is called in its own frame, and its result is placed."""
+    """Wrap `function` so that it is called in its own frame and its result is placed."""
 
     @functools.wraps(function, updated=())
     def call(*args: Any, **kwargs: Any) -> Any:
@@ -136,7 +136,7 @@ def _location(location: object) -> Location:
 
 
 def _moved(shape: Shape[Any], location: Location) -> Shape[Any]:
-    """Return a moved shape that shares its geometry with `shape`: nothing is copied except the location.
+    """Return a moved shape that shares its geometry with `shape`. Only the location is copied.
 
     build123d's `moved` copies the whole topology, which takes some milliseconds for a servo; it is only used for shapes in an assembly
     tree.

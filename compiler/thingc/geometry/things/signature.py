@@ -90,7 +90,7 @@ _KNOWN = {name: getattr(vocabulary, name) for name in ("Length", "Angle", "Mass"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signature:
-    """The parameters of `owner` (the name of a class or function) in order; the first `positional` may be positional arguments."""
+    """The parameters of `owner` (the name of a class or function), in order. The first `positional` can be positional arguments."""
 
     owner: str
     parameters: tuple[Parameter, ...]
@@ -106,7 +106,7 @@ class Signature:
         return next((parameter for parameter in self.parameters if parameter.name == name), None)
 
     def bind(self, args: Sequence[object], kwargs: Mapping[str, object]) -> dict[str, Value]:
-        """Return the canonical values of a call, complete, in order of the signature.
+        """Return the canonical values of all parameters for a call, in the order of the signature.
 
         Raises `CallError` for too many, unknown, repeated or missing arguments, `ParameterError` for an invalid value.
         """
@@ -140,16 +140,16 @@ _look: Callable[[Callable[..., Any]], None] | None = None
 
 
 def install(look: Callable[[Callable[..., Any]], None]) -> None:
-    """Call `look` with every function whose parameters are read. For the geometry worker, before it loads part modules."""
+    """Call `look` with every function whose parameters are read. The geometry worker calls it before it loads part modules."""
     global _look
     _look = look
 
 
 def signature_of(function: Callable[..., Any], owner: str, *, method: bool, strict: bool, docs: Sequence[str | None] = ()) -> Signature:
-    """Return the parameters of `function`; with `method`, without its first argument.
+    """Return the parameters of `function`. With `method`, its first argument is skipped.
 
     If `strict` (for a Thing), `SignatureError` is raised unless every argument can be a parameter. Otherwise (for a build123d class or a
-    plain function) `*args`, `**kwargs` and arguments with a default that cannot be parameters are left out. `docs` are docstrings that may
+    plain function), `*args`, `**kwargs`, and arguments with a default that cannot be parameters are omitted. `docs` are docstrings that may
     describe the arguments; later ones take precedence.
     """
     if _look is not None:
@@ -205,7 +205,7 @@ def _parameter(function: Callable[..., Any], argument: inspect.Parameter, owner:
 
 
 def _kind_of_default(default: object, where: str) -> str:
-    """Return the kind of an argument without annotation: number, text or flag by its default; without a default, number."""
+    """Return the kind of an argument without annotation. The default decides: number, text or flag; without a default it is a number."""
     if default is inspect.Parameter.empty:
         return "number"
     if isinstance(default, bool):
@@ -218,7 +218,7 @@ def _kind_of_default(default: object, where: str) -> str:
 
 
 def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
-    """Return an annotation; one that is text (`from __future__ import annotations`) is evaluated where the function was written.
+    """Return an annotation. Text (`from __future__ import annotations`) is evaluated in the module where the function was written.
 
     The names of the parameter vocabulary are known even if they were only imported for type checkers. Raises `SignatureError` if the text
     cannot be evaluated.
@@ -242,7 +242,7 @@ def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
 
 
 def _kind_of_annotation(annotation: Any, where: str, shown: str) -> tuple[str, float | None, float | None, tuple[Value, ...]]:
-    """Return kind, minimum, maximum and choices; bounds of nested `Annotated` are combined."""
+    """Return kind, minimum, maximum and choices. Bounds of nested `Annotated` are combined."""
     annotation = getattr(annotation, "__value__", annotation)
     marks: tuple[object, ...] = ()
     while typing.get_origin(annotation) is Annotated:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Geometry: TypeAlias = "Shape[Any] | Iterable[Shape[Any]] | None"
 Number: TypeAlias = "float | tuple[float, str]"
-"""A number, or a number and its source: `measured`, `vendor` or `estimated`."""
+"""A number, or a number with its source: `measured`, `vendor` or `estimated`."""
 
 
 class Thing(Framed, metaclass=ThingType):
@@ -29,15 +29,15 @@ class Thing(Framed, metaclass=ThingType):
 
     `__init__` calls `super().__init__(material="petg")`. Material and colour (a CSS name or `#rrggbb`) are optional defaults, which a
     document may override. The arguments of the subclass's own `__init__` are the parameters. Annotate them with `Length`, `Angle`, `Mass`,
-    `Count`, `Ratio`, `float`, `int`, `bool`, `str` or `Literal[...]`; without annotation, the default decides between a plain number, text
-    or flag. They are checked before `__init__` runs (`ParameterError`) and are passed in canonical form (60 as 60.0). Equal class and
-    parameters give the same object, which is immutable after `__init__`.
+    `Count`, `Ratio`, `float`, `int`, `bool`, `str` or `Literal[...]`. Without annotation, the default decides between a plain number, text
+    or flag. Arguments are checked before `__init__` runs (`ParameterError`) and passed in canonical form (60 as 60.0). The same class with
+    the same parameters gives the same object, which is immutable after `__init__`.
     """
 
     bom: Mapping[str, str] = MappingProxyType({})
     """Entries for the bill of materials: `number`, `supplier`, `cost`, `make` (`buy | print | machine`)."""
     print: Mapping[str, Sequence[float]] = MappingProxyType({})
-    """How the part is printed: `up` is the direction away from the bed, three numbers in the Thing's axes. Default: as modelled."""
+    """Print settings of the part: `up` is the direction away from the bed, three numbers in the Thing's axes. Default: as modelled."""
     actuator: Actuator | None = None
     """The actuator of a joint that names this part as its drive."""
     _construction: Construction
@@ -53,18 +53,18 @@ class Thing(Framed, metaclass=ThingType):
 
     @property
     def p(self) -> Parameters:
-        """The parameters by name, in author units: `self.p.length`. Those of parent classes are included."""
+        """The parameters by name, in author units: `self.p.length`. Parameters of parent classes are included."""
         return Parameters(type(self).__name__, self._construction)
 
     @property
     def origin(self) -> MountPoint:
-        """The mount that every part has: its own frame (through a moved view: the place of the Thing)."""
+        """The part's own frame as a mount, which every part has (in a moved view: the place of the Thing)."""
         return origin_of(self)
 
     def move(self, location: Location) -> Self:
         """Return a soft-moved view with the Thing's frame at `location` [mm], for construction: see `TransformResolver`.
 
-        For type checkers the result has the Thing's own type, so that they can check `XM430().move(loc).horn`.
+        For type checkers the result has the Thing's own type, so they can check `XM430().move(loc).horn`.
         """
         self._must_be_finished("move")
         return cast("Self", TransformResolver(self, location))
@@ -72,18 +72,18 @@ class Thing(Framed, metaclass=ThingType):
     def adjust(self, **changes: float | bool | str) -> Self:
         """Return the Thing of the same class with changed parameters: `depth=30`, `width__add=0.2`, `height__mul=1.02`.
 
-        A parameter of a parent class that this class sets can be changed too: the class stays the same, and the parent's `__init__` runs
+        A parameter of a parent class that this class sets can also be changed: the class stays the same, and the parent's `__init__` runs
         with the changed value. Raises `ParameterError` for an invalid value, `CallError` for an unknown name.
         """
         self._must_be_finished("adjust")
         return cast("Self", adjusted(self, changes))
 
     def result(self) -> Geometry:
-        """Return the authoritative geometry, solid, in the Thing's frame [mm]; None for a part without geometry."""
+        """Return the solid geometry of the part in the Thing's frame [mm]; None for a part without geometry."""
         return None
 
     def mass(self) -> Number | None:
-        """Return the mass [kg] if it is known better than density times volume, else None."""
+        """Return the mass [kg] if a better value than density times volume is known, else None."""
         return None
 
     def centre(self) -> Sequence[float] | Any | None:
@@ -99,11 +99,11 @@ class Thing(Framed, metaclass=ThingType):
         return None
 
     def collision(self) -> Geometry:
-        """Return convex shapes that collide instead of the result, for `collision: part`; None if there are none."""
+        """Return convex shapes that replace the result for collisions, for `collision: part`; None if there are none."""
         return None
 
     def visual(self) -> Geometry:
-        """Return the geometry to show instead of the result; None for the result."""
+        """Return the geometry to display instead of the result; None to display the result."""
         return None
 
     def envelope(self) -> Geometry:

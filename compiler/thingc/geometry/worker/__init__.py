@@ -1,1 +1,1 @@
-"""The process that runs the code of parts, and its limits: the server, its children, their sandbox, and the recording of their inputs."""
+"""The process that runs the code of parts: the server, its child processes, their sandbox, and the recording of their inputs."""

@@ -1,4 +1,4 @@
-"""Python's audit events, used to observe what part code does. A hook cannot be removed, so there is one per process."""
+"""Python audit hooks, used to observe part code. A hook cannot be removed, so each process has only one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _hooked = False
 def listen(events: tuple[str, ...], handler: Handler) -> None:
     """Call `handler(event, arguments)` for these events, after earlier handlers.
 
-    If it raises, the function that raised the event raises the same exception instead of running.
+    If the handler raises an exception, the audited function raises it instead of running.
     """
     global _hooked
     for event in events:

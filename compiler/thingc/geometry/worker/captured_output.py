@@ -1,4 +1,4 @@
-"""The output of part code, stored in the part's own folder as it is written, so that it is available even if the part crashes."""
+"""The output of part code, written to the part's own folder immediately, so that it is available even if the part crashes."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
 
 NAME = "printed"
 MOST = 64 * 1024
-"""Bytes of a part's output that are stored."""
+"""Limit of bytes of a part's output that are stored."""
 SHOWN = 40
-"""Lines of output that are shown: the first and the last half of these if there are more."""
+"""Limit of lines of output that are shown. If there are more, the first and the last half of this number are shown."""
 WIDTH = 400
-"""Characters of a line that are shown."""
+"""Limit of characters of a line that are shown."""
 
 
 class _Kept(io.RawIOBase):
-    """The first `MOST` bytes of output, in a file that is created when there are any. Failures are ignored."""
+    """A file with the first `MOST` bytes of output, created with the first byte. Failures are ignored."""
 
     def __init__(self, path: str) -> None:
         self._path = path
@@ -32,7 +32,7 @@ class _Kept(io.RawIOBase):
         return True
 
     def fileno(self) -> int:
-        """Return that of the process's own standard error, for programs that the part starts: their output is not stored."""
+        """Return the descriptor of the process's standard error, for programs that the part starts. Their output is not stored."""
         return 2
 
     def write(self, data: Buffer, /) -> int:
@@ -46,7 +46,7 @@ class _Kept(io.RawIOBase):
 
 @contextlib.contextmanager
 def keep(folder: str) -> Iterator[None]:
-    """Store in `folder` what `print` and other Python code write to standard output and standard error."""
+    """Store in `folder` the output of `print` and other Python code to standard output and standard error."""
     kept = io.TextIOWrapper(_Kept(os.path.join(folder, NAME)), encoding="utf-8", errors="backslashreplace", write_through=True)  # type: ignore[type-var]
     with contextlib.redirect_stdout(kept), contextlib.redirect_stderr(kept):
         yield
@@ -55,7 +55,7 @@ def keep(folder: str) -> Iterator[None]:
 def lines_of(folder: str) -> list[str]:
     """Return the stored lines, shortened for display.
 
-    The part must have ended. A file of another type that the part put in the place is not read.
+    The part must have ended. If the part replaced the file by something that is not a regular file, it is not read.
     """
     try:
         descriptor = os.open(os.path.join(folder, NAME), os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))

@@ -1,6 +1,6 @@
-"""One forked child per request, on systems that can fork.
+"""Child processes: one is forked for each request, on systems that can fork.
 
-Part code can end only its own process and change files only in its own folder, and no process that it starts outlives it.
+Part code can end only its own process and change files only in its own folder. Processes that it starts are ended with it.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from thingc.geometry.worker.scratch import settle
 KEPT = 8192
 """Bytes at the end of a child's standard error that are read."""
 FAREWELL = 1.0
-"""Time [s] that processes started by a child have to end after the child."""
+"""Time [s] that processes started by a child have to end after the child has answered."""
 HELPERS = ("from multiprocessing.resource_tracker import", "from multiprocessing.forkserver import")
-"""Texts in the command lines of Python's helper processes, which end with the process that they help."""
+"""Texts in the command lines of Python's helper processes, which end with the process that uses them."""
 LAST_WORDS = 3.0
-"""Time [s] that a child that is about to end has to do so, and to write its traceback."""
+"""Time [s] for a child to end by itself and to write its traceback."""
 WATCH = 0.05
 """Interval [s] at which children and the number of their processes are checked."""
 ANSWER = 200_000_000
 """Largest answer [bytes] of a child."""
 OUT_OF_MEMORY = 91
-"""Exit status of a child that needs more memory than there is."""
+"""Exit status of a child that needs more memory than is available."""
 _PARENT_DEATH_SIGNAL = 1
 """`PR_SET_PDEATHSIG`."""
 
@@ -48,7 +48,7 @@ _PARENT_DEATH_SIGNAL = 1
 class Child:
     """A running child.
 
-    `request` is what it was asked (empty: nothing yet), `process` its process id (leader of its own group), `asking` the pipe for the
+    `request` is the request that it got (empty: none yet), `process` its process id (leader of its own group), `asking` the pipe for the
     request (-1: sent), `pipe` the pipe for the answer, `errors` its standard error, `scratch` its folder. `status` is its wait status, if
     known.
     """
@@ -68,7 +68,7 @@ class Child:
         self.request = request
         self.deadline = time.monotonic() + float(request["timeout"])
         line = json.dumps(request).encode()
-        with contextlib.suppress(OSError):  # it may have ended, which is detected as for other children
+        with contextlib.suppress(OSError):  # the child may have ended, which is detected elsewhere
             while line:
                 line = line[os.write(self.asking, line) :]
         self._close_asking()
@@ -79,7 +79,7 @@ class Child:
             self.asking = -1
 
     def read(self) -> bool:
-        """Read what has arrived. Return False at the end."""
+        """Read the data that has arrived. Return False at the end of the answer's pipe."""
         try:
             data = os.read(self.pipe, 1 << 20)
         except OSError:
@@ -98,12 +98,12 @@ class Child:
         return {"id": self.request["id"], **json.loads(self.received)}
 
     def stop(self) -> bool:
-        """Stop the child. Return whether it has no child processes, which might still run."""
+        """Stop the child. Return True if it has no child processes, which might still run."""
         self._kill(signal.SIGSTOP)
         return not process_tree.descendants(self.process)
 
     def over(self, now: float) -> str | None:
-        """Return the reason to end the child, which has not answered, or None.
+        """Return the reason to end a child that has not answered, or None.
 
         The reason is `hung`, `swarmed` (too many processes), `starved` (too much memory) or `crashed`.
         """
@@ -117,7 +117,7 @@ class Child:
         return "crashed" if self._ended() else None
 
     def wait(self) -> dict[str, Any]:
-        """Wait until the child answers or has to be ended, end it, and return the answer, as `end` does."""
+        """Wait until the child answers or must be ended, end it, and return the answer as `end` does."""
         over = None
         while not self.answered and over is None:
             if not select.select([self.pipe], [], [], WATCH)[0]:
@@ -127,7 +127,7 @@ class Child:
         return self.end(over, ())
 
     def end(self, over: str | None, others: Collection[int]) -> dict[str, Any]:
-        """End the child and everything that it has started, but not the processes `others` that run beside it.
+        """End the child and all processes that it has started, except the processes `others`, which run in parallel.
 
         Return the answer for the client.
 
@@ -189,7 +189,7 @@ class Child:
         return self.status is not None
 
     def _wait(self) -> None:
-        """Wait for it to end by itself, for at most `LAST_WORDS`."""
+        """Wait for the child to end by itself, for at most `LAST_WORDS`."""
         last = time.monotonic() + LAST_WORDS
         while not self._ended() and time.monotonic() < last:
             time.sleep(process_tree.PAUSE)
@@ -215,7 +215,7 @@ def kill_group(process: int) -> None:
 
 
 def die_with_parent(parent: int) -> None:
-    """Let the system kill this process when its parent ends (Linux). Exit at once if the parent has already ended."""
+    """Make the system kill this process when its parent ends (Linux). Exit at once if the parent has already ended."""
     if sys.platform == "linux":
         prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:
@@ -232,9 +232,9 @@ def start(
     run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, close: Sequence[int],
     readable: Sequence[str] | None = None,
 ) -> Child:
-    """Fork a child that waits for a request (`Child.ask`), runs `run(request)` and writes the answer as one line, then waits to be ended.
+    """Fork a child that waits for a request (`Child.ask`), runs `run(request)`, writes the answer as one line, and waits to be ended.
 
-    `scratch` is the only folder in which it may change files. `nice` is its scheduling priority, `close` are descriptors to close in it,
+    `scratch` is the only folder in which it may change files. `nice` is its scheduling priority, `close` are descriptors that it closes,
     and `readable` is passed to `confine`.
     """
     reader, writer = os.pipe()
@@ -245,7 +245,7 @@ def start(
     if process == 0:
         status = 1
         try:
-            os.setsid()  # also without a terminal, so that it cannot type into one
+            os.setsid()  # also detaches it from the terminal, so that it cannot send input to it
             if sys.platform != "linux":
                 _watch(server)
             die_with_parent(server)
@@ -281,7 +281,7 @@ def start(
 def _answer(run: Callable[[Mapping[str, Any]], dict[str, Any]], asked: int, errors: int, scratch: str) -> bytes:
     """Wait for the request and return the line with the answer.
 
-    If Python crashes or the time is almost over, the traceback is in `errors`.
+    If Python crashes or the time limit is almost reached, the traceback is written to `errors`.
     """
     with open(asked, "rb") as stream:
         request = json.loads(stream.read())
@@ -300,7 +300,7 @@ def _without_core_dump() -> None:
 
 
 def _watch(server: int) -> None:
-    """End the child when the server ends, with a thread, on systems without a signal for this."""
+    """Start a thread that ends the child when the server ends, on systems without a signal for this."""
     import threading
 
     def watch() -> None:

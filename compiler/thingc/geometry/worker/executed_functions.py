@@ -1,8 +1,8 @@
 """Record which functions of the authors' code have run.
 
-Their source is compiled with a mark at the beginning of each function that `source_reader.functions` returns: an assignment that stores its
-file and number, which takes less than a tenth of a microsecond. A profiler would also be called for every function of build123d, and a mark
-that is a call would count towards Python's recursion limit.
+Their source is compiled with a mark at the beginning of each function that `source_reader.functions` returns. The mark is an assignment
+that stores the file and number of the function, which takes less than a tenth of a microsecond. A profiler would also be called for every
+function of build123d, and a function call as mark would count towards Python's recursion limit.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _marked: set[tuple[str, str]] = set()
 
 
 def install() -> None:
-    """Define the name that the marks write to. Once per process, before part modules are loaded; inherited by its children."""
+    """Define the name that the marks write to. Call it once per process, before part modules are loaded; children inherit it."""
     setattr(builtins, _NAME, _noted)
     signature.install(_look_at)
 
@@ -64,12 +64,12 @@ def begin() -> None:
 
 
 def of(files: Iterable[str], hashes: Mapping[str, str]) -> dict[str, list[int] | None]:
-    """Return for each loaded file the sorted numbers of the functions that ran or whose defaults were read; None without marks."""
+    """Return for each loaded file the sorted numbers of functions that ran or whose defaults were read; None for files without marks."""
     return {file: sorted(number for one, number in _noted if one == file) if (file, hashes[file]) in _marked else None for file in files}
 
 
 def _look_at(function: Callable[..., Any]) -> None:
-    """Record a function whose signature is read."""
+    """Record a function whose signature is inspected."""
     code = getattr(inspect.unwrap(function), "__code__", None)
     if isinstance(code, types.CodeType):
         marks = [one for one in code.co_consts if isinstance(one, tuple) and len(one) == 2 and one[0] == code.co_filename]

@@ -1,15 +1,15 @@
 """Record which files a part reads while its code runs.
 
-Python's audit hook reports files that Python opens and folders that it lists; wrappers of the kernel's readers report files that C++ opens;
-a wrapper of `os.stat` reports files that were looked for and not found; `thingc.asset` reports its own. The recorded value is the state of
-a file when it was first seen (`key/file_states.py`).
+Python's audit hook reports files that Python opens and folders that it lists. Wrappers of the kernel's readers report files that C++ opens.
+A wrapper of `os.stat` reports files that were looked for and not found. `thingc.asset` reports its own files. The recorded value is the
+state of a file when it was first seen (`key/file_states.py`).
 
 Paths inside the workspace are stored relative to it, others (a font, a shared library of shapes) as absolute paths. Files of installed
-packages, of Python and of thingc count by version. Files that the part wrote itself do not count. Modules outside of both count by their
-source, even if Python read the compiled file. A file of code that is in the key counts only if the part reads it as text.
+packages, of Python and of thingc count by version. Files that the part wrote itself do not count. Other modules count by their source, even
+if Python read the compiled file. A code file that is in the key counts only if the part reads it as text.
 
-Two things do not count, because a record with them would be valid on one machine only: how Python and thingc look for modules (the key of
-the code covers the result), and the existence of the folders above the workspace.
+Two things do not count, because they would make a record valid on one machine only: how Python and thingc look for modules (the key of the
+code covers the result), and the existence of the folders above the workspace.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class FileReadRecorder:
             _listening.remove(self)
 
     def note(self, path: Any, *, listed: bool = False, opened: bool = True) -> None:
-        """Record that a file was read, or only looked for (`opened` False); with `listed`, that the names in a folder were read."""
+        """Record that a file was read, or only looked for (`opened` False). With `listed`, record that a folder was listed."""
         if not self._on or self._busy:
             return
         full = _absolute(path)
@@ -84,11 +84,11 @@ class FileReadRecorder:
             if os.path.realpath(full).startswith(self._excluded):
                 return
             state = state_of(full, listed=listed)
-            if state != "folder" or full.startswith(self.workspace):  # the existence of a folder outside of the workspace does not count
+            if state != "folder" or full.startswith(self.workspace):  # the existence of other folders does not count
                 self.states[full] = state
 
     def leaves_out(self, path: str) -> bool:
-        """Whether a file (by its absolute path, links not resolved) counts by version, or not at all."""
+        """Whether a file (by its absolute path, links not resolved) counts by version or is ignored."""
         return (path + os.sep).startswith(self._excluded)
 
     def note_written(self, path: Any) -> None:
@@ -136,8 +136,8 @@ def _absolute(path: Any) -> str | None:
 
 
 def _with_versions() -> tuple[str, ...]:
-    """Return the folders whose files count by version: those of Python, of installed packages, and of thingc."""
-    archives = [entry for entry in sys.path if entry and not os.path.isdir(entry)]  # Python's own, whether they exist or not
+    """Return the folders whose files count by version: the folders of Python, of installed packages, and of thingc."""
+    archives = [entry for entry in sys.path if entry and not os.path.isdir(entry)]  # Python's own archives, whether they exist or not
     return tuple({os.path.join(folder, "") for folder in (*installed_roots(), *archives, OWN_FOLDER, os.path.realpath(OWN_FOLDER))})
 
 
@@ -146,14 +146,14 @@ _last_before = ""
 
 
 def remember_loaded() -> None:
-    """Record the modules that this process has loaded, before it forks: if a child read all of them, their memory pages would be copied."""
+    """Record the modules that this process has loaded. Call it before forking: reading them in a child would copy their memory pages."""
     global _last_before
     _loaded_before.update(_loaded_since())
     _last_before = next(reversed(sys.modules))
 
 
 def loaded_files() -> list[str]:
-    """Return the files of all modules that this process has loaded, except those that count by version, sorted."""
+    """Return the sorted files of all modules that this process has loaded, except files that count by version."""
     return sorted(_loaded_before | _loaded_since())
 
 
@@ -200,7 +200,7 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def _wrap_looking() -> None:
-    """Wrap the functions of `os` behind `os.path.exists` and others, which raise no audit event: a missing file may appear later."""
+    """Wrap functions of `os` such as those behind `os.path.exists`, which raise no audit event: a missing file may appear later."""
     for name in ("stat", "lstat", "access"):
         setattr(os, name, _looking(getattr(os, name)))
 
@@ -217,7 +217,7 @@ def _looking(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _looks_for_modules() -> bool:
-    """Whether Python's import system or thingc itself called the function that calls this one (possibly through `os.path`)."""
+    """Whether Python's import system or thingc itself called the caller of this function (possibly through `os.path`)."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None and frame.f_globals.get("__name__") in ("posixpath", "ntpath", "genericpath", "os", *_ON_THE_WAY):
         frame = frame.f_back
@@ -225,7 +225,7 @@ def _looks_for_modules() -> bool:
 
 
 def _loads() -> bool:
-    """Whether Python loads a module or thingc reads a file, not the part: the nearest frame outside of Python's own code decides."""
+    """Whether Python loads a module or thingc reads a file, and not the part. The nearest frame outside of Python's own code decides."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
         name = str(frame.f_globals.get("__name__"))
@@ -252,14 +252,14 @@ _KERNEL_READERS = (
     ("OCP.BinTools", "BinTools", "Read_s"),
     ("OCP.RWStl", "RWStl", "ReadFile_s"),
 )
-"""Readers through which a part may bypass build123d: class and method, of which any text argument may be a file."""
+"""Readers that part code can use without build123d: class and method. Any text argument of the method may be a file."""
 
 
 def wrap_importers() -> None:
     """Wrap all functions that read files into the kernel, and the exporters of build123d.
 
-    The readers then report to the active recorder, and the exporters raise the audit event of opening a file. Call it before part modules
-    are loaded, since they may contain `from build123d import *`. Once per process; inherited by its children.
+    The readers then report to the active recorder, and the exporters raise the audit event of opening a file. Call it once per process,
+    before part modules are loaded, because they may contain `from build123d import *`. Children inherit the wrappers.
     """
     import importlib
 
@@ -291,7 +291,7 @@ def wrap_importers() -> None:
 
 
 def _telling(function: Callable[..., Any], position: int | None) -> Callable[..., Any]:
-    """Wrap `function` to first record its file: the argument at `position`, or (None) any argument that is a path."""
+    """Wrap `function` to record its file first: the argument at `position`, or (None) any argument that is a path."""
 
     @functools.wraps(function)
     def telling(*arguments: Any, **options: Any) -> Any:
@@ -306,7 +306,7 @@ def _telling(function: Callable[..., Any], position: int | None) -> Callable[...
 
 
 def _announcing(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Wrap `function`, whose second argument is a file that it writes, or a stream, to raise the audit event of opening a file."""
+    """Wrap `function` to raise the audit event of opening a file. Its second argument is the file that it writes, or a stream."""
 
     @functools.wraps(function)
     def announcing(*arguments: Any, **options: Any) -> Any:

@@ -1,9 +1,9 @@
 """Record the impure inputs of a part: the environment, the clock, random numbers, other processes, the network.
 
-A part is built once and cached, so that such an input has the value of the first build. Processes and connections raise audit events; the
-functions for the others are wrapped, once per worker and before part code is loaded. An input is reported at the line of the author's code
-that causes it: the nearest frame outside of installed packages must be the author's. Inputs that Python's own machinery needs (for an
-import, a log record, the name of a temporary file) do not count.
+A part is built once and cached, so an impure input keeps the value that it had in the first build. Processes and connections raise audit
+events; the functions for the other inputs are wrapped, once per worker and before part code is loaded. An input is reported at the line of
+the author's code that causes it: the nearest frame outside of installed packages must be the author's. Inputs that Python itself needs (for
+an import, a log record, the name of a temporary file) do not count.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class ImpureInputRecorder:
 
     @property
     def found(self) -> tuple[PartWarning, ...]:
-        """The recorded inputs, each once per line, in order."""
+        """The recorded inputs in order, each only once per line."""
         return tuple(self._found)
 
     def start(self) -> None:
@@ -89,7 +89,7 @@ def _ask(what: ImpureInputs, message: str) -> bool:
 def install() -> None:
     """Wrap the functions for impure inputs.
 
-    Call it before part modules are loaded, since they may contain `from time import time`. Once per process; inherited by its children.
+    Call it once per process, before part modules are loaded, because they may contain `from time import time`. Children inherit it.
     """
     _wrap_environment()
     _wrap_clock()
@@ -110,14 +110,14 @@ _PROCESSES: dict[str, Callable[..., Any]] = {
     "pty.spawn": lambda words: words[0],
     "subprocess.Popen": lambda program, words, *_: program or (words if isinstance(words, (str, bytes)) else words[0]),
 }
-"""Functions from the arguments of an audit event to the program, or None for a copy of the part's own process."""
+"""Functions that take the arguments of an audit event and return the program, or None for a copy of the part's own process."""
 
 _CONNECTIONS: dict[str, Callable[..., Any]] = {
     "socket.connect": lambda socket, address: address[0] if isinstance(address, tuple) else address,
     "socket.getaddrinfo": lambda host, *_: host,
     "socket.gethostbyname": lambda host: host,
 }
-"""Functions from the arguments of an audit event to the host."""
+"""Functions that take the arguments of an audit event and return the host."""
 
 
 def _heard(event: str, arguments: tuple[Any, ...]) -> None:
@@ -166,7 +166,7 @@ _CLOCKS = {
     "process_time_ns": 0, "thread_time": 0, "thread_time_ns": 0, "localtime": 0, "gmtime": 0, "ctime": 0, "asctime": 0, "strftime": 1,
     "clock_gettime": 1, "clock_gettime_ns": 1,
 }
-"""Functions of `time` that read the clock if they get at most this many arguments; with more, they convert a given time."""
+"""Functions of `time` that read the clock if they get at most this many arguments. With more arguments they convert a given time."""
 
 
 def _wrap_clock() -> None:
@@ -186,10 +186,10 @@ def _asking_clock(function: Callable[..., Any], count: int) -> Callable[..., Any
 
 
 def builtins_for(code: types.CodeType) -> Mapping[str, Any] | None:
-    """Return the builtins for a module of the authors that may read the clock through `datetime`; None if the normal ones will do.
+    """Return the builtins for a module that may read the clock through `datetime`; None if the normal builtins can be used.
 
-    The classes of `datetime` cannot be wrapped globally, since compiled packages refer to them directly. Such a module imports another
-    `datetime` instead.
+    The classes of `datetime` cannot be wrapped globally, because compiled packages refer to them directly. Instead, such a module imports
+    another `datetime`.
     """
     return _builtins() if _names(code) else None
 
@@ -264,7 +264,7 @@ def _wrap_chance() -> None:
     family.seed = functools.wraps(original)(seed)
     generator = random._inst
     _wrap_global(random, lambda function: getattr(function, "__self__", None) is generator)
-    # SystemRandom, `secrets` and numpy's generators without a seed call this
+    # SystemRandom, `secrets` and numpy's generators without a seed call this function
     urandom = _drawing(os.urandom)
     for owner, name in ((os, "urandom"), (random, "_urandom")):
         setattr(owner, name, urandom)
@@ -305,8 +305,8 @@ def _of_global(module: str, name: str, function: Callable[..., Any]) -> Callable
 def _wrap_numpy(module: types.ModuleType) -> None:
     """Wrap the legacy generator of `numpy.random`.
 
-    Wrapped are the functions that draw from the global generator, this generator itself, which libraries use by default, and its class,
-    which draws a seed before it uses the one that it is given.
+    This wraps the functions that draw from the global generator, the generator itself, which libraries use by default, and its class, which
+    draws a seed before it uses the given one.
     """
     mtrand = module.mtrand
     real = mtrand.RandomState

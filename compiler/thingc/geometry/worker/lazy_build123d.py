@@ -1,9 +1,9 @@
-"""Make `import build123d` cheap: packages that parts seldom need are imported when they are first used.
+"""Make `import build123d` fast: packages that parts seldom need are imported when they are first used.
 
-`import build123d` imports scikit-learn, scipy, ezdxf, lib3mf, svgpathtools and more, which is over half of its time and 150 MB, for
-functions that few parts call. During this import, those names are bound to placeholders. The first use of a placeholder imports the real
-package and replaces all placeholders in build123d by the real objects. After the import, no other code gets a placeholder: `import scipy`
-in a part file imports the real package.
+`import build123d` imports scikit-learn, scipy, ezdxf, lib3mf, svgpathtools and more, for functions that few parts call. They take over half
+of its time, and 150 MB. During this import, their names are bound to placeholders. The first use of a placeholder imports the real package
+and replaces all its placeholders in build123d by the real objects. After the import, other code gets no placeholders: `import scipy` in a
+part file imports the real package.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from thingc.geometry.key.modules import SELDOM_USED
 
 
 class _Session:
-    """An import in progress: the packages that are deferred, and the places of their placeholders."""
+    """An import in progress: the deferred packages, and the places of their placeholders."""
 
     def __init__(self, packages: frozenset[str]) -> None:
         self.packages = packages
@@ -40,7 +40,7 @@ class _Session:
 
 
 class LazyObject:
-    """A placeholder for `module.name.name`: calls, attributes, subclassing and `isinstance` are passed to the real object."""
+    """A placeholder for `module.name.name`. It passes calls, attributes, subclassing and `isinstance` to the real object."""
 
     __slots__ = ("_module", "_names", "_session")
 
@@ -95,7 +95,7 @@ class _StandIn(types.ModuleType):
 
 
 def real(value: Any) -> Any:
-    """Return the real object of a placeholder, imported now; any other value is unchanged."""
+    """Return the real object of a placeholder, after importing it. Any other value is returned unchanged."""
     if isinstance(value, _StandIn):
         value._session.settle(value.__name__.partition(".")[0])
         return importlib.import_module(value.__name__)
@@ -119,7 +119,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         self.made: list[str] = []
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
-        """Return a placeholder for packages that are deferred; None for others."""
+        """Return the spec of a placeholder for a deferred package; None for other packages."""
         if fullname.partition(".")[0] not in self.session.packages:
             return None
         return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
@@ -135,10 +135,10 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 
 
 def import_cheaply(name: str, packages: frozenset[str] = SELDOM_USED) -> types.ModuleType:
-    """Import module `name`, with `packages` deferred until they are used.
+    """Import module `name`, deferring `packages` until they are used.
 
-    Packages that are already imported are unchanged. If anything fails, everything that was imported in the meantime is removed, and `name`
-    is imported normally, with any exception that this raises.
+    Packages that are already imported are unchanged. If the import fails, everything that it imported is removed, and `name` is imported
+    normally, which may raise the same exception.
     """
     absent = frozenset(package for package in packages if package not in sys.modules)
     session = _Session(absent)
@@ -170,7 +170,7 @@ def _package(value: Any) -> str | None:
 
 
 def _find_sites(session: _Session, modules: Sequence[types.ModuleType]) -> None:
-    """Record every place of a placeholder: module and class attributes, tables, and default arguments."""
+    """Record all places of placeholders: module and class attributes, tables, and default arguments."""
     for module in modules:
         names = vars(module)
         if not any(_package(value) for value in names.values()):
@@ -201,7 +201,7 @@ def _note(session: _Session, owner: Any, name: str, value: Any, module: str) -> 
 
 
 def _refill(table: dict[Any, Any]) -> None:
-    """Replace placeholders among keys and values in place, in the same order."""
+    """Replace placeholders among keys and values in place, keeping the order."""
     entries = [(real(key), real(value)) for key, value in table.items()]
     table.clear()
     table.update(entries)

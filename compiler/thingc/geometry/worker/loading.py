@@ -1,4 +1,4 @@
-"""Load part modules in the worker: from files in the workspace's part folders, never from the current folder."""
+"""Load part modules in the worker: from the workspace's part folders, never from the current folder."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _compiled: dict[tuple[str, str], types.CodeType] = {}
 
 
 def compile_ahead(file: str, sha256: str | None) -> bool:
-    """Compile a source file whose content is `sha256` (None: any content), without running it. Return whether this was new.
+    """Compile a source file whose content is `sha256` (None: any content), without running it. Return True if it was not compiled before.
 
     Errors are ignored here: the import reports them.
     """
@@ -41,11 +41,11 @@ def compile_ahead(file: str, sha256: str | None) -> bool:
 
 
 class PartImporter(importlib.abc.MetaPathFinder):
-    """Finds the modules of the part folders as the client's `Finder` does, so that a name means the same file for both.
+    """Finds the modules of the part folders as the client's `Finder` does, so that a name refers to the same file for both.
 
     `loaded` collects the files of the modules that were found, by name. `hashes` are the SHA-256 of files as the client read them. A folder
-    without `__init__.py` is a package only if the client found it in part code (`plain`): a library that tries `import dask` must not find
-    the user's folder of that name.
+    without `__init__.py` is a package only if the client found it in part code (`plain`). For example, a library that tries `import dask`
+    must not find the user's folder of that name.
     """
 
     of_parts = True
@@ -57,7 +57,7 @@ class PartImporter(importlib.abc.MetaPathFinder):
         self.loaded: dict[str, str] = {}
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
-        """Return the spec of a content-tracked module; None to let Python find the name."""
+        """Return the spec of a content-tracked module; None to let Python find the module."""
         module = self.finder.find(fullname)
         if module.kind != "content":
             return None
@@ -74,7 +74,7 @@ class PartImporter(importlib.abc.MetaPathFinder):
         )
 
     def install(self) -> None:
-        """Add this finder before Python's own. It does not find protected names (see `modules`)."""
+        """Insert this finder before Python's own. It does not find protected names (see `modules`)."""
         sys.meta_path.insert(0, self)
 
     def remove(self) -> None:
@@ -85,7 +85,7 @@ class PartImporter(importlib.abc.MetaPathFinder):
 
 
 class _PartLoader(importlib.machinery.SourceFileLoader):
-    """Compiles from source (without `__pycache__` in the user's folders), or uses what the server has compiled."""
+    """Compiles from source (without `__pycache__` in the user's folders), or uses code that the server has compiled."""
 
     def __init__(self, name: str, file: str, sha256: str | None) -> None:
         super().__init__(name, file)

@@ -25,7 +25,7 @@ from thingc.geometry.worker.loading import PartImporter
 
 
 class NoPart(Exception):
-    """Why there is no part: `kind` as in `PartFailure`, the message, and the file and line if known beforehand."""
+    """The reason why there is no part: `kind` as in `PartFailure`, the message, and the file and line if known beforehand."""
 
     def __init__(self, kind: FailureKind, message: str, candidates: Iterable[str] = (), place: tuple[str, int] | None = None) -> None:
         super().__init__(message)
@@ -37,8 +37,8 @@ class NoPart(Exception):
 class RequestContext(FrozenStruct):
     """The environment of a request.
 
-    `root`, `parts` and `packages` are the workspace's folder, part folders and packages. `hashes` are the files of code that is in the key
-    (SHA-256 by file), `plain` part packages without `__init__.py`. `store` is the store, `scratch` the part's own folder.
+    `root`, `parts` and `packages` are the workspace's folder, part folders and packages. `hashes` are the SHA-256 of code files that are in
+    the key, `plain` are part packages without `__init__.py`. `store` is the store, `scratch` the part's own folder.
     """
 
     root: str
@@ -52,9 +52,9 @@ class RequestContext(FrozenStruct):
 
 @dataclass(slots=True)
 class PartSession:
-    """One request in its process, in the workspace's folder.
+    """A request that runs in its own process, in the workspace's folder.
 
-    The importer and the recorders of reads, impure inputs and output are active in it.
+    During the request, the importer and the recorders of reads, impure inputs and output are active.
 
     `loaded` is the time at which the last requested class was loaded (`time.monotonic`).
     """
@@ -96,7 +96,7 @@ class PartSession:
         os.close(self._before)
 
     def stop(self) -> None:
-        """End the recording: later reads, inputs and changes are not the part's."""
+        """End the recording: later reads, inputs and changes are not caused by the part."""
         sandbox.end()
         self._printing.close()
         self.recorder.stop()
@@ -107,9 +107,9 @@ class PartSession:
         return file in self.around.hashes or file in self.importer.loaded.values()
 
     def reads(self, *mentioned: str | None) -> list[tuple[str, str]]:
-        """Return what was read: files, modules that no version covers, and the `mentioned` files.
+        """Return the reads: files, modules that no version covers, and the `mentioned` files.
 
-        The layout of mentioned files affects line numbers in the answer.
+        Mentioned files are included because their layout affects line numbers in the answer.
         """
         states = dict(self.recorder.reads())
         loaded = [file for file in loaded_files() if file not in self.around.hashes and not self.recorder.leaves_out(file)]
@@ -119,16 +119,16 @@ class PartSession:
         return sorted(states.items())
 
     def ran(self) -> dict[str, list[int] | None] | None:
-        """Return the functions that ran, by file of code that is in the key (None for all of them).
+        """Return the functions that ran, by code file that is in the key (None for all functions of a file).
 
-        Return None if other processes may have run some.
+        Return None if other processes may have run functions.
         """
         if any(warning.asked is ImpureInputs.PROCESS for warning in self.asking.found):
             return None
         return executed_functions.of([file for file in self.importer.loaded.values() if file in self.around.hashes], self.around.hashes)
 
     def part(self, reference: str) -> Any:
-        """Return the object that `module:Class` names. Raises `NoPart` if there is none, and any exception of its module."""
+        """Return the object that `module:Class` names. Raises `NoPart` if it does not exist, and any exception of its module."""
         module_name, _, name = reference.partition(":")
         try:
             module = importlib.import_module(module_name)
@@ -152,7 +152,7 @@ class PartSession:
         return named
 
     def failure(self, subject: str, fault: BaseException) -> PartFailure:
-        """Return the failure for an exception, with the innermost place in the authors' files. `MemoryError` is raised again."""
+        """Return the failure for an exception, with the innermost place in the authors' files. `MemoryError` is re-raised."""
         from thingc.geometry.things.parameters import ParameterError, SignatureError
 
         if isinstance(fault, MemoryError):
@@ -187,7 +187,7 @@ def _exception_text(fault: BaseException) -> str:
 
 
 def _python_suggests(fault: BaseException) -> str | None:
-    """Return `Did you mean: 'MountPoint'?`, which Python only computes when it prints an uncaught exception, or None."""
+    """Return Python's suggestion (`Did you mean: 'MountPoint'?`), which it only computes for an uncaught exception, or None."""
     with contextlib.redirect_stderr(io.StringIO()) as captured_output:
         sys.__excepthook__(type(fault), fault, fault.__traceback__)
     match = re.search(r"\. (Did you (?:mean|forget)\b.*\?)\s*\Z", captured_output.getvalue())

@@ -1,7 +1,6 @@
-"""The processes that this one has started, and their descendants, found by their parents in any process group or session.
+"""The descendants of this process, found by their parents in any process group or session.
 
-Linux reports the children of a process, and assigns orphans among its descendants to it on request. On other systems no processes are
-found.
+Linux reports the children of a process, and on request makes this process the parent of orphans. On other systems no processes are found.
 """
 
 from __future__ import annotations
@@ -18,16 +17,16 @@ from typing import Any
 PAUSE = 0.005
 """Pause [s] between checks for processes that are about to end."""
 PATIENCE = 20.0
-"""Time limit [s] for killed or stopped processes to end or stop."""
+"""Time limit [s] for processes to end or stop after a signal."""
 
 FIRST = -20
-"""Nice value of the watching process, so that it is scheduled among any number of processes."""
+"""Nice value of the watching process. With it, the process is scheduled even beside many others."""
 
 _SUBREAPER = 36
 
 
 def adopt_orphans() -> None:
-    """Become the parent of descendants whose own parent ends, in place of the system's first process."""
+    """Become the parent of descendants whose own parent ends, instead of the system's first process."""
     if sys.platform == "linux":
         prctl(_SUBREAPER, 1)
 
@@ -35,7 +34,7 @@ def adopt_orphans() -> None:
 def give_priority(nice: int) -> int:
     """Set the `nice` value of this process if permitted, and return the previous one.
 
-    A value below the usual one requires root, whom limits on processes do not affect.
+    A value below the usual one requires root. Limits on the number of processes do not affect root.
     """
     usual = os.getpriority(os.PRIO_PROCESS, 0)
     with contextlib.suppress(OSError):
@@ -84,7 +83,7 @@ def command(process: int) -> str:
 def exceeds(processes: Collection[int], most: int) -> bool:
     """Whether processes use more than `most` bytes of memory.
 
-    The exact number, in which shared memory counts once, is read only if necessary.
+    The exact number, which counts shared memory once, is read only if necessary.
     """
     return all(_kilobytes(processes, *entry) * 1024 > most for entry in (("status", b"VmRSS:"), ("smaps_rollup", b"Pss:")))
 
@@ -98,9 +97,9 @@ def _kilobytes(processes: Iterable[int], file: str, key: bytes) -> int:
 
 
 def stop(process: int) -> None:
-    """Stop a process, its group and all its descendants, so that none of them starts another.
+    """Stop a process, its group and all its descendants, so that none of them can start another process.
 
-    They are stopped and not killed, because stopped processes count against limits, dead ones do not.
+    They are stopped instead of killed, because stopped processes count against limits and dead processes do not.
     """
     last = time.monotonic() + PATIENCE
     stopped: set[int] = set()
@@ -145,7 +144,7 @@ def _runs(process: int) -> bool:
 
 
 def prctl(option: int, argument: int) -> bool:
-    """Change how the system treats this process (`man 2 prctl`). Return whether this succeeded."""
+    """Call `prctl` for this process (`man 2 prctl`). Return True on success."""
     return bool(_libc().prctl(option, argument, 0, 0, 0) == 0)
 
 
@@ -156,7 +155,7 @@ def syscall(number: int, *arguments: Any) -> int:
 
 @functools.cache
 def _libc() -> Any:
-    import ctypes  # late: the driver asks for nothing here
+    import ctypes  # imported late, because the driver does not need it
 
     libc = ctypes.CDLL(None)
     libc.syscall.restype = ctypes.c_long

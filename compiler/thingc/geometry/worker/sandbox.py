@@ -1,10 +1,10 @@
-"""Confine code of others.
+"""Sandbox for code that may not be trusted.
 
-Part code may change only its own folder: a change elsewhere, above all in the store, could affect other parts or remain. Expressions of an
-imported robot may, in addition, only read certain folders, and not start programs or open connections.
+Part code may change only its own folder: a change elsewhere, above all in the store, could affect other parts or persist. In addition,
+expressions of an imported robot may read only certain folders, and may not start programs or open connections.
 
-The audit hook refuses first, so that the error has a line, but it only sees what Python does. If the system has Landlock (Linux since
-5.13), that refuses the same to everything that the code loads and starts, and the code cannot undo it.
+The audit hook refuses first, so that the error has a line, but it only detects actions of Python. If the system supports Landlock (Linux
+since 5.13), it refuses the same to everything that the code loads and starts, and the code cannot undo this.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
 
 class ForbiddenWrite(PermissionError):
-    """Code tried to change a file outside of its own folder, or to read a forbidden file: `filename`.
+    """Code tried to change a file outside of its own folder, or to read a forbidden file. `filename` is the file.
 
     It is a `PermissionError`, so that libraries that can do without a file handle it as usual.
     """
@@ -44,25 +44,25 @@ _CHANGING: dict[str, tuple[tuple[int, int], ...]] = {
     "os.removexattr": ((0, -1),), "os.rename": ((0, 2), (1, 3)), "os.rmdir": ((0, 1),), "os.setxattr": ((0, -1),),
     "os.symlink": ((1, 2),), "os.truncate": ((0, -1),), "os.utime": ((0, 3),),
 }
-"""The arguments of audit events that are changed files, each with the argument for the open folder that it is relative to (-1: none).
+"""The arguments of audit events that are changed files, each with the argument of the open folder that it is relative to (-1: none).
 
 A path relative to an open folder cannot be checked; the system checks such calls.
 """
 
 _FOLLOWING = frozenset({"os.chmod", "os.chown", "os.removexattr", "os.setxattr", "os.truncate", "os.utime"})
-"""Events that change the target of a link; the others change the link itself."""
+"""Events that change the target of a link. The other events change the link itself."""
 
 _STARTING = ("os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "subprocess.Popen", "socket.__new__", "ctypes.dlopen")
 
 OUTSIDE = "it is outside the robot's folder and all known packages"
-"""Why a file may not be read."""
+"""The reason why a file may not be read."""
 
 _allowed: tuple[str, ...] = ()
 _readable: tuple[str, ...] | None = None
 
 
 def begin(folder: str, readable: Sequence[str] | None = None) -> None:
-    """Refuse with `ForbiddenWrite`, from now on, to change anything outside of `folder`.
+    """From now on, refuse changes outside of `folder` by raising `ForbiddenWrite`.
 
     With `readable`, also refuse to read anything outside of these folders, to start programs and to open connections.
     """
@@ -73,7 +73,7 @@ def begin(folder: str, readable: Sequence[str] | None = None) -> None:
 
 
 def end() -> None:
-    """Allow everything again."""
+    """Remove all restrictions."""
     global _allowed
     _allowed = ()
 
@@ -100,8 +100,8 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
 def _check(path: Any, *, follow: bool = True, itself: bool = False) -> None:
     """Raise `ForbiddenWrite` for a path outside of the folder.
 
-    With `itself`, the folder itself is allowed: opening a folder for writing creates a file in it, as `tempfile.TemporaryFile` does; the
-    folder alone cannot be opened for writing.
+    With `itself`, the folder itself is allowed. Opening a folder for writing creates a file in it, as `tempfile.TemporaryFile` does; the
+    folder itself cannot be opened for writing.
     """
     if isinstance(path, int) or path is None:
         return
@@ -124,9 +124,9 @@ _SIGNALS = 1 << 1
 
 
 def confine(folder: str, readable: Sequence[str] | None = None) -> bool:
-    """Take from this process, permanently, the right to change files outside of `folder` and to signal processes that it has not started.
+    """Permanently forbid this process to change files outside of `folder` and to signal processes that it has not started.
 
-    With `readable`, also the right to read files outside of these folders, to run programs and to open sockets. Return False if the system
+    With `readable`, also forbid reading files outside of these folders, running programs and opening sockets. Return False if the system
     does not support this. Also limit how many processes it may start.
     """
     _bound_processes()
@@ -160,15 +160,15 @@ def _landlock(folder: str, readable: Sequence[str] | None) -> bool:
 
 
 _SECCOMP = {"x86_64": (317, 0xC000003E, 41, 90, 91, 268, 425, 452), "aarch64": (277, 0xC00000B7, 198, 52, 53, 425, 452)}
-"""For each machine the number of `seccomp`, the id of the machine, and the numbers of the calls to refuse.
+"""For each machine type, the number of `seccomp`, the id of the machine type, and the numbers of the calls to refuse.
 
-These are `socket`, `chmod`, `fchmod`, `fchmodat`, `io_uring_setup` and `fchmodat2`, as far as the machine has them. Landlock does not
+The calls are `socket`, `chmod`, `fchmod`, `fchmodat`, `io_uring_setup` and `fchmodat2`, if the machine type has them. Landlock does not
 restrict them (Unix sockets and UDP, modes of files outside of the folder).
 """
 
 
 def _refuse_calls() -> bool:
-    """Let the system refuse these calls to this process, and all calls of other machines (`man 2 seccomp`)."""
+    """Make the system refuse these calls of this process, and all calls of other machine types (`man 2 seccomp`)."""
     import ctypes
 
     seccomp, machine, *refused = _SECCOMP.get(os.uname().machine, (-1, 0))
@@ -180,9 +180,9 @@ def _refuse_calls() -> bool:
 
 
 def _bound_processes() -> None:
-    """Set the system's own limit of processes, in case a part is faster than the worker that watches it.
+    """Set the system's own limit of processes, in case a part starts processes faster than the worker can check.
 
-    It counts all processes of the user and does not apply to root, so that the worker has to watch (`worker`).
+    The limit counts all processes of the user and does not apply to root, so the worker's checks are still needed (`worker`).
     """
     import resource
 

@@ -1,7 +1,7 @@
-"""Scratch folders: one for each worker in the system's temporary folder, and in it one for each part, removed when the part is finished.
+"""Scratch folders: one for each worker in the system's temporary folder, with a subfolder for each part, removed when the part is finished.
 
-A part gets its own folder as home and for temporary files: it is empty, and contains nothing of other parts. Folders of killed workers are
-removed by the next one: a worker holds a lock on its folder, which the system releases when it ends.
+A part uses its own folder as home and for temporary files. The folder is empty at first and contains nothing of other parts. Folders of
+killed workers are removed by the next worker: each worker holds a lock on its folder, which the system releases when the worker ends.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PREFIX = "thingc-worker-"
 
 
 class Scratch:
-    """The folder of one worker. `close` removes it. `descriptors` hold its lock, and must be closed in children."""
+    """The folder of one worker. `close` removes it. `descriptors` hold its lock and must be closed in child processes."""
 
     def __init__(self) -> None:
         base = tempfile.gettempdir()
@@ -56,7 +56,7 @@ def remove(folder: str) -> None:
 
 
 def settle(folder: str) -> None:
-    """Make `folder` this process's home and its place for temporary files, and remove the worker's own variables from the environment."""
+    """Make `folder` this process's home and temporary folder, and remove the worker's own variables from the environment."""
     for name in (*HOMES, *TEMPORARY):
         os.environ[name] = folder
     os.environ.pop("PYTHONPATH", None)

@@ -1,8 +1,8 @@
 """`python -m thingc.geometry.worker.server`: the process with the CAD kernel.
 
-Requests and answers are lines of JSON on standard input and output. It imports build123d once and forks a child for each request. At the
-end of its input it exits at once, with all of its children. `--inline` runs requests in the process itself (on systems without fork: one
-such worker per core). `--assemble` reads one request to write a STEP file and needs only OCP.
+Requests and answers are lines of JSON on standard input and output. The server imports build123d once and forks a child for each request.
+At the end of its input it exits at once, with all of its children. `--inline` runs requests in the server process itself (for systems
+without fork, with one worker per core). `--assemble` reads one request to write a STEP file and needs only OCP.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def main(arguments: list[str]) -> None:
         elif hasattr(os, "fork") and "--inline" not in arguments:
             from thingc.geometry.worker.children import live_without_parent
 
-            live_without_parent()  # from now on the end of standard input ends it; the parent's thread may end earlier
+            live_without_parent()  # from now on the end of standard input ends it; the thread that started it may end earlier
             if os.getppid() == parent:
                 jobs = int(arguments[arguments.index("--jobs") + 1]) if "--jobs" in arguments else os.cpu_count() or 1
                 _Server(answers, jobs, scratch).serve()
@@ -106,10 +106,10 @@ def _load(answers: int) -> bool:
 
 
 def _stay_single() -> None:
-    """Keep the kernel and manifold3d (on Linux) from starting threads, because children run in parallel.
+    """Prevent the kernel and manifold3d (on Linux) from starting threads, because children already run in parallel.
 
     Threads would take up to a fifth more processor time. The kernel has a function for this. TBB, which manifold3d uses, counts the
-    available processors once, when it is first needed.
+    available processors once, when it is first used.
     """
     from manifold3d import Manifold
     from OCP.OSD import OSD_ThreadPool
@@ -128,8 +128,8 @@ def _stay_single() -> None:
 def _make_room() -> None:
     """Make pybind11 enlarge its table of the kernel's objects.
 
-    If it were enlarged in a child, all pages of the table would be copied. There is room for twice the current number of objects, which is
-    more than most parts need.
+    If a child enlarged the table, all its memory pages would be copied. The new size is enough for twice the current number of objects,
+    which is more than most parts need.
     """
     from OCP.gp import gp_Pnt
 
@@ -155,7 +155,7 @@ def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
 def answered(request: Mapping[str, Any]) -> dict[str, Any]:
     """Return the answer to a request: its `answer` and `span`, or a failure if the store is unusable.
 
-    `span` are the start and end (`time.monotonic`); for a part the start is the time at which its class was loaded.
+    `span` is the start and end (`time.monotonic`). For a part, the start is the time at which its class was loaded.
     """
     from thingc.geometry.store.local import StoreUnusable
 
@@ -190,7 +190,7 @@ def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
 def perform(request: Mapping[str, Any]) -> dict[str, Any]:
     """Perform a request: `describe`, `model`, `decompose`, `slice` or `assemble`.
 
-    With its own folder (`scratch`), files for the store are left there. Raises `StoreUnusable`.
+    If the request has its own folder (`scratch`), files for the store are written there. Raises `StoreUnusable`.
     """
     from thingc.geometry.store.local import Outbox, Store
 
@@ -229,7 +229,7 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:
     """Return the results of the likely slicings (`LikelySlicing`) of a part that was just built, each with its slicing.
 
-    Failures are left out.
+    Failed slicings are omitted.
     """
     from thingc.geometry.print_slices import Slicing
     from thingc.geometry.record import Mesh
@@ -246,7 +246,7 @@ def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any],
 
 
 class _Server:
-    """Children for requests, each with a deadline and a folder. No process that they start outlives them.
+    """The child processes for requests, each with a deadline and a folder. Processes that they start are ended with them.
 
     At most `jobs` children build parts at once, and as many others describe classes, because the client waits for these before it sends
     more. One spare child may be started before its request.
@@ -319,7 +319,7 @@ class _Server:
             remove(child.scratch)
 
     def begin_waiting(self, done: Child | None = None) -> None:
-        """Start waiting requests as far as there is room, including the room of the child `done`."""
+        """Start waiting requests as far as there is capacity, including the slot of the child `done`."""
         for describes, asked in self.waiting.items():
             busy = sum((child.request["op"] == "describe") == describes for child in self.running.values() if child is not done)
             for _ in range(min(self.jobs - busy, len(asked))):
@@ -334,7 +334,7 @@ class _Server:
         self.selector.register(child.pipe, selectors.EVENT_READ)
 
     def prepare(self, request: Mapping[str, Any]) -> None:
-        """Load what children need for a request. A spare child that was forked before is ended, because it lacks this."""
+        """Load the modules that children need for a request. End a spare child that was forked before, because it lacks them."""
         from thingc.geometry.worker.scratch import remove
 
         if _prepare(request) and self.spare is not None:
@@ -350,13 +350,13 @@ class _Server:
         return start(answered, self.usual, self.scratch.make(), descriptors)
 
     def children(self) -> list[Child]:
-        """Return the running children, and the spare one."""
+        """Return the running children and the spare one."""
         return [*self.running.values(), *([self.spare] if self.spare is not None else [])]
 
     def finish(self, child: Child, over: str | None = None) -> None:
         """End a child and send its answer.
 
-        A child that has started no processes is stopped, and ended after its answer is sent: freeing its memory takes as long as a fork.
+        A child without own processes is stopped, and ended after its answer is sent, because freeing its memory takes as long as a fork.
         """
         alone = over is None and child.answered and child.stop()
         ended = child.answer if alone else self.end(child, over)
@@ -374,7 +374,7 @@ class _Server:
 
 
 def _prepare(request: Mapping[str, Any]) -> bool:
-    """Do once what each child would do. Return whether anything was new.
+    """Do the work that each child would repeat. Return True if anything was new.
 
     The part files are compiled (without running them), packages that they import are loaded, and the loaded modules are recorded.
     """

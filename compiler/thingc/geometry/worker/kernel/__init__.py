@@ -1,1 +1,1 @@
-"""Code that runs in the worker with the CAD kernel: parts are built, measured, meshed and written."""
+"""Worker code that uses the CAD kernel to build, measure, mesh and write parts."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 BETTER = 0.99
-"""A rotated primitive is used only if its volume is less than this fraction: the axes of the part are preferred."""
+"""A rotated primitive is used only if its volume is less than this fraction of the best one along the part's axes."""
 
 
 def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dict[str, Primitive]:
@@ -38,8 +38,8 @@ def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dic
 def smallest_ball(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Return the centre and radius of the smallest disc `(n, 2)` or ball `(n, 3)` that contains all points.
 
-    Starts with one point and adds the farthest one outside until there is none (Gaertner, "Fast and robust smallest enclosing balls", 1999,
-    the pivoting heuristic; the small problems are solved by trying every support).
+    The algorithm starts with one point and adds the farthest outside point until there is none (Gaertner, "Fast and robust smallest
+    enclosing balls", 1999, the pivoting heuristic; the small problems are solved by trying every support).
     """
     middle = points.mean(axis=0)
     support = points[[int(np.argmax(((points - middle) ** 2).sum(axis=1)))]]
@@ -54,9 +54,9 @@ def smallest_ball(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], flo
 
 
 def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
-    """Return centre, radius and support points of the smallest ball of a few points.
+    """Return centre, radius and support points of the smallest ball that contains a few points.
 
-    The last point must be outside every ball of the others.
+    The last point must be outside every ball of the other points.
     """
     best: tuple[NDArray[np.float64], float, NDArray[np.float64]] | None = None
     dimension = points.shape[1]
@@ -82,7 +82,7 @@ def _circumcentre(edges: NDArray[np.float64]) -> NDArray[np.float64]:
     squares = (edges * edges).sum(axis=1)
     try:
         return np.asarray(edges.T @ np.linalg.solve(2.0 * edges @ edges.T, squares))
-    except np.linalg.LinAlgError:  # for points that are almost in a plane, the component off it vanishes in the products
+    except np.linalg.LinAlgError:  # for points almost in a plane, the component normal to it vanishes in the products
         return np.asarray(np.linalg.lstsq(2.0 * edges, squares)[0])
 
 
@@ -113,7 +113,7 @@ def _round(points: NDArray[np.float64], frame: NDArray[np.float64]) -> tuple[Pri
         shape="cylinder", size=(radius, (high - low) / 2.0),
         pose=_pose(frame, frame @ np.array([*centre, (low + high) / 2.0])),
     )
-    # height of the cap above a point, at the point's distance from the axis
+    # height of the cap above a point, at the distance of the point from the axis
     over = np.sqrt(np.maximum(radius**2 - ((local[:, :2] - centre) ** 2).sum(axis=1), 0.0))
     top, bottom = float((z - over).max()), float((z + over).min())
     half = max((top - bottom) / 2.0, 1e-6 * radius)
@@ -127,7 +127,7 @@ def _each_axis_as_z(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def _axes(inertia: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return principal axes as columns, right-handed, each with its largest entry positive if possible."""
+    """Return the principal axes as columns: right-handed, and with the largest entry of each positive if possible."""
     _, axes = np.linalg.eigh(inertia)
     for column in range(3):
         if axes[np.argmax(np.abs(axes[:, column])), column] < 0.0:

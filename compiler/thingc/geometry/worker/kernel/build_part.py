@@ -54,33 +54,34 @@ NOTHING = 1e-9
 """Volume [mm^3] below which a result counts as empty."""
 
 OVERLAP = 0.01
-"""Fraction of a part's volume that its solids may share (and 1 mm^3) before the overlap is reported."""
+"""Fraction of a part's volume above which an overlap of its solids is reported, if it is also larger than 1 mm^3."""
 
 DEVIATION = 0.01
-"""Largest deviation of simulation meshes from the part's surface, relative to its longest side, that is not reported."""
+"""Deviation of simulation meshes from the part's surface, relative to its longest side, above which it is reported."""
 
 DECIMALS = 9
 """Decimals to which corners [mm] are rounded.
 
-If a boolean merges two corners, the kernel keeps the one with the lower address. One may have 0 and the other 2e-31, so that the same part
-would have another mesh in the next run.
+If a boolean operation merges two corners, the kernel keeps the one with the lower address. One may have 0 and the other 2e-31, so the same
+part could have a different mesh in the next run.
 """
 
 _ZERO = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 class Tessellations(FrozenStruct):
-    """`fine` is used for print files and clearance checks, `simulation` for visual and collision meshes in simulators."""
+    """Tessellation settings: `fine` for print files and clearance checks, `simulation` for visual and collision meshes in simulators."""
 
     fine: Tessellation
     simulation: Tessellation
 
 
 class BuiltPart(FrozenStruct):
-    """The result of part code or of a file, before it is measured.
+    """The result of part code or of a part file, before it is measured.
 
-    The shapes are those of the kernel [mm] (none for a part without geometry), other fields as in `PartRecord`. `one`: the solids should be
-    connected; `file`: the part is a file; `faceted`: all its faces are triangles; `faces`: the limit of triangles for simulators.
+    The shapes are the kernel's [mm] (none for a part without geometry); other fields are as in `PartRecord`. `one` means that the solids
+    should be connected, `file` that the part is a file, `faceted` that all its faces are triangles. `faces` is the limit of triangles for
+    simulators.
     """
 
     shapes: Sequence[TopoDS_Shape]
@@ -111,9 +112,9 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, around:
     """Return the record (or failure) of a part definition and its reads: `{"record" | "failure": ..., "reads": [...]}`.
 
     With a record, `ran` are the functions of its code that have run (see `PartSession.ran`), and `loaded` is the time at which its class
-    was loaded (`time.monotonic`). `definition` has `kind`, `reference`, `text`, the canonical `parameters` (SI; the others have their
-    defaults), `mirror`, and `placed`: whether the place of its class is known, because finding it takes long. Blobs are put into the store.
-    Raises `StoreUnusable`.
+    was loaded (`time.monotonic`). `definition` has `kind`, `reference`, `text`, the canonical `parameters` (SI; missing ones have their
+    defaults), `mirror`, and `placed`, which is True if the place of its class is already known, because finding it is slow. Blobs are put
+    into the store. Raises `StoreUnusable`.
     """
     text = definition["text"]
     with PartSession(around) as session, warnings.catch_warnings(record=True) as caught:
@@ -142,7 +143,7 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, around:
 
 
 def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
-    """Return the `file` and `line` of the authors' class, for a fault without a line, such as an invalid return value; {} if unknown."""
+    """Return the `file` and `line` of the authors' class, for an error without a line, such as an invalid return value; {} if unknown."""
     import inspect
 
     with contextlib.suppress(Exception):
@@ -154,7 +155,7 @@ def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
 
 
 def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], bool]) -> list[PartWarning]:
-    """Return the warnings about the authors' own lines. Warnings of libraries about themselves are left out."""
+    """Return the warnings about the authors' own lines. Warnings about lines of libraries are omitted."""
     part_warnings = [PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if is_own(one.filename)]
     return list(dict.fromkeys(part_warnings))
 
@@ -206,7 +207,7 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart
         mass=_stated(statements.mass, float), com=_stated(statements.centre, convert.vector),
         matrix=_stated(statements.matrix, convert.matrix), density=_stated(statements.density, float),
         bom=inspection.bom_of(thing), up=inspection.up_of(thing), warnings=extra, code=code,
-        one=kind != "shape" and inspection.is_one_solid(geometry),  # users cannot change a shape class of a library
+        one=kind != "shape" and inspection.is_one_solid(geometry),  # users cannot change a library's shape class
     )
 
 
@@ -221,7 +222,7 @@ def _made_of_file(definition: dict[str, Any], around: RequestContext) -> BuiltPa
 
 
 def _mirrored(made: BuiltPart, mirror: SolidMirror) -> BuiltPart:
-    """Return the mirror image. It has no order number, because `number` in the bill of materials is that of the original."""
+    """Return the mirror image. It has no order number, because `number` in the bill of materials belongs to the original."""
     mounts = {name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in made.mounts.items()}
     stays = all(mirror.keeps(mount.pose) for mount in made.mounts.values())
     return replace(
@@ -359,7 +360,7 @@ def _apart(solid: TopoDS_Shape) -> tuple[float, ...]:
 
 
 def _off(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning, ...]:
-    """Return a warning if a simplified mesh is far from the original; both in metres."""
+    """Return a warning if a simplified mesh deviates too much from the original. Both are in metres."""
     away, size = deviation(mesh, fewer), float(np.ptp(mesh.vertices, axis=0).max())
     if away <= DEVIATION * size:
         return ()
@@ -368,9 +369,9 @@ def _off(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning
 
 
 def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWarning, ...]:
-    """Return a warning if solids of a part overlap, because integrals are sums over solids.
+    """Return a warning if solids of a part overlap, because overlapping volume counts twice in the integrals.
 
-    The overlap of a thread and its hole is tolerated.
+    The overlap of a thread with its hole is tolerated.
     """
     common, whole = meshing.counted_twice(solids) if len(solids) > 1 else 0.0, math.fsum(mesh.volume for mesh in solids)
     if common <= max(OVERLAP * whole, 1.0):
@@ -383,7 +384,7 @@ def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWa
 def solid_part(made: BuiltPart) -> TopoDS_Shape:
     """Return the solids of a part: a single one, or several as a compound. Raises `NoPart` if there are none.
 
-    They have no location of their own, which would add an assembly around each in a STEP file.
+    The result has no location of its own, which would add an assembly around each part in a STEP file.
     """
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
@@ -438,7 +439,7 @@ def _triangles(shape: TopoDS_Shape, tessellation: Tessellation) -> meshing.Trian
 
 
 def _meshes(shape: TopoDS_Shape, tessellation: Tessellation) -> list[meshing.Triangles]:
-    """Return the mesh of each solid, with outward faces. Solids are meshed separately, so that two that touch share no edge."""
+    """Return the mesh of each solid, with outward faces. Solids are meshed separately, so that touching solids do not share edges."""
     return [_triangles(solid, tessellation).outward() for solid in solids_of(shape)]
 
 
@@ -470,6 +471,6 @@ def _stored(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
 
 
 def stored_obj(mesh: meshing.Triangles, store: Store) -> Mesh:
-    """Put a mesh into the store as an OBJ file, in its own unit."""
+    """Put a mesh into the store as an OBJ file, without changing its unit."""
     rounded = meshing.in_single(mesh)
     return _stored(rounded, meshing.obj(rounded), store)

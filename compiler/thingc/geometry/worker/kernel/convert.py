@@ -1,4 +1,4 @@
-"""Conversion between the units of part code (mm, degrees) and those of records (SI). No other module converts them."""
+"""Conversion between the units of part code (mm, degrees) and of records (SI). No other module converts them."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from OCP.gp import gp_Trsf
 
 MM = 1000.0
-"""Millimetres in a metre. Lengths are divided by it, which rounds once: 72 mm is 0.072 to the last bit."""
+"""Millimetres per metre. Lengths are divided by it, which rounds only once: 72 mm is 0.072 to the last bit."""
 
 _UNITS = {"length": "mm", "angle": "deg"}
 
 
 def to_si(kind: str, value: Any) -> Value:
-    """Return a parameter's value in SI units from a value in part code; `kind` as in `ParameterSchema`.
+    """Convert a parameter's value from the units of part code to SI units; `kind` as in `ParameterSchema`.
 
-    It is rounded exactly as the same text in a document, so that a default equals the same value in a document.
+    It is rounded like the same text in a document, so that a default equals the same value in a document.
     """
     if value is None or kind not in _UNITS or isinstance(value, bool):
         return value  # type: ignore[no-any-return]
@@ -32,7 +32,7 @@ def to_si(kind: str, value: Any) -> Value:
 
 
 def to_author(kind: str, value: Value) -> Value:
-    """Return a canonical SI value in the units of part code, to 15 digits: 0.042000000000000003 m is 42 mm."""
+    """Convert a canonical SI value to the units of part code, to 15 digits: 0.042000000000000003 m is 42 mm."""
     if isinstance(value, (bool, str)):
         return value
     if kind == "length":
@@ -78,7 +78,7 @@ def matrix(rows: Sequence[Sequence[float]]) -> Matrix:
 def pose(transformation: gp_Trsf) -> Pose:
     """Return a kernel transformation (translation in mm) as a pose in metres.
 
-    The rotation is cleaned of the kernel's rounding: entries within 1e-15 of 0, 1 or -1 become exact.
+    The kernel's rounding errors are removed from the rotation: entries within 1e-15 of 0, 1 or -1 become exact.
     """
     rows = [[_clean(transformation.Value(i, j)) for j in (1, 2, 3)] for i in (1, 2, 3)]
     x, y, z = (transformation.Value(i, 4) for i in (1, 2, 3))

@@ -14,11 +14,11 @@ from thingc.geometry.worker.kernel.meshing import Triangles, without_slivers
 from thingc.geometry.worker.kernel.part_files import surfaces
 
 CONVEX = 1e-4
-"""A surface whose hull has at most this relative excess of volume counts as convex and becomes one piece."""
+"""A surface counts as convex, and becomes one piece, if its hull has at most this relative excess of volume."""
 
 
 def decompose(sha256: str, store: Store) -> list[Any]:
-    """Return convex pieces of a mesh in the store by CoACD, in its unit, as JSON. The result is deterministic.
+    """Decompose a mesh in the store into convex pieces with CoACD. Return them as JSON, in the mesh's unit. The result is deterministic.
 
     Surfaces that do not touch are decomposed separately.
     """

@@ -1,4 +1,4 @@
-"""Exact integrals over a B-rep: volume, area, centre of mass and inertia, never from a mesh. Kernel units: mm."""
+"""Exact integrals over a B-rep: volume, area, centre of mass and inertia. They are never computed from a mesh. Kernel units: mm."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ if TYPE_CHECKING:
 ACCURACY = 1e-12
 """Relative error of the volume at which the kernel's adaptive integration stops."""
 AGREEMENT = 1e-9
-"""Relative difference of plain and adaptive integration up to which the plain result is used."""
+"""Relative difference of plain and adaptive integration up to which the plain result is accepted."""
 _ROUND = frozenset({GeomAbs_Cylinder, GeomAbs_Cone, GeomAbs_Sphere, GeomAbs_Torus})
 _ALONG = 1e-12
-"""Largest component of a direction across a surface parameter with which it counts as parallel to the parameter."""
+"""Largest component of a direction across a surface parameter at which it counts as parallel to the parameter."""
 
 
 class Measures(FrozenStruct):
@@ -54,7 +54,7 @@ class Measures(FrozenStruct):
 
 
 def explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
-    """Yield the subshapes of one kind (`TopAbs_FACE`), in the order of the shape. A shared one is yielded twice."""
+    """Yield the subshapes of one kind (`TopAbs_FACE`), in the order of the shape. A shared subshape is yielded twice."""
     explorer = TopExp_Explorer(shape, kind)
     while explorer.More():
         yield explorer.Current()
@@ -94,9 +94,10 @@ def measure(shape: TopoDS_Shape) -> Measures:
     """Return integrals over the solids of a shape (GProp of OCCT: Gauss quadrature on the faces).
 
     Fixed-order integration is exact to rounding on whole faces of simple surfaces, but errs by 1e-5 on a cylinder with a cross hole.
-    Adaptive integration stops when the volume is accurate, and leaves 1e-11 in the inertia of a plain cylinder. So both are computed, and
-    the first is used if they agree. On planes bounded by lines and circles, and on round surfaces bounded by parameter lines (u or v
-    constant), fixed-order integration is always exact; adaptive integration, which takes fifty times as long, is skipped.
+    Adaptive integration stops when the volume is accurate, and leaves 1e-11 in the inertia of a plain cylinder. Therefore both are
+    computed, and the fixed-order result is used if they agree. On planes bounded by lines and circles, and on round surfaces bounded by
+    parameter lines (u or v constant), fixed-order integration is always exact. Adaptive integration takes fifty times as long and is
+    skipped there.
     """
     box = bounding_box(shape)
     apex = gp_Pnt(*((low + high) / 2.0 for low, high in zip(*box, strict=True)))
@@ -122,9 +123,9 @@ def measure(shape: TopoDS_Shape) -> Measures:
 
 
 def integrals(solid: TopoDS_Shape, apex: gp_Pnt) -> tuple[GProp_GProps, GProp_GProps]:
-    """Return integrals over the volume of a solid, in either orientation of its faces, and over its surface.
+    """Return integrals over the volume of a solid, for either orientation of its faces, and over its surface.
 
-    `apex` is any point near it. Moments are summed about it, because they would lose digits about a distant origin.
+    `apex` is any point near it. Moments are summed about this point, because they would lose digits about a distant origin.
     """
     skin = _skin(solid)
     matter = _better(BRepGProp_Vinert, skin.flat, skin.extruded + skin.rest, apex)
@@ -135,14 +136,14 @@ def integrals(solid: TopoDS_Shape, apex: gp_Pnt) -> tuple[GProp_GProps, GProp_GP
 
 
 _Faces: TypeAlias = "tuple[tuple[TopoDS_Face, bool], ...]"
-"""Faces, each with whether plain integration is exact on it."""
+"""Faces, each with a flag whether plain integration is exact on it."""
 
 
 class _Skin(FrozenStruct):
     """The faces of a solid.
 
     `flat` are planes bounded by lines and circles. `extruded` are extruded curves, on which the kernel's adaptive area is wrong (by 0.4 %
-    for an ellipse of 8 by 4; the plain one by 3e-5). `rest` are all others.
+    for an ellipse of 8 by 4; the plain area by 3e-5). `rest` are all other faces.
     """
 
     flat: _Faces
@@ -167,7 +168,7 @@ def _skin(solid: TopoDS_Shape) -> _Skin:
 
 
 def _within_lines_and_circles(face: TopoDS_Face) -> bool:
-    simple = (GeomAbs_Line, GeomAbs_Circle)  # of the curve on the face, along which the kernel integrates
+    simple = (GeomAbs_Line, GeomAbs_Circle)  # types of the curve on the face, along which the kernel integrates
     return all(BRepAdaptor_Curve2d(TopoDS.Edge(edge), face).GetType() in simple for edge in explored(face, TopAbs_EDGE))
 
 
@@ -181,9 +182,10 @@ def _within_own_lines(face: TopoDS_Face) -> bool:
 
 
 def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp_GProps:
-    """Return an integral over faces, as `BRepGProp` computes it for a shape; `accuracy` applies where plain integration is not exact.
+    """Return an integral over faces, as `BRepGProp` computes it for a shape. `accuracy` applies to faces where plain integration is not
+    exact.
 
-    `kind` is the class that integrates one face: of a volume or of a surface. The volume of a face is that between the face and the `apex`.
+    `kind` is the class that integrates over one face. The volume of a face is the volume between the face and the `apex`.
     """
     total = GProp_GProps(apex)
     for face, exact in faces:
@@ -198,7 +200,7 @@ def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp
 
 
 def _better(kind: Any, once: _Faces, twice: _Faces, apex: gp_Pnt) -> GProp_GProps:
-    """Return the plain integral if it agrees with the one that is adaptive on the faces of `twice`, else the latter."""
+    """Return the plain integral if it agrees with the integral that is adaptive on the faces of `twice`, else the adaptive one."""
     sure = _integral(kind, once, apex)
     plain = GProp_GProps(apex)
     plain.Add(sure)
@@ -219,19 +221,19 @@ def _numbers(properties: GProp_GProps) -> list[float]:
 
 
 def _clean(value: float, size: float) -> float:
-    """Return zero for a rounding error: up to 1e-14 of the part's size."""
+    """Replace a rounding error, up to 1e-14 of the part's size, by zero."""
     return 0.0 if abs(value) <= 1e-14 * size else value
 
 
 def extent(shape: TopoDS_Shape) -> float:
-    """Return an approximate size [mm] of a shape: the diagonal of a box around it that may be too large. The tight box takes far longer."""
+    """Return an approximate size [mm] of a shape: the diagonal of a loose bounding box. Computing the tight box takes far longer."""
     box = Bnd_Box()
     BRepBndLib.Add_s(shape, box, False)
     return math.sqrt(box.SquareExtent())
 
 
 def bounding_box(shape: TopoDS_Shape) -> tuple[Vector, Vector]:
-    """Return the corners of the tight axis-aligned box of a shape [mm]."""
+    """Return the corners of the tight axis-aligned bounding box of a shape [mm]."""
     box = Bnd_Box()
     BRepBndLib.AddOptimal_s(shape, box, False, False)
     low, high = box.CornerMin(), box.CornerMax()

@@ -1,6 +1,6 @@
-"""Parts that are mesh files: STL, OBJ, PLY, OFF and glTF are read by trimesh, 3MF by this module.
+"""Parts that are mesh files. trimesh reads STL, OBJ, PLY, OFF and glTF; this module reads 3MF.
 
-trimesh silently drops 3MF objects that are referenced and missing, and needs lxml.
+For 3MF, trimesh needs lxml and silently drops referenced objects that are missing.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ GLTF = (".glb", ".gltf")
 SUFFIXES = (*PLAIN, *GLTF, ".3mf")
 
 NEAR = 1e-6
-"""Distance, relative to the whole size, up to which corners are merged if the surface is not closed."""
+"""Distance, relative to the whole size, up to which corners are merged if the surface is open."""
 
 MOST = 1_000_000
 """Limit of triangles of a part: the kernel needs about 3.5 kB for each."""
 
 FARTHEST = 1e9
-"""Largest coordinate [mm]. The kernel leaves gaps between faces of larger shapes, and such a coordinate is probably an error."""
+"""Largest coordinate [mm]. For larger shapes the kernel leaves gaps between faces, and such a coordinate is probably an error."""
 
 _UNITS_3MF = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
 _CORE_3MF = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
@@ -42,14 +42,14 @@ _BUILD = "what is built"
 
 
 class BadPartFile(ValueError):
-    """Why a file is not a part, as text."""
+    """The reason why a file cannot be a part, as text."""
 
 
 def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str, ...]]:
-    """Return the closed surface in a file [mm], and descriptions of the repairs that were necessary.
+    """Return the closed surface in a file [mm], and descriptions of the repairs that were made.
 
-    `unit` [mm] is the unit of files that do not specify one. z is up; in glTF files this is y. Raises `BadPartFile`, also if the surface
-    cannot be closed.
+    `unit` [mm] is the unit of files that do not specify one. z is up in the result; glTF files have y up. Raises `BadPartFile`, also if the
+    surface cannot be closed.
     """
     try:
         data = read_bounded(path, suffix, MOST)
@@ -78,7 +78,7 @@ def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str
 
 
 def reads_with_trimesh(path: str) -> bool:
-    """Whether trimesh reads a file. It takes long to import."""
+    """Whether trimesh reads a file of this type. Importing trimesh is slow."""
     return path.lower().endswith((*PLAIN, *GLTF))
 
 
@@ -93,7 +93,7 @@ def _from_trimesh(path: str, suffix: str, data: bytes) -> Triangles:
 
 
 def _welded(corners: NDArray[np.float64]) -> Triangles:
-    """Merge equal corners (rows, three for each triangle) into vertices."""
+    """Merge equal corners (one per row, three rows for each triangle) into vertices."""
     unique, inverse = np.unique(corners + 0.0, axis=0, return_inverse=True)
     return without_slivers(unique, np.asarray(inverse).reshape(-1, 3).astype(np.int64))
 
@@ -110,8 +110,8 @@ def _finite(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     """Remove duplicate triangles. Return the mesh and descriptions of what was removed.
 
-    A duplicated surface is closed, but has twice the volume. Two triangles with opposite orientation are between bodies that touch and
-    remain, unless all triangles are such pairs: then the mesh is one surface with two sides.
+    A duplicated surface is closed, but has twice the volume. Pairs of triangles with opposite orientation are between bodies that touch,
+    and remain. If all triangles are such pairs, the mesh is one surface with two sides.
     """
     mended: list[str] = []
     turns = (np.argmin(mesh.faces, axis=1)[:, None] + np.arange(3)) % 3
@@ -127,7 +127,7 @@ def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
 
 
 def _closed(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
-    """Return the mesh and descriptions of the repairs by trimesh until its surface was closed. Raises `BadPartFile` if it stays open."""
+    """Return the closed mesh and descriptions of the repairs by trimesh. Raises `BadPartFile` if the surface stays open."""
     import trimesh
 
     first = open_edges(mesh)
@@ -164,7 +164,7 @@ def _of(mesh: Any) -> Triangles:
 
 
 def open_edges(mesh: Triangles) -> int:
-    """Return the number of edges without another triangle in the opposite direction."""
+    """Return the number of edges that no other triangle uses in the opposite direction."""
     count = len(mesh.vertices)
     a, b = mesh.faces.ravel(), mesh.faces[:, (1, 2, 0)].ravel()
     one_way, counts = np.unique(a * count + b, return_counts=True)
@@ -177,7 +177,7 @@ def open_edges(mesh: Triangles) -> int:
 
 
 class _Object3mf:
-    """An object of a 3MF file: coordinates, vertex numbers of triangles, and its component objects with their transforms."""
+    """An object of a 3MF file: coordinates, vertex indices of triangles, and its component objects with their transforms."""
 
     def __init__(self) -> None:
         self.points, self.faces = array("d"), array("q")
@@ -249,5 +249,5 @@ def _placed_3mf(objects: Mapping[str, _Object3mf], name: str, transform: NDArray
 
 
 def _affine(text: str | None) -> NDArray[np.float64]:
-    """Return a 3MF transform as a 4 x 3 matrix, to be multiplied from the left by points as rows."""
+    """Return a 3MF transform as a 4 x 3 matrix; points are rows that are multiplied from the left."""
     return _finite(np.array((text or "1 0 0 0 1 0 0 0 1 0 0 0").split(), dtype=np.float64).reshape(4, 3))

@@ -1,4 +1,4 @@
-"""Triangle meshes, and the files written from them."""
+"""Triangle meshes and their conversion to files."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 class Triangles(FrozenStruct, kw_only=False):
-    """Vertices `(n, 3)` and triangles `(m, 3)` of indices, counter-clockwise seen from outside."""
+    """Vertices `(n, 3)` and triangles `(m, 3)` as vertex indices, counter-clockwise seen from outside."""
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
 
     @property
     def closed(self) -> bool:
-        """Whether every edge is used equally often in both directions: a surface without border and with consistent orientation."""
+        """Whether every edge is used equally often in both directions, as for a surface without border and with consistent orientation."""
         if len(self.faces) == 0:
             return False
         a = self.faces.ravel()
@@ -33,7 +33,7 @@ class Triangles(FrozenStruct, kw_only=False):
 
     @property
     def volume(self) -> float:
-        """The enclosed volume, by the divergence theorem; negative if the triangles face inwards."""
+        """The enclosed volume by the divergence theorem. Negative if the triangles face inwards."""
         if len(self.faces) == 0:
             return 0.0
         middle = self.vertices.mean(axis=0)
@@ -53,7 +53,7 @@ class Triangles(FrozenStruct, kw_only=False):
         return Triangles(self.vertices * factor, self.faces)
 
     def outward(self) -> Triangles:
-        """Return the mesh with an orientation that makes the volume positive."""
+        """Return the mesh with the orientation that has a positive volume."""
         return self if self.volume >= 0.0 else Triangles(self.vertices, self.faces[:, ::-1])
 
 
@@ -67,7 +67,7 @@ def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> 
 
 
 def together(meshes: list[Triangles]) -> Triangles:
-    """Return several meshes as one."""
+    """Combine several meshes into one."""
     if len(meshes) == 1:
         return meshes[0]
     offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
@@ -117,7 +117,7 @@ def _once(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.in
 
     Return the index of the first point of each group, sorted by x, y, z, and the number of the group of each point `(n,)`.
     """
-    order = np.lexsort(points.T[::-1])  # stable: of equal points the first one comes first
+    order = np.lexsort(points.T[::-1])  # stable: the first of several equal points comes first
     begins = np.ones(len(order), dtype=bool)
     begins[1:] = (points[order[1:]] != points[order[:-1]]).any(axis=1)
     numbers = np.empty(len(order), dtype=np.int64)
@@ -126,7 +126,7 @@ def _once(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.in
 
 
 def stl(mesh: Triangles) -> bytes:
-    """Return a binary STL file. Its header is constant."""
+    """Return a binary STL file with a constant header."""
     corners = mesh.vertices[mesh.faces].astype("<f4")
     wide = corners.astype(np.float64)
     normals = np.cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0])
@@ -146,7 +146,7 @@ def obj(mesh: Triangles) -> bytes:
 
 
 def read_stl(data: bytes) -> Triangles:
-    """Read a binary STL file, with equal vertices merged: the inverse of `stl`."""
+    """Read a binary STL file and merge equal vertices, the inverse of `stl`."""
     count = int.from_bytes(data[80:84], "little")
     records = np.frombuffer(data, dtype=_STL, count=count, offset=84)
     corners = records["corners"].astype(np.float64).reshape(-1, 3)

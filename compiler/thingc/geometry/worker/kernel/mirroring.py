@@ -1,4 +1,4 @@
-"""Mirror images of parts, made in a child of the worker. Lengths are in mm, except those of poses."""
+"""Mirror images of parts, made in a child of the worker. Lengths are in mm; only poses are in metres."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
 SAME = 1e-4
-"""Tolerance for the integrals of two faces that are mirror images, relative to the area of a face and the size of the part.
+"""Tolerance for the integrals of two mirrored faces, relative to the area of a face and the size of the part.
 
 Plain integration errs by 1e-5 on a cylinder with a cross hole.
 """
@@ -45,7 +45,7 @@ class SolidMirror(Mirror):
     def is_image_of_itself(self, solid: TopoDS_Shape) -> bool:
         """Whether a solid is its own mirror image: the image of each face has the area, centroid and second moments of some face.
 
-        A thread is not: its faces wind the other way, which changes the products of moments.
+        A solid with a thread is not: the image of the thread has the opposite hand, which changes the products of moments.
         """
         size = extent(solid)
         faces = _integrals(solid, size)
@@ -61,7 +61,7 @@ class SolidMirror(Mirror):
 
 
 def _integrals(solid: TopoDS_Shape, size: float) -> NDArray[np.float64]:
-    """Return the integrals of each face about the origin, in units of the part's size: `(faces, 10)`.
+    """Return the integrals over each face about the origin, in units of the part's size, as `(faces, 10)`.
 
     The columns are the area, three first moments and six second moments (xx, yy, zz, xy, xz, yz).
     """

@@ -1,4 +1,4 @@
-"""Parts that are files: STEP and BREP as they are, meshes as solids with flat facets. Lengths are in mm. Also colours of parts."""
+"""Parts that are files: STEP and BREP are used unchanged, meshes become solids with flat facets. Lengths are in mm. Also part colours."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tup
 
 
 def unusable(fault: BaseException) -> BadPartFile:
-    """Return the reason for a file from which the kernel reads something and then fails."""
+    """Return the error for a file on which the kernel fails after reading some of it."""
     reason = BadPartFile("the file is damaged, or contains a shape that the CAD kernel cannot use")
     reason.__cause__ = fault
     return reason
@@ -65,7 +65,7 @@ def _from_brep(path: str) -> TopoDS_Shape:
 
     with open(path, "rb") as stream:
         stream.seek(max(0, os.path.getsize(path) - 100))
-        if re.search(rb"[+-]\d+ \d+\s*$", stream.read(100)) is None:  # last line: the whole shape; without it the kernel never returns
+        if re.search(rb"[+-]\d+ \d+\s*$", stream.read(100)) is None:  # last line, the whole shape; without it the kernel hangs
             raise BadPartFile("the file is truncated, or is not BREP")
     try:
         shape = kernel_shape(import_brep(path))
@@ -91,7 +91,7 @@ def _scaled(shape: TopoDS_Shape, factor: float) -> TopoDS_Shape:
 
 
 def solids_from(mesh: Triangles) -> list[TopoDS_Shape]:
-    """Return solids with a flat face for each triangle of a closed surface. Each connected piece is a body, or a void inside a body."""
+    """Return solids with a flat face for each triangle of a closed surface. Each connected piece is a body or a void inside a body."""
     pieces = [Triangles(mesh.vertices, mesh.faces[members]) for members in surfaces(mesh)]
     pieces = [without_slivers(piece.vertices, piece.faces) for piece in pieces]
     pieces.sort(key=lambda piece: -abs(piece.volume))

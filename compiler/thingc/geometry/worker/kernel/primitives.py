@@ -1,9 +1,9 @@
 """Recognise solids that are exactly a box, a cylinder, a capsule or a sphere, by the surfaces of their B-rep.
 
-The number of faces does not matter, because the kernel may split them (the side of a cylinder is one face or two). What matters are their
-surfaces. Three perpendicular pairs of planes enclose one bounded region, a box. A cylinder and two planes across its axis enclose one, too,
-and so does a sphere. The regions that a cylinder and two spheres of its radius on its axis enclose make up a capsule. A solid with the same
-volume and area as the primitive fills it.
+The number of faces does not matter, because the kernel may split them (the side of a cylinder is one face or two). Only their surfaces
+matter. Three perpendicular pairs of planes enclose exactly one bounded region, a box. The same is true of a cylinder with two planes across
+its axis, and of a sphere. A cylinder and two spheres of its radius on its axis enclose regions that together make up a capsule. A solid
+with the same volume and area as the primitive fills it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ SAME = 1e-7
 AGREEMENT = 1e-9
 """Relative tolerance for volume and area of the solid and of the primitive."""
 ROUNDING = 1e-12
-"""Components of directions up to this are zero: rotated solids have such rounding errors."""
+"""Components of directions up to this size are set to zero: rotated solids have such rounding errors."""
 DECIMALS = 12
 """Decimals to which lengths [mm] are rounded: 2.5 could be 2.499999999999999."""
 
@@ -43,10 +43,10 @@ _Line = tuple[Vector, Vector]
 
 
 def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
-    """Return the primitive [m] that a solid [mm] is exactly, or None.
+    """Return the primitive [m] that exactly equals a solid [mm], or None.
 
-    The pose is chosen here, not by the kernel. A box has the smallest possible rotation (none if it is along the axes of the part). The
-    axis of a cylinder or capsule points to +z (across it to +y, across both to +x), with the smallest rotation.
+    The pose does not depend on the kernel. A box has the smallest possible rotation (none if it is along the axes of the part). The axis of
+    a cylinder or capsule points to +z, or to +y if it is normal to z, or to +x if it is normal to both, with the smallest rotation.
     """
     planes: list[_Line] = []
     cylinders: list[tuple[_Line, float]] = []
@@ -80,7 +80,7 @@ def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
 
 
 def _filled(primitive: Primitive, solid: TopoDS_Shape) -> bool:
-    """Whether a solid has the volume and the area of a primitive, in either orientation of its faces."""
+    """Whether a solid has the volume and the area of a primitive, for either orientation of its faces."""
     matter, surface = integrals(solid, gp_Pnt(*(coordinate * convert.MM for coordinate in primitive.pose.translation)))
     volume, area = convert.volume(matter.Mass()), convert.area(surface.Mass())
     return (
@@ -178,7 +178,7 @@ def _made(shape: PrimitiveShape, size: tuple[float, ...], rotation: Matrix, cent
 
 
 def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
-    """Return the rotation with the largest trace whose columns are these axes (rows of `axes`, any sign), and the axis of each column."""
+    """Return the rotation with the largest trace whose columns are these axes (rows of `axes`, with any sign), and each column's axis."""
     rotations: list[tuple[Matrix, tuple[int, ...]]] = []
     for order in itertools.permutations(range(3)):
         for one, other in itertools.product((1.0, -1.0), repeat=2):
@@ -191,7 +191,7 @@ def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
 
 
 def _shortest_turn(axis: Vector) -> Matrix:
-    """Return the rotation by the smallest angle from z to a unit axis whose z component is not negative."""
+    """Return the smallest rotation that takes z to a unit axis whose z component is not negative."""
     x, y, z = axis
     k = 1.0 / (1.0 + z)
     return ((1.0 - x * x * k, -x * y * k + 0.0, x), (-x * y * k + 0.0, 1.0 - y * y * k, y), (-x + 0.0, -y + 0.0, z))
@@ -211,7 +211,7 @@ def _scaled(a: Vector, factor: float) -> Vector:
 
 
 def _unit(a: Vector) -> Vector:
-    """Return a unit vector. Rounding errors of rotations are removed, so that a coordinate axis is exact."""
+    """Return a unit vector. Rounding errors of rotations are removed, so that coordinate axes are exact."""
     length = hypot(*a)
     x, y, z = (0.0 if abs(component) <= ROUNDING * length else component for component in a)
     return _scaled((x, y, z), 1.0 / hypot(x, y, z))

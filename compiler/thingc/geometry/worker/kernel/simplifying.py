@@ -1,8 +1,8 @@
-"""Simplify meshes for simulators, for parts whose document limits the triangles (`faces`), and measure the deviation from the surface.
+"""Simplify meshes for simulators and measure the deviation, for parts whose document limits the number of triangles (`faces`).
 
 trimesh collapses the edges that change the shape least (Garland and Heckbert, "Surface simplification using quadric error metrics", 1997;
-the package fast_simplification), which is best for scans. It tears flat regions and stops at long thin triangles. So manifold3d, which
-moves no surface by more than a tolerance, first merges flat regions, and is used alone if trimesh fails.
+the package fast_simplification), which is best for scans. But it tears flat regions and stops at long thin triangles. Therefore manifold3d,
+which moves surfaces by at most a tolerance, first merges flat regions. It is used alone if trimesh fails.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SIZE = 100.0
-"""Longest side of the meshes passed to trimesh, whose cost of a collapse depends on the size."""
+"""Longest side of the meshes passed to trimesh. Its cost of a collapse depends on the size."""
 
 FLAT = 1e-6
-"""Distance, relative to the longest side, by which a surface may move when only coplanar triangles are merged."""
+"""Distance, relative to the longest side, by which a surface may move while coplanar triangles are merged."""
 
 SAMPLES = 100_000
-"""Number of sample points on a surface, in addition to the centres of its triangles, for finding the triangles near a point."""
+"""Number of sample points on a surface, in addition to triangle centres, for finding the triangles near a point."""
 
 FEW, MANY, AGAIN = 4, 64, 4000
-"""Number of nearest triangles that are tested for every point; the number for the farthest points; the number of these points."""
+"""Number of nearest triangles tested for every point; number tested for the farthest points; number of farthest points."""
 
 
 def simplified(mesh: Triangles, faces: int) -> Triangles:
-    """Return a similar closed mesh with at most `faces` triangles. If every edge has two triangles, this is true of the result, too.
+    """Return a similar closed mesh with at most `faces` triangles. If every edge has two triangles, every edge of the result has, too.
 
     Raises `NoPart` if this is not possible.
     """
@@ -40,7 +40,7 @@ def simplified(mesh: Triangles, faces: int) -> Triangles:
     scale = SIZE / float(np.ptp(mesh.vertices, axis=0).max())
     mesh = mesh.scaled(scale)
     solid = _solid(mesh)
-    whole = solid.num_tri() > 0  # otherwise some edges have four triangles, where bodies touch, and manifold3d does not accept the mesh
+    whole = solid.num_tri() > 0  # otherwise edges where bodies touch have four triangles, which manifold3d does not accept
     plain = _triangles(solid.simplify(FLAT * SIZE)) if whole else mesh
     if len(plain.faces) <= faces:
         return plain.scaled(1.0 / scale)
@@ -53,7 +53,7 @@ def simplified(mesh: Triangles, faces: int) -> Triangles:
 
 
 def deviation(one: Triangles, other: Triangles) -> float:
-    """Return the largest distance from the vertices of either surface to the other, in their unit."""
+    """Return the largest distance from the vertices of either surface to the other surface, in the unit of the meshes."""
     return max(_farthest(one.vertices, other), _farthest(other.vertices, one))
 
 
@@ -65,7 +65,7 @@ def _by_quadrics(mesh: Triangles, faces: int) -> Triangles:
 
 
 def _by_tolerance(solid: Any, faces: int) -> Triangles:
-    """Simplify with the smallest tolerance of a doubling sequence that suffices."""
+    """Simplify with the smallest sufficient tolerance of a doubling sequence."""
     tolerance = FLAT * SIZE
     fewer = solid
     while fewer.num_tri() > faces and tolerance < SIZE:
@@ -75,7 +75,7 @@ def _by_tolerance(solid: Any, faces: int) -> Triangles:
 
 
 def _sound(mesh: Triangles, whole: bool) -> bool:
-    """Whether a mesh encloses a volume without border and, if `whole`, has two triangles at each edge."""
+    """Whether a mesh encloses a volume, has no border and, if `whole`, has two triangles at each edge."""
     return mesh.closed and not mesh.flat and mesh.volume > 0.0 and (not whole or _solid(mesh).num_tri() == len(mesh.faces))
 
 
@@ -92,7 +92,7 @@ def _triangles(solid: Any) -> Triangles:
 
 
 def _farthest(points: NDArray[np.float64], surface: Triangles) -> float:
-    """Return the largest distance of points to a surface, measured to the nearest of a few triangles around each point.
+    """Return the largest distance of points from a surface, measured to the nearest of a few triangles around each point.
 
     The farthest points are measured again with more triangles.
     """

@@ -1,15 +1,16 @@
-"""Slice a part into printed layers and add up the material of each, in a child of the worker. Lengths are in mm.
+"""Slice a part into printed layers and sum the material of the layers, in a child of the worker. Lengths are in mm.
 
-It follows PrusaSlicer 2.5 (its names are in brackets; its default is used where documents have no key), with regions in place of paths:
+The method follows PrusaSlicer 2.5, with regions instead of paths. Its names are in brackets; its defaults are used if documents have no
+key.
 
 1. A line of width w in a layer of height h has a cross section of s h with s = w - h (1 - pi/4): a rectangle with semicircular ends [Flow].
    Lines of infill have the spacing s.
-2. The walls are the given number of lines inside the outline. The region inside them is the core if it is at least one line wide; a
-   narrower rest is added to the walls [perimeter_generator = arachne].
-3. The core is filled, with some overlap into the walls [infill_overlap]. Regions open above or below are filled solid, with 3 mm around
-   them, and so are pieces of a layer of less than 70 mm^2 [solid_infill_below_area].
-4. So are regions within `top` layers below an opening and within `bottom` layers above one [discover_horizontal_shells]; pieces too narrow
-   to print (under 6 lines) are made wider. The rest is sparse.
+2. The walls are the given number of lines inside the outline. The region inside them is the core if it is at least one line wide; narrower
+   regions are added to the walls [perimeter_generator = arachne].
+3. The core is filled, with some overlap into the walls [infill_overlap]. Regions that are open above or below are solid, with a margin of
+   3 mm. Pieces of a layer with less than 70 mm^2 are also solid [solid_infill_below_area].
+4. Regions within `top` layers below an opening or within `bottom` layers above one are also solid [discover_horizontal_shells]; pieces too
+   narrow to print (under 6 lines) are widened. The rest is sparse.
 5. Material over air or over sparse infill is a bridge: round strands as thick as the nozzle, 0.05 mm apart [thick_bridges]. Wall lines that
    extend beyond the layer below by half a nozzle are overhangs [overhangs].
 6. Lines of sparse infill end half a line from its border and are connected along it (see `JOINED`).
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MOST_LAYERS = 20_000
-"""More layers than any printer prints: the unit of the layer height is probably wrong."""
+"""Limit of layers, more than any printer prints: the unit of the layer height is probably wrong."""
 
 NOZZLE = 1.0 / 1.125
 """Default diameter of the nozzle, relative to the width of a line [auto_extrusion_width]."""
@@ -45,24 +46,24 @@ AROUND = 3.0
 STRAND_GAP = 0.05
 """Gap between two strands of a bridge [mm] [BRIDGE_EXTRA_SPACING]."""
 FILLABLE = 0.6
-"""Smallest width of a core that is filled, relative to the line spacing [INSET_OVERLAP_TOLERANCE]."""
+"""Smallest width of a core for infill, relative to the line spacing [INSET_OVERLAP_TOLERANCE]."""
 ANCHOR = 3.0
 """Half the smallest width of a bridge over sparse infill, relative to the strand [bridge_over_infill]."""
 
 JOINED = 0.32
 """Fraction of the border of sparse infill along which lines are connected.
 
-Where three families of parallel lines end at a border [fill_pattern = stars], the gaps between neighbouring ends are closed one after the
-other, the shortest first, if both ends are still free [connect_infill]. This is the mean fraction over all directions of the border
+Three families of parallel lines end at the border [fill_pattern = stars]. The gaps between neighbouring ends are closed one after the
+other, the shortest first, if both ends are still free [connect_infill]. This value is the mean fraction over all directions of the border
 (`benchmarks/prints/joined.py`).
 """
 
 _UPRIGHT = 1e-6
-"""A wall is upright if the z component of its unit normal is at most this."""
+"""A wall counts as upright if the z component of its unit normal is at most this."""
 _EXACT = 1e-5
-"""Heights [mm] that differ by less are equal."""
+"""Heights [mm] that differ by less count as equal."""
 _JUST_BELOW = 1e-3
-"""Offset of a cut, relative to the layer: a surface exactly in the cutting plane belongs to the part above it."""
+"""Offset of a cut, relative to the layer. A surface exactly in the cutting plane then belongs to the part above it."""
 _SIMPLE = 1e-3
 """Largest deviation [mm] of an outline from the cut of the mesh."""
 
@@ -71,7 +72,7 @@ NOTHING = CrossSection()
 
 
 class NotSliced(Exception):
-    """Why a part cannot be sliced, as text that follows its name."""
+    """The reason why a part cannot be sliced, as text that follows its name."""
 
 
 def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
@@ -99,7 +100,7 @@ def slice_part(mesh: Triangles, how: Slicing) -> SliceResult:
 
 
 def _turned_up(up: tuple[float, float, float]) -> NDArray[np.float64]:
-    """Return a rotation `(3, 3)` that takes `up` to z; the identity for z."""
+    """Return a rotation `(3, 3)` that takes `up` to z. It is the identity if `up` is z."""
     z = np.array(up, dtype=np.float64)
     z /= np.linalg.norm(z)
     least = np.eye(3)[int(np.argmin(np.abs(z)))]
@@ -114,7 +115,7 @@ def _turned_up(up: tuple[float, float, float]) -> NDArray[np.float64]:
 def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: float) -> tuple[list[Region], NDArray[np.float64]]:
     """Return the cut in the middle of each layer, from the bed up, and its height `(n,)`.
 
-    Equal cuts between upright walls are one object.
+    Equal cuts between upright walls are the same object.
     """
     solid = Manifold(Mesh64(vertices, np.ascontiguousarray(faces, dtype=np.uint64)))
     if solid.status() != Error.NoError or solid.is_empty():
@@ -137,7 +138,7 @@ def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: fl
 
 
 def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return a number for each cut. Cuts with the same number are equal: between them all walls are upright and no surface begins."""
+    """Return a number for each cut. Cuts with the same number are equal: all walls between them are upright and no surface begins there."""
     corners = vertices[faces]
     heights = np.round(corners[:, :, 2] / _EXACT) * _EXACT
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -158,7 +159,7 @@ def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArra
 
 
 class _Lengths:
-    """The lengths [mm] of a slicing.
+    """The lengths [mm] that a slicing defines.
 
     `bridge` (of infill) and `overhang` (of walls) are the material of bridges relative to the region that they cover.
     """
@@ -179,7 +180,7 @@ class _Lengths:
 
 
 class _Slicer:
-    """Computes the material of layers from outlines. All methods are pure functions of regions, so that equal layers are computed once."""
+    """Computes the material of layers from outlines. All methods are pure functions of regions, and equal layers are computed once."""
 
     def __init__(self, how: Slicing, lengths: _Lengths) -> None:
         self.how = how
@@ -217,17 +218,17 @@ class _Slicer:
         ]
 
     def core(self, outline: Region) -> Region:
-        """Return the region inside the walls where at least one more line fits."""
+        """Return the region inside the walls in which at least one more line fits."""
         lengths = self.lengths
         left = _grown(outline, -(lengths.rounding + self.how.walls * lengths.spacing))
         return _opened(left, lengths.spacing / 2.0)
 
     def walls(self, outline: Region, core: Region) -> Region:
-        """Return the region of the walls. Lines are rounded, so it is smaller than the outline."""
+        """Return the region of the walls. It is smaller than the outline, because lines have round corners."""
         return _without(_grown(outline, -self.lengths.rounding), core)
 
     def filled(self, core: Region) -> Region:
-        """Return the region that infill may cover: where the core is wide enough, with the overlap."""
+        """Return the region that infill may cover: the wide parts of the core, with the overlap."""
         half = FILLABLE / 2.0 * self.lengths.spacing
         return _grown(_grown(core, -half), half + self.how.overlap * self.lengths.spacing)
 
@@ -236,7 +237,7 @@ class _Slicer:
         return _opened(_without(outline, other), self.lengths.width / 10.0)
 
     def uncovered(self, outline: Region, above: Region, bottom: Region) -> Region:
-        """Return the region that is open above. A region that is open below, too, counts as bottom."""
+        """Return the region that is open above. A region that is also open below counts as bottom."""
         return _without(self.opening(outline, above), bottom)
 
     def kinds(self, filled: Region, top: Region, bottom: Region) -> _Kinds:
@@ -252,7 +253,7 @@ class _Slicer:
         )
 
     def around(self, opening: Region, filled: Region) -> Region:
-        """Return the region that is filled solid because of an opening: the opening and a margin around it."""
+        """Return the region that is solid because of an opening: the opening and a margin around it."""
         there = _both(opening, filled)
         if there.is_empty():
             return NOTHING
@@ -261,17 +262,17 @@ class _Slicer:
             return filled
         x, y, u, v = beside.bounds()
         near = CrossSection.square((u - x + 4.0 * AROUND, v - y + 4.0 * AROUND)).translate((x - 2.0 * AROUND, y - 2.0 * AROUND))
-        return _either(there, _both(_grown(_both(there, near), AROUND, JoinType.Square), filled))  # growing the whole layer takes long
+        return _either(there, _both(_grown(_both(there, near), AROUND, JoinType.Square), filled))  # growing the whole layer is slow
 
     def shells(self, inside: Region, small: Region, *lids: Region) -> Region:
-        """Return the solid part of the inside: small pieces, and the regions below or above these lids."""
+        """Return the solid part of the inside: small pieces, and the regions below or above the lids."""
         regions = [small]
         for lid in lids:
             regions += self.once(self.shell, inside, lid)
         return CrossSection.batch_boolean(regions, OpType.Add) if len(regions) > 1 else small
 
     def shell(self, inside: Region, lid: Region) -> tuple[Region, Region]:
-        """Return the part of the inside below or above a lid, and the region added where that is too narrow to print."""
+        """Return the part of the inside below or above a lid, and the region that was added where it is too narrow to print."""
         new = _both(lid, inside)
         if new.is_empty():
             return NOTHING, NOTHING
@@ -280,7 +281,7 @@ class _Slicer:
         return new, _both(_grown(narrow, margin, JoinType.Round), inside)
 
     def bridge(self, solid: Region, *below: Region) -> Region:
-        """Return the solid inside that is over sparse infill in all layers that its strands pass through."""
+        """Return the part of the solid inside that is over sparse infill in all layers that its strands pass through."""
         over = solid
         for sparse in below:
             over = _both(over, sparse)
@@ -308,7 +309,7 @@ class _Slicer:
 
 
 class _Kinds:
-    """The infill of one layer: open above and below (with the margin around them), inside, and the small pieces of the inside."""
+    """The infill of one layer by kind: open above, open below (both with their margins), inside, and small pieces of the inside."""
 
     __slots__ = ("bottom", "inside", "small", "top")
 
@@ -320,14 +321,14 @@ class _Kinds:
 
 
 class _Laid(FrozenStruct):
-    """The material of a layer: `solid` regions, each with its amount relative to a full region, and the region of sparse infill `lines`."""
+    """The material of a layer: `solid` regions, each with its amount relative to a full region, and `lines`, the sparse infill."""
 
     solid: tuple[tuple[float, Region], ...]
     lines: Region
 
 
 class _Once:
-    """A cache of pure functions by the identity of their arguments, which it keeps alive."""
+    """A cache of pure functions by the identity of their arguments. It keeps the arguments alive."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[Any, ...], tuple[tuple[Any, ...], Any]] = {}
@@ -343,23 +344,23 @@ class _Once:
 
 
 def _some(region: Region) -> Region:
-    """Return the region, or always the same object if it is empty, so that results are computed once."""
+    """Return the region, or always the same object if it is empty, so that results for it are cached."""
     return NOTHING if region.is_empty() else region
 
 
 def _grown(region: Region, by: float, join: JoinType = JoinType.Miter, miter: float = 2.0) -> Region:
-    """Grow a region by a border of width `by`, or shrink it if that is negative."""
+    """Grow a region by a border of width `by`, or shrink it if `by` is negative."""
     if region.is_empty() or by == 0.0:
         return region
     if by < 0.0:
         x, y, u, v = region.bounds()
-        if min(u - x, v - y) <= -2.0 * by:  # nothing is left, and computing this takes long
+        if min(u - x, v - y) <= -2.0 * by:  # the result is empty, and computing it is slow
             return NOTHING
     return _some(region.offset(by, join, miter, 8))
 
 
 def _opened(region: Region, by: float, miter: float = 2.0) -> Region:
-    """Remove what is narrower than twice `by`."""
+    """Remove parts of a region that are narrower than twice `by`."""
     return _grown(_grown(region, -by, miter=miter), by, miter=miter)
 
 
@@ -380,13 +381,13 @@ def _without(a: Region, b: Region) -> Region:
 # --- moments ----------------------------------------------------------------------------------------------------------
 
 _RAISED = (0, 1, 2, 0, 3, 4, 5, 1, 2, 0)
-"""Index of the plane moment in each moment of a layer (see `_raised`)."""
+"""Index of the plane moment for each moment of a layer (see `_raised`)."""
 _ROUNDING = 1e-12
-"""Rounding errors relative to the part's size."""
+"""Size of rounding errors relative to the part's size."""
 
 
 _Integrals: TypeAlias = "dict[int, NDArray[np.float64]]"
-"""The integrals of 1, x, y, xx, xy, yy `(6,)` of regions, by identity; missing ones are zero."""
+"""The integrals of 1, x, y, xx, xy, yy `(6,)` over regions, by identity. A missing entry is zero."""
 
 
 def _flat(layers: list[_Laid], joined: float) -> NDArray[np.float64]:
@@ -407,7 +408,7 @@ def _flat(layers: list[_Laid], joined: float) -> NDArray[np.float64]:
 
 
 def _integrals(regions: list[Region], *, border: bool) -> _Integrals:
-    """Return the integrals over regions by Green's theorem along their edges, or those along their `border`, for all at once."""
+    """Return the integrals over regions, or along their `border`, for all regions at once by Green's theorem along their edges."""
     whole = [region for region in {id(region): region for region in regions}.values() if not region.is_empty()]
     if not whole:
         return {}
@@ -429,7 +430,7 @@ def _integrals(regions: list[Region], *, border: bool) -> _Integrals:
 def _raised(flat: NDArray[np.float64], middles: NDArray[np.float64], layer: float) -> NDArray[np.float64]:
     """Return the integrals of 1, x, y, z, xx, xy, yy, xz, yz, zz over layers `(n, 3, 10)`.
 
-    `flat` are those over their planes `(n, 3, 6)`, `middles` their heights `(n,)`.
+    `flat` are the integrals over their planes `(n, 3, 6)`, `middles` their heights `(n,)`.
     """
     factors = np.ones((len(middles), 1, len(_RAISED)))
     factors[:, 0, (3, 7, 8)] = middles[:, None]

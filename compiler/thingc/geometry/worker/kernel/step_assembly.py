@@ -1,7 +1,7 @@
-"""Write the STEP file of an assembly. Uses only OCP, so that neither build123d nor part code is loaded.
+"""Write the STEP file of an assembly. Uses only OCP; neither build123d nor part code is loaded.
 
-Every definition is one shape, shared by its instances; groups are sub-assemblies; colours belong to instances. The file does not contain
-when, where or by whom it was written.
+Every definition is one shape that its instances share; groups are sub-assemblies; colours belong to instances. The file does not contain
+the time, the place or the author.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ STAMP = "2000-01-01T00:00:00"
 
 
 def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[str, Any]:
-    """Write the STEP file (AP242, mm) of `instances` `{"path", "definition", "brep", "pose", "color"}`, with poses in SI units.
+    """Write the STEP file (AP242, mm) of `instances`, each `{"path", "definition", "brep", "pose", "color"}` with its pose in SI units.
 
     Return `{"sha256", "size"}` of the file in the store. Raises `BlobMissing` for a missing B-rep.
     """
@@ -43,7 +43,7 @@ def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[s
     writer.SetColorMode(True)
     for parameter, value in (("write.step.unit", "MM"), ("write.step.schema", "AP242DIS")):
         Interface_Static.SetCVal_s(parameter, value)
-    # the kernel overwrites what follows the last product name, so each file needs its own document and writer
+    # the kernel changes everything after the last product name, so each file needs its own document and writer
     if not writer.Transfer(document, STEPControl_AsIs):
         raise ArithmeticError("the kernel could not translate the assembly to STEP")
     with tempfile.TemporaryDirectory() as folder:
@@ -56,7 +56,7 @@ def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[s
 
 
 def _silence() -> None:
-    """Turn off the kernel's output to standard output."""
+    """Disable the kernel's output to standard output."""
     from OCP.Message import Message, Message_Gravity
 
     for printer in list(Message.DefaultMessenger_s().Printers()):
@@ -93,7 +93,7 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
         if brep not in compounds:
             compounds[brep] = _load_shape(store, brep).ShapeType() == TopAbs_COMPOUND
         several = compounds[brep]
-        # STEP assigns styles to solids, not to compounds: with several solids, the colour belongs to the definition
+        # STEP assigns styles to solids, not to compounds: if there are several solids, the colour belongs to the definition
         shared = f"{instance['definition']} {brep} {instance['color'] if several else ''}"
         if shared not in definitions:
             shape = _load_shape(store, brep)
@@ -114,7 +114,7 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
 
 
 def _color(text: str | None) -> Any:
-    """Return the kernel's colour for `#rrggbb`, or None."""
+    """Return the kernel's colour for `#rrggbb`, or None if there is no colour."""
     from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
 
     if text is None:
@@ -140,7 +140,7 @@ def _load_shape(store: Store, sha256: str) -> Any:
 
 
 def _neutral(data: bytes, name: str) -> bytes:
-    """Return the same file with a fixed header and in ASCII, because not every CAD program reads UTF-8."""
+    """Return the file with a fixed header and in ASCII, because not every CAD program reads UTF-8."""
     escaped = "".join(character if character.isprintable() else "_" for character in name).replace("'", "''").replace("\\", "\\\\")
     header = (
         "HEADER;\n"
@@ -154,7 +154,7 @@ def _neutral(data: bytes, name: str) -> bytes:
 
 
 def _escaped(text: str) -> str:
-    """Encode text as in ISO 10303-21, 6.4.3.3: four hexadecimal digits for each character, or eight if one is beyond the basic plane."""
+    """Encode text by ISO 10303-21, 6.4.3.3: four hexadecimal digits for each character, or eight if one is beyond the basic plane."""
     if max(text) > "\uffff":
         return f"\\X4\\{text.encode('utf-32-be').hex().upper()}\\X0\\"
     return f"\\X2\\{text.encode('utf-16-be').hex().upper()}\\X0\\"

@@ -1,10 +1,10 @@
 """Tessellate a B-rep: one watertight mesh per shape.
 
-Vertices are merged along the kernel's own edges, not by distance: the two faces at an edge are cut at the same parameters, but the points
+Vertices are merged along the kernel's own edges, not by distance. The two faces at an edge are cut at the same parameters, but the points
 may differ by a tolerance.
 
 The kernel meshes curved faces. A plane face is filled with triangles between the points of its boundary (manifold3d): the surface is the
-same, and the kernel would take several times as long.
+same, and the kernel would be several times slower.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ if TYPE_CHECKING:
 
 
 _THIN = 1e-12
-"""The corners of a triangle are collinear if twice its area, relative to the square of its longest side, is at most this."""
+"""Threshold for collinear corners of a triangle: twice its area, relative to the square of its longest side."""
 
 
 def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
-    """Tessellate a shape [mm], with triangles at most `linear` [mm] off its surface and `angular` [rad] between neighbours.
+    """Tessellate a shape [mm]. Triangles deviate by at most `linear` [mm] from the surface and by `angular` [rad] from neighbours.
 
     An earlier mesh of the shape has no effect and is removed.
     """
@@ -62,7 +62,7 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
 
 
 class _Face(FrozenStruct, kw_only=False):
-    """A face, its edges with a number for each (the same for a shared edge), and whether it is in a `plane`."""
+    """A face, its edges with a number for each (equal for a shared edge), and whether it is a `plane`."""
 
     face: TopoDS_Face
     edges: tuple[TopoDS_Edge, ...]
@@ -81,9 +81,9 @@ def _straight(edge: TopoDS_Edge) -> bool:
 
 
 def _meshed(shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bool], linear: float, angular: float) -> Triangles | None:
-    """Return the triangles of a shape: the faces in `filled` are filled, the others meshed by the kernel.
+    """Return the triangles of a shape. The faces in `filled` are filled, the others are meshed by the kernel.
 
-    None if a face cannot be filled.
+    Return None if a face cannot be filled.
     """
     BRepTools.Clean_s(shape)  # the kernel would keep an existing finer mesh
     points = _Points()
@@ -113,7 +113,7 @@ def _compound(faces: Iterable[TopoDS_Face]) -> TopoDS_Compound:
 
 
 class _Points:
-    """The points of a mesh under construction: their `places` [mm]; the points `ones[i]` and `others[i]` are the same vertex."""
+    """The points of a mesh under construction. `places` are their positions [mm]; `ones[i]` and `others[i]` are the same vertex."""
 
     def __init__(self) -> None:
         self.places: list[tuple[float, float, float]] = []
@@ -176,7 +176,7 @@ class _Points:
                 chain, end = chains.pop(end)
                 ring = ring + chain
             rings.append(ring)
-        mirrored = face.face.Location().Transformation().IsNegative()  # mirrored edges keep their order, but run in the other direction
+        mirrored = face.face.Location().Transformation().IsNegative()  # mirrored edges keep their order, but are reversed
         return [ring[::-1] for ring in rings] if mirrored else rings
 
     def _corner(self, edge: TopoDS_Edge, first: bool) -> int:
@@ -190,7 +190,7 @@ class _Points:
 
 
 def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDArray[np.float64]) -> NDArray[np.int64] | None:
-    """Return triangles `(n, 3)` between the points around a plane face; None if its borders cross, or all points are collinear."""
+    """Return triangles `(n, 3)` between the points around a plane face; None if its borders cross or all its points are collinear."""
     plane = BRepAdaptor_Surface(face, False).Plane()
     across = np.array([_direction(axis.Direction()) for axis in (plane.XAxis(), plane.YAxis())])
     points = np.concatenate(rings)
@@ -202,16 +202,16 @@ def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDAr
     if _across(flat, flat[following]).sum() < 0.0:
         flat = flat[:, ::-1]
     borders = [np.ascontiguousarray(flat[begin:end]) for begin, end in zip(begins, ends, strict=True)]
-    triangles = np.asarray(triangulate(borders, allow_convex=False), dtype=np.int64)  # convex: triangles with collinear corners
+    triangles = np.asarray(triangulate(borders, allow_convex=False), dtype=np.int64)  # for convex ones: triangles with collinear corners
     upright = _flipped(triangles, flat) if len(triangles) > 0 else None
     return points[upright] if upright is not None else None
 
 
 def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
-    """Return the same triangles `(n, 3)` of points `(m, 2)` without any whose corners are collinear, as between holes in rows.
+    """Return triangles `(n, 3)` of points `(m, 2)` that cover the same area without collinear ones, as between holes in rows.
 
-    The diagonal between such a triangle and its neighbour at the longest side is flipped. Return None if a triangle without area, or one
-    with the wrong orientation, remains.
+    The diagonal between a collinear triangle and its neighbour at the longest side is flipped. Return None if a triangle without area, or
+    one with the wrong orientation, remains.
     """
     areas, sides = _areas(triangles, flat)
     thin = np.flatnonzero(areas <= _THIN * sides.max(axis=1) ** 2).tolist()
@@ -225,7 +225,7 @@ def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray
             longest = int(sides[number].argmax())
             c, a, b = (corners[number][(longest + k) % 3] for k in range(3))
             other = of_side.get((a, c))
-            if other is None or other in thin:  # of several collinear ones the last is flipped first
+            if other is None or other in thin:  # the last of several collinear triangles is flipped first
                 left.append(number)
                 continue
             (d,) = {*corners[other]} - {a, c}
@@ -241,7 +241,7 @@ def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray
 def _areas(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return twice the areas `(n,)` of triangles of points `(m, 2)`, negative if clockwise, and the lengths `(n, 3)` of their sides.
 
-    A side goes from the corner of its column to the next corner.
+    A side goes from the corner with its column's index to the next corner.
     """
     corners = flat[triangles]
     along = corners[:, (1, 2, 0)] - corners
@@ -258,7 +258,7 @@ def _across(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float6
 
 
 def joined(count: int, ones: Sequence[int], others: Sequence[int]) -> NDArray[np.int64]:
-    """Return for each of `count` vertices `(count,)` the lowest number of the same vertex, where `ones[i]` and `others[i]` are the same."""
+    """Return for each of `count` vertices the lowest index of that vertex, `(count,)`; `ones[i]` and `others[i]` are the same vertex."""
     a, b = np.array(ones, dtype=np.int64), np.array(others, dtype=np.int64)
     stands = np.arange(count)
     while True:  # each iteration at least doubles the distance over which the lowest number has spread
