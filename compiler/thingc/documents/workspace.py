@@ -1,4 +1,4 @@
-"""The workspace of a document: the folder of all its files, and its settings.
+"""The workspace of a document: the folder that contains all its files, and its settings.
 
 It is the nearest folder above the document with a `thingc.toml`, or a `pyproject.toml` with `[tool.thingc]`; otherwise the
 document's own folder.
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from thingc.base.source import Document
 
 MAX_BYTES = 500_000
-"""Maximum size of a workspace file. (A `pyproject.toml` that does not mention thingc may be larger.)"""
+"""Maximum size of a workspace file. (The limit does not apply to a `pyproject.toml` that does not mention thingc.)"""
 OWN_FILE = "thingc.toml"
 SHARED_FILE = "pyproject.toml"
 DEFAULT_PARTS = ("parts",)
@@ -36,9 +36,9 @@ DEFAULT_PACKAGES = ("thingc_stock", "bd_warehouse")
 DEFAULT_BUILD = "build"
 DEFAULT_TIMEOUT = 120.0
 LONGEST = 1e6
-"""Largest timeout [s], more than ten days: systems cannot wait for arbitrary times."""
+"""Largest timeout [s], more than ten days, because systems cannot wait for arbitrarily long times."""
 MESH_URIS = ("relative", "package", "absolute")
-"""How URDF files refer to their meshes: relative to the file, in the robot's ROS package, or by absolute path; the first is the default."""
+"""Styles of mesh paths in URDF files: relative to the file, in the robot's ROS package, or absolute. The first is the default."""
 
 CONSUMERS = ("mjx", "warp", "drake", "pymjcf")
 """Programs besides MuJoCo for which MuJoCo models can be written."""
@@ -59,12 +59,12 @@ class Tessellation(FrozenStruct):
 
 
 DEFAULT_MESH = Tessellation(linear=1e-4, angular=0.17453292519943295)
-"""0.1 mm and 10 deg: for printing and checks of clearance."""
+"""0.1 mm and 10 deg, for printing and clearance checks."""
 DEFAULT_SIMULATION = Tessellation(linear=1e-4, angular=0.5235987755982988)
-"""0.1 mm and 30 deg: for simulators.
+"""0.1 mm and 30 deg, for simulators.
 
-The linear tolerance is that of the other mesh; surfaces with a radius below 2.9 mm, which have most of a robot's facets (holes, screws,
-fillets), have a third of the facets.
+The linear tolerance is the same as in `DEFAULT_MESH`. Surfaces with a radius below 2.9 mm have a third of the facets; most of a robot's
+facets belong to such surfaces (holes, screws, fillets).
 """
 
 
@@ -72,19 +72,19 @@ DEFAULT_MEMORY = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2 i
 """Default memory limit [bytes] of a part: half of the machine's memory."""
 
 LIBRARIES = frozenset({"site-packages", "dist-packages"})
-"""Names of folders of installed packages. An environment may be in the folder of a workspace, but is not part of it."""
+"""Names of folders of installed packages. An environment in the folder of a workspace is not part of the workspace."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Workspace:
     """A workspace folder and its settings.
 
-    `root` is absolute; `parts` are absolute folders whose modules can be named in `part:`; `packages` are installed packages that can be,
-    too; `build` is the absolute folder of build outputs; `part_timeout` [s] and `part_memory` [bytes] are limits for one part; `mesh` is
-    the tessellation for printing and checks, `simulation` that for simulators; `emit` are the default targets of a build; `mesh_uri` is one
-    of `MESH_URIS`; `about` is the metadata of ROS packages; `compat` are those of `CONSUMERS` that read MuJoCo models; `origin` is the
-    workspace file, None without one. `inputs` are the files that were examined, by absolute path, with the SHA-256 of their content (None:
-    does not exist).
+    `root` is absolute. `parts` are absolute folders with modules that `part:` can name; `packages` are installed packages that it can also
+    name. `build` is the absolute folder of build outputs. `part_timeout` [s] and `part_memory` [bytes] are limits for one part. `mesh` is
+    the tessellation for printing and checks, `simulation` the tessellation for simulators. `emit` are the default targets of a build.
+    `mesh_uri` is one of `MESH_URIS`. `about` is the metadata of ROS packages. `compat` are the `CONSUMERS` that read MuJoCo models.
+    `origin` is the workspace file, or None. `inputs` are the files that were examined, by absolute path, with the SHA-256 of their content
+    (None: does not exist).
     """
 
     root: str
@@ -106,7 +106,7 @@ class Workspace:
     def find(document: str, report: Report, texts: Mapping[str, bytes] | None = None) -> Workspace | None:
         """Find the workspace of a document (a path that need not exist).
 
-        None if its file is invalid (reported). `texts` replace contents on disk, by absolute path.
+        Return None if its file is invalid (reported). `texts` replace contents on disk, by absolute path.
         """
         start = folder = os.path.dirname(os.path.abspath(document))
         if not is_text(start):
@@ -133,9 +133,9 @@ class Workspace:
             folder = above
 
     def relative(self, path: str) -> str:
-        """Return the path inside the workspace with `/` and links resolved, which all outputs use.
+        """Return the path inside the workspace with `/` and with links resolved. All outputs use this form.
 
-        Documents of installed packages have their dotted name, `thingc_stock.materials`, because their location depends on the machine.
+        Documents of installed packages have a dotted name, `thingc_stock.materials`, because their location depends on the machine.
         """
         name = os.path.relpath(os.path.realpath(path), os.path.realpath(self.root)).replace(os.sep, "/")
         elsewhere = name.startswith("../") or not LIBRARIES.isdisjoint(name.split("/"))
@@ -144,7 +144,7 @@ class Workspace:
         return name
 
     def span(self, path: Path) -> Span | None:
-        """Return the span of a value in the workspace file: `("emit", 1)`. Reads the file again; None if there is none."""
+        """Return the span of a value in the workspace file: `("emit", 1)`. Reads the file again. None if there is no such value."""
         if self.origin is None:
             return None
         from thingc.base.source import node_at
@@ -161,7 +161,7 @@ class Workspace:
 
 
 def settings_files(document: str) -> list[str]:
-    """Return the absolute paths of all files, existing or not, that may define the workspace of a document: beside it and above."""
+    """Return the absolute paths of all files, existing or not, that may define a document's workspace, in its folder and above it."""
     folder = os.path.dirname(os.path.abspath(document))
     folders = [folder]
     while (above := os.path.dirname(folder)) != folder:
@@ -185,7 +185,7 @@ def _default(folder: str, inputs: dict[str, str | None]) -> Workspace:
 def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) -> tuple[str, ...]:
     """Return the existing folders inside the workspace.
 
-    Missing ones are added to the inputs, because creating them changes the workspace.
+    Missing folders are added to the inputs, because creating them changes the workspace.
     """
     folders = [os.path.normpath(os.path.join(root, name)) for name in names]
     inputs.update({folder: None for folder in folders if not os.path.isdir(folder) or not _inside(folder, root)})
@@ -197,7 +197,7 @@ def _bytes(path: str) -> bytes | None:
 
     Raises OSError if it cannot be read.
 
-    Files that are not regular, and links to targets outside the folder, count as missing.
+    Files that are not regular files, and links to targets outside the folder, count as missing.
     """
     if os.path.islink(path) and not _inside(path, os.path.dirname(path)):
         return None
@@ -208,9 +208,9 @@ def _bytes(path: str) -> bytes | None:
 
 
 def _has_table(data: bytes) -> bool:
-    """Return whether a `pyproject.toml` has a `[tool.thingc]`, with a quick search first to avoid parsing those of other projects.
+    """Return whether a `pyproject.toml` has a `[tool.thingc]` table. A quick search first avoids parsing other projects' files.
 
-    If it cannot be parsed, the result is True if it contains the header, so that the error is reported.
+    If the file cannot be parsed, return True if it contains the header, so that the error is reported.
     """
     if b"thingc" not in data:
         return False
@@ -228,8 +228,8 @@ def _has_table(data: bytes) -> bool:
 def _parse_workspace(path: str, data: bytes, root: str, inputs: dict[str, str | None], report: Report) -> Workspace | None:
     """Return the workspace that a file describes.
 
-    The settings are first read in a simple way, without positions and models; if anything is unusual, the document model
-    validates the file and reports errors.
+    The settings are first read in a simple way, without positions and models. If anything is unusual, the document model validates the file
+    and reports errors.
     """
     if len(data) > MAX_BYTES:
         report.add(Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes", line_of(path), help="remove content that is not for thingc")
@@ -326,7 +326,7 @@ def _plain_value(table: dict[str, Any], key: str, dimension: Dimension, default:
 
 
 def bytes_of(memory: Any) -> int:
-    """Parse a text such as `4 GB` to bytes; None is the default. Raises `ValueError`, `TypeError`."""
+    """Parse a text such as `4 GB` to bytes. None gives the default. Raises `ValueError`, `TypeError`."""
     if memory is None:
         return DEFAULT_MEMORY
     if (match := re.fullmatch(MEMORY, memory)) is None:
@@ -356,7 +356,7 @@ MAX_FOLDERS = 100
 
 
 def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
-    """Return an error and a hint for an invalid path of the workspace file; None if it is inside the workspace."""
+    """Return an error and a hint for an invalid path in the workspace file; None if it is inside the workspace."""
     shown = shortened(text)
     if not text.strip() or "\0" in text:
         return f"expected a folder, found `{shown}`", "`.` is the workspace itself"

@@ -1,7 +1,7 @@
-"""Kinds of document tests (`tests:` of a document), one file each: their model, what is read from it, and their documentation.
+"""Kinds of document tests (`tests:` of a document), one module each: its model, how it is read, and its documentation.
 
-A module of this folder with a `KIND` is a kind. The language, its schema and its page in the documentation, references and linking follow
-from its declarations. `driver/testing/kinds/` measures.
+Every module of this folder with a `KIND` defines a kind. Its declarations determine the language, the schema, the page in the
+documentation, references and linking. The measurements are in `driver/testing/kinds/`.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class CentreTest(Model):
 
 
 class CentreCheck(OneLineRepr, FrozenStruct):
-    """The centre of mass of components (none named: of the robot) is in a box: `box["x"]` is (smallest, largest) [m]."""
+    """Requires the centre of mass of components (none: of the robot) to be in a box: `box["x"]` is (smallest, largest) [m]."""
 
     of: tuple[Reference, ...]
     frame: Reference | None

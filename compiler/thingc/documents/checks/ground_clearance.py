@@ -1,4 +1,4 @@
-"""`ground_clearance`: the robot keeps a distance from a level plane, with all parts and links but those that may touch it."""
+"""`ground_clearance`: the robot keeps a distance from a level plane. Components that may touch it are excluded."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class GroundClearanceTest(Model):
 
 
 class GroundClearance(OneLineRepr, FrozenStruct):
-    """All parts except those of the components `spared` are at least `least` [m] above z = `plane` [m] of the mode's world."""
+    """Requires all parts, except those of the components `spared`, to be at least `least` [m] above z = `plane` [m] of the mode's world."""
 
     plane: float
     least: float

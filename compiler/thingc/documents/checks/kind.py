@@ -1,4 +1,4 @@
-"""Definition of a kind of document test, shared by the modules of kinds and the passes."""
+"""Definition of a kind of document test, which the modules of kinds and the passes share."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ Stated = TypeVar("Stated", bound=OneLineRepr)
 class CheckKind(FrozenStruct, Generic[Written, Stated]):
     """A kind of test.
 
-    `model` is the model of the value under the key `name`. With a field `mode` the test runs in modes, with a field `pose` in their poses,
-    else once. `read(written, reader)` returns the specification, in SI units and with names resolved (None if it is invalid, which the
-    reader has reported); `reader` is a `model.resolve.tests.Reader`. References in the specification are found by their type, and linked.
+    `model` is the model of the value under the key `name`. With a field `mode` the test runs once for each mode, with a field `pose` once
+    for each pose, else once. `read(written, reader)` returns the specification, in SI units and with names resolved, or None if it is
+    invalid, which the reader has reported; `reader` is a `model.resolve.tests.Reader`. References in the specification are linked by type.
 
-    `link(test, stated, joints by path, findings)` reports errors that depend on the linked assembly. (The types of these arguments belong
-    to later passes, which this module must not import: the functions of each kind name them.) The module of the same name in
-    `driver/testing/kinds/` measures.
+    `link(test, stated, joints by path, findings)` reports errors that depend on the linked assembly. (Its argument types belong to later
+    passes, which this module must not import; the functions of each kind name them.) The module of the same name in
+    `driver/testing/kinds/` does the measurement.
 
     `position` is the place among the kinds in the documentation; `summary` is one sentence for a schema and a table; `examples` are values
     of the key; `stub` is the content of a new test of this kind, which is valid in any robot, with `$mount` and `$base` in place of mounts;
     `page` is the documentation, with a table of keys for each model of the file. `lengths` are names of measured and expected values that
-    are lengths [m], which `thingc diff` prints with a unit. `of_limits`: the specification depends on the limits of joints.
+    are lengths [m], which `thingc diff` prints with a unit. `of_limits` is True if the specification depends on the limits of joints.
     """
 
     name: str
@@ -55,5 +55,5 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     of_limits: bool = False
 
     def takes(self, key: str) -> bool:
-        """Return whether tests of this kind accept `mode`, or `pose`."""
+        """Return whether tests of this kind accept the key (`mode` or `pose`)."""
         return key in self.model.model_fields

@@ -38,7 +38,7 @@ class MassTest(Model):
 
 
 class MassCheck(OneLineRepr, FrozenStruct):
-    """The mass [kg] of components (none named: of the robot) is within bounds."""
+    """Requires the mass [kg] of components (none: of the robot) to be within bounds."""
 
     of: tuple[Reference, ...]
     minimum: float | None

@@ -1,4 +1,4 @@
-"""`no_collision`: parts keep clear of each other, in poses or over ranges of joints."""
+"""`no_collision`: parts do not collide with each other, in poses or over ranges of joints."""
 
 from __future__ import annotations
 
@@ -81,8 +81,10 @@ class AllowedContact(OneLineRepr, FrozenStruct):
 
 
 class CollisionCheck(OneLineRepr, FrozenStruct):
-    """No components overlap, and none on links without a common joint are nearer than `clearance` [m]; with `ranges` at `samples` positions
-    of them."""
+    """Requires that no components overlap, and that components on links without a common joint are at least `clearance` [m] apart.
+
+    With `ranges`, this is required at `samples` positions in them.
+    """
 
     ranges: tuple[JointRange, ...]
     samples: int

@@ -54,7 +54,7 @@ class PointTest(Model):
 
 
 class PointCheck(OneLineRepr, FrozenStruct):
-    """`mount` comes `within` [m] of `point` [m]; with a `direction` (a unit vector) its z is off it by at most `angle` [rad]."""
+    """Requires `mount` to come `within` [m] of `point` [m]. With a unit vector `direction`, its z is off by at most `angle` [rad]."""
 
     mount: Reference
     point: Vector

@@ -39,7 +39,7 @@ class ReachTest(Model):
 
 
 class ReachCheck(OneLineRepr, FrozenStruct):
-    """The largest distance [m] of the mounts `of` and `base` over the ranges of all joints is within bounds."""
+    """Requires the largest distance [m] of the mounts `of` and `base`, over the ranges of all joints, to be within bounds."""
 
     of: Reference
     base: Reference

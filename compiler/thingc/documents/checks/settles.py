@@ -1,4 +1,4 @@
-"""`settles`: the simulated robot, let go in a pose with its drives set to it, comes to rest."""
+"""`settles`: the simulated robot comes to rest after it is released in a pose, with its drives set to this pose."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from thingc.model.resolve.tests import Reader
 
 LONGEST = 600.0
-"""Longest simulation [s] that a document can request, so that no document can occupy a machine for ever."""
+"""Longest simulation [s] that a document can request, so that no document occupies a machine indefinitely."""
 HOLD = 1.0
 """Default time [s] for which the robot must be at rest."""
 GIVES = 5e-3
-"""Default depth [m] of contacts: those that carry a robot are less deep, and deeper ones overlapped at the start."""
+"""Default depth [m] of contacts. Contacts that carry a robot are less deep; deeper ones overlapped at the start."""
 
 
 class SettlesTest(Model):
@@ -46,8 +46,9 @@ class SettlesTest(Model):
 
 
 class SettleCheck(OneLineRepr, FrozenStruct):
-    """In simulation every point of every link is, from `within` [s] on for `hold` [s], less than `drift` [m] from its final position; it is
-    at most `moved` [m] from the pose (None: any), with contacts at most `penetration` [m] deep.
+    """Requires every point of every link to be less than `drift` [m] from its final position, from `within` [s] on for `hold` [s].
+
+    It must end at most `moved` [m] from the pose (None: any distance), with contacts at most `penetration` [m] deep.
     """
 
     within: float

@@ -37,14 +37,14 @@ class TorqueMarginTest(Model):
 
 
 class TorqueCheck(OneLineRepr, FrozenStruct):
-    """The effort limits of the drives of `joints` (paths) are at least `minimum` times the static effort."""
+    """Requires the effort limits of the drives of `joints` (paths) to be at least `minimum` times the static effort."""
 
     joints: tuple[str, ...]
     minimum: float
 
 
 def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck:
-    """Read a `torque_margin` test; report modes for which the document does not specify what supports the robot."""
+    """Read a `torque_margin` test, and report modes if the document does not specify what supports the robot in them."""
     minimum = reader.number(written.min, "min", NUMBER, above=0.0)
     joints = reader.drives(written.drive, "drive")
     floating = [name for name in reader.chosen_modes if not _carried(reader.modes[name])]
@@ -66,7 +66,7 @@ def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck
 
 
 def _carried(mode: Mode) -> bool:
-    """Return whether the base of a mode is supported by something that the document specifies."""
+    """Return whether the document specifies what supports the base of a mode."""
     return mode.base != "free" or mode.standing is not None or bool(mode.holds)
 
 

@@ -8,5 +8,5 @@
     atom       := number [unit] | name | function "(" comparison ("," comparison)* ")" | "(" comparison ")"
 
 A unit belongs to the number before it, without spaces around its own `*` and `/`: `10 mm/rad * q` is (10 mm/rad) q. There are no other
-forms, and the cost of evaluation is bounded by the length of the text: every value is one double.
+forms. The length of the text bounds the cost of evaluation, because every value is one double.
 """

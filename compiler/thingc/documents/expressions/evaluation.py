@@ -1,4 +1,4 @@
-"""Evaluate expressions: a double and a dimension per term, with errors located at terms."""
+"""Evaluate expressions. Each term has a double and a dimension; errors are located at terms."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ExpressionValue = Union[Quantity, bool, str]
 def evaluate(expression: Expression, names: Mapping[str, ExpressionValue]) -> ExpressionValue:
     """Evaluate an expression. `names` are the parameters and the repeat index (a Quantity of dimension NUMBER).
 
-    A single name may be a boolean or a text; a comparison returns a boolean; everything else a finite Quantity.
+    An expression that is a single name may be a boolean or a text. A comparison returns a boolean, all others a finite Quantity.
     Raises ExpressionError for unknown names, incompatible dimensions, and results that are not finite.
     """
     return _Evaluator(expression.text, names).value(expression.tree)
@@ -68,7 +68,7 @@ class _Evaluator:
         return shortened(self.text[term.offset : term.end])
 
     def same(self, left: Term, a: Quantity, right: Term, b: Quantity) -> Dimension:
-        """Return the common dimension of two operands (a bare 0 takes the other's)."""
+        """Return the common dimension of two operands. A bare 0 takes the dimension of the other operand."""
         if fits(b.dimension, a.dimension) and fits(a.dimension, b.dimension):
             return a.dimension
         if _zero(right):
@@ -171,7 +171,7 @@ class _Evaluator:
         return self.finite(term, lambda: {"sin": numeric.sin, "cos": numeric.cos, "tan": numeric.tan}[term.function](x), NUMBER)
 
     def extreme(self, term: Call, arguments: list[Quantity]) -> Quantity:
-        """Evaluate `min` and `max`: the dimension is that of the first argument that is not a bare 0."""
+        """Evaluate `min` and `max`. The result has the dimension of the first argument that is not a bare 0."""
         lead = next((k for k, argument in enumerate(term.arguments) if not _zero(argument)), 0)
         for argument, quantity in zip(term.arguments, arguments, strict=True):
             self.same(term.arguments[lead], arguments[lead], argument, quantity)

@@ -1,4 +1,4 @@
-"""Parse expressions by precedence climbing; Python's own parser has no positions inside units."""
+"""Parse expressions by precedence climbing, because Python's own parser has no positions inside units."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _FOREIGN = {
 
 
 class _Parser:
-    """Precedence climbing over one text; `at` is the next character, `names` the pattern of names."""
+    """Precedence climbing over a text. `at` is the index of the next character, `names` the pattern of names."""
 
     def __init__(self, text: str, names: re.Pattern[str] = _NAME) -> None:
         self.text = text
@@ -72,7 +72,7 @@ class _Parser:
             self.at += 1
 
     def peek(self) -> str:
-        """Return the next operator, or an empty text."""
+        """Return the next operator, or "" if there is none."""
         self.spaces()
         match = _OPERATOR.match(self.text, self.at)
         return match.group() if match else ""
@@ -227,13 +227,13 @@ class _Parser:
 
 
 _MARKED = re.compile(r"(?:\$\{|\{\{|\$\(|#\{|<%=?)\s*(.*?)\s*(?:\}\}?|\)|%>)|\$([A-Za-z]\w*)")
-"""How other languages mark expressions in texts: xacro, shells, templates."""
+"""Marks of expressions in the texts of other languages: xacro, shells, templates."""
 
 
 def expression_hint(text: str, names: Collection[str] | None = None) -> Suggestion | None:
-    """Return a hint for an expression without `=`, or with the marks of another language.
+    """Return a hint for a text that is an expression without `=`, or with the marks of another language.
 
-    None if it is not an expression, or uses names that are not in `names`.
+    Return None if it is not an expression, or uses names that are not in `names`.
     """
     text = text.strip()
     marked = _MARKED.fullmatch(text)

@@ -14,7 +14,7 @@ class ExpressionError(ValueError):
     """An expression cannot be parsed or evaluated.
 
     `kind` is `expression` (syntax), `name` (an unknown name), `dimension`, `unit` or `value` (a result that is not
-    finite); `offset` and `end` are characters of the expression's text, including its `=`, if any.
+    finite). `offset` and `end` are character positions in the expression's text, including its `=`, if any.
     """
 
     def __init__(self, message: str, offset: int, end: int, *, kind: str = "expression", help: str | None = None) -> None:
@@ -34,7 +34,7 @@ class _Place(FrozenStruct):
 
 
 class Literal(_Place):
-    """A number with its unit. `zero`: written as a bare 0, which is valid for every dimension."""
+    """A number with its unit. `zero` is True for a bare 0, which is valid for every dimension."""
 
     value: Quantity
     zero: bool
@@ -91,12 +91,12 @@ class Expression(FrozenStruct):
 
     @property
     def compares(self) -> bool:
-        """Whether it is a comparison, whose result is a boolean."""
+        """Whether the expression is a comparison, whose result is a boolean."""
         return isinstance(self.tree, Binary) and self.tree.operator in COMPARISONS
 
     @property
     def names(self) -> tuple[NameUse, ...]:
-        """All uses of names, in the order written, without constants and functions."""
+        """All uses of names except constants and functions, in the order written."""
         return tuple(term for term in _terms(self.tree) if isinstance(term, NameUse) and term.name not in CONSTANTS)
 
 

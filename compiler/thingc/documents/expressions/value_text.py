@@ -35,7 +35,7 @@ def text_of(value: ExpressionValue, unit: str = "") -> str:
 def _in_unit(quantity: Quantity, unit: str) -> str | None:
     """Format a quantity in a unit with the fewest digits that represent it exactly.
 
-    None if no digits do (some degrees, which are rounded twice), or if the unit has another dimension.
+    Return None if no digits represent it (some degrees, which are rounded twice), or if the unit has another dimension.
     """
     known = _scanned(unit)
     if known is None or known[2] != quantity.dimension:
@@ -54,7 +54,7 @@ def _in_unit(quantity: Quantity, unit: str) -> str | None:
 
 @functools.cache
 def _scanned(unit: str) -> Unit | None:
-    """Parse a unit; None if it is invalid."""
+    """Parse a unit. Return None if it is invalid."""
     try:
         return scan_unit(unit, 0)[0]
     except UnitError:

@@ -1,1 +1,1 @@
-"""Rewrite the text of documents without changing its meaning: canonical layout, and edits at places."""
+"""Rewrite the text of documents: format it in the canonical layout without changing its meaning, and edit it at given places."""

@@ -1,7 +1,7 @@
-"""Choose and apply the fixes of diagnostics that are unambiguous.
+"""Select and apply the unambiguous fixes of diagnostics.
 
-A name may be misspelt where it is used or where it is declared. The use is fixed only if the spelling
-occurs once and the other one at least twice; otherwise it is ambiguous.
+A name may be misspelt at its use or at its declaration. The use is fixed only if the misspelling occurs once and the other spelling at
+least twice. Otherwise the fix is ambiguous.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ LANGUAGE = frozenset({
     Code.BAD_COLOR, Code.EXPRESSION_COMMA, Code.RAW_TARGET, Code.RAW_UNKNOWN, Code.LIBRARY, Code.PART_MISSING, Code.MISSING_FILE,
     Code.DIMENSION,
 })
-"""Codes of errors in words that documents do not define: those of the language, units, Python, files, and expressions."""
+"""Codes of errors in words that do not come from documents: words of the language, units, Python, files, and expressions."""
 
 GIVING = frozenset({"components", "joints", "links", "mounts", "parameters", "materials", "poses", "modes", "sensors", "tendons"})
 """Keys of a document whose entries declare names."""
@@ -30,7 +30,7 @@ PASSES = 5
 
 
 class TextEdit(FrozenStruct):
-    """A change: characters from `start` to `end` (exclusive) of the text of `file`, at `line` and `column` (from 1)."""
+    """A text edit. It replaces the characters from `start` to `end` (exclusive) of the text of `file`, at `line` and `column` (from 1)."""
 
     file: str
     line: int
@@ -42,20 +42,20 @@ class TextEdit(FrozenStruct):
 
 
 class CheckResult(FrozenStruct):
-    """Result of a check, and the documents that it read (empty if it could not read any)."""
+    """The result of a check, and the documents that it read (empty if it could not read any)."""
 
     found: Sequence[Diagnostic]
     documents: Sequence[Document]
 
 
 Look = Callable[[Mapping[str, bytes]], CheckResult]
-"""Checks documents with other contents of files (by absolute path) than those on disk."""
+"""Checks documents. File contents given by absolute path replace those on disk."""
 
 
 def located(edit: Edit, text: str) -> tuple[int, int] | None:
     """Return the range that an edit replaces in the text of its file (without a byte order mark).
 
-    None if the text to replace is not there exactly once.
+    Return None unless the text to replace occurs there exactly once.
     """
     source = Source(edit.span.file, text)
     if not (0 < edit.span.line <= len(source.starts) and 0 < edit.span.end_line <= len(source.starts)):
@@ -73,14 +73,14 @@ def autofix(
 ) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
     """Apply unambiguous fixes until none are left.
 
-    `contents` are files that have been changed before, by absolute path; `allowed` returns whether a file may be changed, `read` its bytes
-    on disk. Return the changes in the order made, the contents of all changed files, and the remaining diagnostics. Changes that do not
-    remove the error at their place are not made, and finally every changed file has fewer errors than before in the first pass whose number
-    of errors changed.
+    `contents` are files that have been changed before, by absolute path. `allowed` returns whether a file may be changed, `read` returns
+    its bytes on disk. Return the edits in the order made, the contents of all changed files, and the remaining diagnostics. An edit is not
+    made if it does not remove the error at its place. In the end, every changed file has fewer errors than before in the first pass whose
+    number of errors changed.
     """
     before = look(contents)
     done, texts, left = _autofix(look, before, contents, allowed, read, strict=False)
-    # A fixed error may reveal others. If there are now more than were fixed, each change must reduce the errors.
+    # A fixed error may reveal others. If there are now more errors than were fixed, each edit must reduce the number of errors.
     if any(_faults(left, one.file) >= _faults(before.found, one.file) for one in done):
         return _autofix(look, before, contents, allowed, read, strict=True)
     return done, texts, left
@@ -158,7 +158,7 @@ def _word_counts(documents: Iterable[Document]) -> tuple[Counter[str], set[str]]
 
 
 def _told_apart(edit: Edit, words: Counter[str], given: set[str]) -> bool:
-    """Return whether a name is certainly misspelt where it is used: not if the other spelling is declared but not used elsewhere."""
+    """Return whether a name is certainly misspelt at its use. It is not if the other spelling is declared but not used elsewhere."""
     written, meant = (_base(word.rpartition(".")[2]) for word in (edit.written, edit.replacement))
     if words[written] != 1:
         return False
@@ -185,7 +185,7 @@ def _faults(diagnostics: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
 
 
 def _better(chosen: Sequence[TextEdit], before: Sequence[Diagnostic], after: Sequence[Diagnostic], *, strict: bool) -> list[TextEdit]:
-    """Return the changes that removed the error at their place, and, with `strict`, reduced the errors of their file."""
+    """Return the edits that removed the error at their place and, with `strict`, reduced the number of errors of their file."""
     errors = [d.span for d in after if d.severity is Severity.ERROR and d.span is not None]
 
     def mended(one: TextEdit) -> bool:

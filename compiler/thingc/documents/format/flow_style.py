@@ -1,4 +1,4 @@
-"""Format values in braces and brackets, and scalars: one space between elements, keys in order; line breaks are preserved.
+"""Format scalars and values in braces and brackets: one space between elements, keys in order. Line breaks are preserved.
 
 The order of keys is that of the document models; user-defined keys keep their order.
 """
@@ -34,17 +34,17 @@ FIRST: dict[type[BaseModel], tuple[str, ...]] = {
         "modes", "sensors", "names",
     ),
 }
-"""Models whose order of keys differs from that of their fields (which begin with inherited ones): these keys come first, the
+"""Models whose order of keys differs from the order of their fields, which begin with inherited ones. These keys come first, then the
 others in the model's order.
 """
 
 FREE = ("$schema", "thingc")
-"""Keys that come before all others of a document."""
+"""Keys that come before all other keys of a document."""
 
 
 @cache
 def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, FieldType]]:
-    """Return the rank and the type of every key of a model."""
+    """Return the canonical position and the type of every key of a model."""
     keys = model_keys(model)
     first = [key for key in FIRST.get(model, ()) if key in keys]
     names = [*first, *(key for key in keys if key not in first)]
@@ -54,13 +54,13 @@ def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, FieldType]]
 
 
 def root_shape(kind: str | None) -> FieldType | None:
-    """Return the type of a document of a kind; None if the kind is unknown."""
+    """Return the type of a document of a kind, or None if the kind is unknown."""
     model = model_of(kind or "")
     return None if model is None else shape_of(model)
 
 
 def shape_for(shape: FieldType | None, value: Any) -> FieldType | None:
-    """Return the type of a value, for unions the intended branch. Only the type and the keys of `value` are used."""
+    """Return the type of a value; for a union, the branch that is meant. Only the type and the keys of `value` are used."""
     if shape is None or shape.kind != "union":
         return shape
     return branch_of(shape, value)
@@ -78,7 +78,7 @@ def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
 
 
 def ordered(names: Sequence[str], shape: FieldType | None) -> list[int]:
-    """Return the canonical order of the keys of a mapping, as indices into `names`. Unknown keys stay after the key before them."""
+    """Return the canonical order of the keys of a mapping, as indices into `names`. An unknown key stays after the key before it."""
     if shape is None or shape.kind != "model" or shape.model is None:
         return list(range(len(names)))
     ranks = _keys(shape.model)[0]

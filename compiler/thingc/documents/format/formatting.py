@@ -16,10 +16,11 @@ MODELINE = "# yaml-language-server: $schema="
 
 
 def format_document(path: str, data: bytes, report: Report, *, schema: str | None = None, tree: MappingNode | None = None) -> bytes | None:
-    """Return the bytes of a document in canonical layout; None if it is not well-formed (reported).
+    """Return the bytes of a document in canonical layout, or None if it is not well-formed (reported).
 
-    All lines end as the first one of the file; a byte order mark is removed. With `schema` (a path relative to the document) a YAML
-    document gets a modeline that names it. `tree` is the parsed text, if available. Texts with unsupported syntax are returned unchanged.
+    All lines get the line ending of the file's first line; a byte order mark is removed. With `schema` (a path relative to the document), a
+    YAML document gets a modeline that names it. `tree` is the parsed text, if available. Texts with unsupported syntax are returned
+    unchanged.
     """
     before = tree or read_tree(path, data, report)
     kind = None if before is None else document_kind(before, report)
@@ -50,7 +51,7 @@ def format_document(path: str, data: bytes, report: Report, *, schema: str | Non
 
 
 def is_laid_out(document: Document) -> bool:
-    """Return whether `format_document` would not change a document, except for line ends."""
+    """Return whether `format_document` would leave a document unchanged, except for line ends."""
     text = re.sub(r"\r\n?", "\n", document.text)
     try:
         return _layout(document.path, text, root_shape(document.kind)) == text
@@ -69,7 +70,7 @@ def _layout(path: str, text: str, shape: FieldType | None) -> str:
 
 
 def with_modeline(text: str, schema: str) -> str:
-    """Return the text with a modeline that names a schema: an existing one is updated, otherwise one is added at the top."""
+    """Return the text with a modeline that names a schema. An existing modeline is updated, otherwise one is added at the top."""
     line = MODELINE + schema
     lines = text.split("\n")
     for at, old in enumerate(lines):

@@ -1,4 +1,4 @@
-"""Split the text of a document into segments: the range of every key and value, and the comments beside it.
+"""Split the text of a document into segments: the range of every key and value, with adjacent comments.
 
 Segments do not contain values. All positions are indices into the text, whose lines end with a line feed.
 """
@@ -29,7 +29,7 @@ class EndComment:
 
 
 def commented(line: str, comment: EndComment | None) -> str:
-    """Return a line with its comment, if any: in its old column if that is free and was not just the default gap."""
+    """Return a line with its comment, if any. The comment keeps its column if that is free and was not just the default gap."""
     if comment is None:
         return line
     spaces = COMMENT_GAP if comment.gap <= COMMENT_GAP else max(COMMENT_GAP, comment.column - len(line))
@@ -40,8 +40,8 @@ def commented(line: str, comment: EndComment | None) -> str:
 class Item:
     """An entry of a mapping (`key` is the range of its key, `name` its text) or an item of a list (no key).
 
-    `leading` are the comment lines above it, None for an empty line; `key_comment` is the comment after the
-    colon (or dash) if the value begins below, `comment` that after the value.
+    `leading` are the comment lines above it, with None for an empty line. If the value begins below, `key_comment` is the comment after the
+    colon (or dash). `comment` is the comment after the value.
     """
 
     value: Segment
@@ -55,16 +55,16 @@ class Item:
 
     @property
     def start(self) -> int:
-        """Index at which it begins."""
+        """The index at which it begins."""
         return self.key[0] if self.key is not None else self.value.start
 
 
 @dataclass(slots=True, kw_only=True)
 class Segment:
-    """A value: `scalar` (also an alias), `map` or `list`; `flow` if it is in braces or brackets.
+    """A value: `scalar` (also an alias), `map` or `list`. `flow` is True if it is in braces or brackets.
 
-    `body` is where it begins after its anchor. `names` are the anchors in it, and `aliases` those that it refers to.
-    `trailing` are comments at the end of a block. `column` (from 0) is that of a block's keys or dashes.
+    `body` is the index where it begins after its anchor. `names` are the anchors in it, `aliases` are the anchors that it refers to.
+    `trailing` are comments at the end of a block. `column` (from 0) is the column of a block's keys or dashes.
     """
 
     kind: str
@@ -86,8 +86,9 @@ class Segment:
 
 
 class Trivia(FrozenStruct):
-    """The text between two pieces: a comment at the end of the line, and separate lines as (column, text), None for
-    an empty one.
+    """The text between two pieces: a comment at the end of the line, and separate lines as (column, text).
+
+    An empty line is None.
     """
 
     comment: EndComment | None

@@ -30,9 +30,9 @@ class _Statement:
 
 @dataclass(slots=True)
 class _Names:
-    """The tables of a document: for each key the keys below it, in the order first written.
+    """The tables of a document: for each key, the keys below it in the order first written.
 
-    After `settle`, it also has the types of tables and the canonical rank of each key.
+    After `settle`, it also has the types of tables and the canonical position of each key.
     """
 
     below: dict[str, _Names] = field(default_factory=dict)
@@ -48,7 +48,7 @@ class _Names:
                 table.add((item.name,), item.value)
 
     def settle(self, shape: FieldType | None) -> None:
-        """Determine types and ranks, after all keys have been added."""
+        """Determine types and positions, after all keys have been added."""
         self.shape = shape
         known = list(self.below)
         inner = shape_for(shape, dict.fromkeys(known))
@@ -57,7 +57,7 @@ class _Names:
             table.settle(shape_below(inner, word))
 
     def rank(self, words: tuple[str, ...]) -> tuple[int, ...]:
-        """Return the position of a key in canonical order: its rank at every level."""
+        """Return the position of a key in canonical order, at every level."""
         return tuple(self.at(words[:depth]).ranks[word] for depth, word in enumerate(words))
 
     def at(self, words: tuple[str, ...]) -> _Names:
@@ -85,7 +85,7 @@ def toml_layout(text: str, shape: FieldType | None) -> str:
 
 
 def _opening(sections: list[_Statement]) -> list[str | None]:
-    """Return the comments at the top that an empty line separates from the first statement, or that are for an editor."""
+    """Return the comments at the top that an empty line separates from the first statement, or that are meant for an editor."""
     first = next((s for section in sections for s in (section, *section.pairs) if s.end), None)
     if first is None:
         return []
@@ -115,7 +115,7 @@ def _section(section: _Statement, text: str, names: _Names, first: bool) -> list
 
 
 def _alignment(pairs: list[_Statement], text: str) -> list[int]:
-    """Return the number of spaces before each `=`: more than one if it is aligned with that of a neighbour."""
+    """Return the number of spaces before each `=`. It is more than one if the `=` is aligned with a neighbour's."""
     columns: list[int] = []
     widths: list[int] = []
     for pair in pairs:

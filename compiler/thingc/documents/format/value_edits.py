@@ -19,15 +19,14 @@ Written = str | Mapping[str, "Written"] | Sequence["Written"]
 
 
 class CannotSetValue(Exception):
-    """A value cannot be written without changing something else; the message is the reason."""
+    """A value cannot be written without changing something else. The message is the reason."""
 
 
 def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
     """Return a document in whose text values (as in a document: `120 mm`) are set at their keys.
 
-    Missing entries are added after existing ones, as a mapping in braces if necessary. A mapping in a section whose mappings are on several
-    lines, or in a new section, is written in the same way.
-    Raises `CannotSetValue` if this would change other values.
+    Missing entries are added after existing ones, as a mapping in braces if necessary. In a section whose mappings are on several lines,
+    and in a new section, a new mapping is also written on several lines. Raises `CannotSetValue` if this would change other values.
     """
     set_one = _in_toml if _is_toml(document.path) else _in_yaml
     for keys, value in values.items():
@@ -40,7 +39,7 @@ def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
 
 
 def without(document: Document, keys: Keys) -> Document:
-    """Return a document without a key (which must not be the only one of its mapping) and its value.
+    """Return a document without a key and its value. The key must not be the only one of its mapping.
 
     Raises `CannotSetValue` if this would change other values.
     """
@@ -62,7 +61,7 @@ def _meant(value: Written) -> Plain:
 
 
 def _parse_document(document: Document, text: str) -> Document | None:
-    """Parse another text of a document; None if it is not a well-formed mapping."""
+    """Parse a new text of a document. Return None if it is not a well-formed mapping."""
     report = Report()
     tree = read_tree(document.path, text.encode(), report)
     return replace(document, text=text, tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
@@ -102,7 +101,7 @@ def _in_yaml(document: Document, keys: Keys, value: Written) -> str:
     node, rest = node_at(tree, keys[:depth]), keys[depth:]
     assert node is not None
     start, end = source.range(node.span)
-    if not rest or not isinstance(node, MappingNode):  # instead of what is there, which may be nothing: `limit:`
+    if not rest or not isinstance(node, MappingNode):  # replaces an existing value, which may be empty: `limit:`
         if isinstance(node, (MappingNode, SequenceNode)) and text[start] not in "{[":
             raise CannotSetValue(f"`{'.'.join(keys)}` spans several lines: set the values inside it")
         space = "" if end > start or text[start - 1 : start].isspace() else " "
@@ -208,7 +207,7 @@ def _in_toml(document: Document, keys: Keys, value: Written) -> str:
 def _behind_entries(document: Document, keys: Keys) -> tuple[int, bool] | None:
     """Return where to insert a new entry of a section with a header, and whether the last entry is a table with its own header.
 
-    The place is the end of the last entry's last line. None if the entry exists, or the section is written in another way.
+    The place is the end of the last entry's last line. Return None if the entry exists, or if the section has another form.
     """
     source, text, node = Source(document.path, document.text), document.text, node_at(document.tree, keys[:1])
     if not isinstance(node, MappingNode) or not node.entries or keys[1] in node.entries:

@@ -137,7 +137,7 @@ class _Cutter:
 
 
 class _Commenter:
-    """Assigns every comment to an entry."""
+    """Assigns every comment to an entry of the document."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -147,7 +147,7 @@ class _Commenter:
         self.ended: list[Segment] = []
 
     def run(self, root: Segment, start: int) -> list[str | None]:
-        """Assign the comments, and return those above the first entry that belong to the document."""
+        """Assign the comments. Return the comments above the first entry that belong to the document."""
         self.at = start
         if root.flow:
             head = gap(self.text, start, root.start)
@@ -167,7 +167,7 @@ class _Commenter:
         return self.head(root.items[0])
 
     def head(self, first: Item) -> list[str | None]:
-        """Separate comments of the document, with an empty line below or for an editor, from those of its first key."""
+        """Separate comments of the document from comments of its first key. An empty line follows the former, or they are for an editor."""
         lines = first.leading
         cut = max((at for at, line in enumerate(lines) if line is None or is_modeline(line)), default=-1) + 1
         first.leading = lines[cut:]
@@ -195,7 +195,7 @@ class _Commenter:
     def list_item(self, item: Item, piece: Segment) -> None:
         dash = self.at
         while dash < item.value.start:
-            # a comment above may contain dashes, too: that of the list is in its column
+            # a comment above may contain dashes as well: the dash of the list is in its column
             if self.text[dash] == "-" and dash - (self.text.rfind("\n", 0, dash) + 1) == piece.column:
                 break
             dash += 1
@@ -223,7 +223,7 @@ class _Commenter:
         self.last, self.inside = item, False
 
     def take(self, gap: Trivia, column: int) -> list[str | None]:
-        """Assign the comments of a gap; return the lines that lead the following entry, which is in `column`."""
+        """Assign the comments of a gap. Return the lines above the following entry, which is in `column`."""
         if gap.comment is not None:
             if self.last is None:
                 raise UnsupportedStyle
@@ -251,12 +251,12 @@ class _Commenter:
 
 
 def is_modeline(line: str) -> bool:
-    """Return whether a comment is for an editor or a language server, which expects it at the top of the file."""
+    """Return whether a comment is for an editor or a language server, which expect it at the top of the file."""
     return bool(re.match(r"#\s*(yaml-language-server:|-\*-|vim?:|:schema\b)", line))
 
 
 def _chain(piece: Segment) -> list[Segment]:
-    """Return the blocks that end where this value ends, outermost first."""
+    """Return the blocks that end at the same place as this value, outermost first."""
     blocks: list[Segment] = []
     while piece.block:
         blocks.append(piece)
@@ -310,7 +310,7 @@ class _Printer:
         return [*lines, *_own_lines(tidy(piece.trailing), indent)]
 
     def alignment(self, items: list[Item]) -> list[int]:
-        """Return the number of spaces after the colon of each entry: more than one if it is aligned with a neighbour's value."""
+        """Return the number of spaces after the colon of each entry. It is more than one if the value is aligned with a neighbour's."""
         written: list[tuple[int, int] | None] = []
         for item in items:
             assert item.key is not None

@@ -1,1 +1,1 @@
-"""Read documents: text becomes trees in which every key and value has a position. Nothing is interpreted here."""
+"""Read documents: convert text to trees in which every key and value has a position. Values are not interpreted here."""

@@ -1,4 +1,4 @@
-"""Find documents: in a folder, by their extension and their first bytes; and in packages.
+"""Find documents: in a folder, by their extension and their first bytes, and in packages.
 
 Documents of packages are beside the modules and have dotted names like modules (`thingc_stock.materials`). They are read as data:
 code of packages is neither run nor imported.
@@ -37,14 +37,14 @@ def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
     These are all files with the key `thingc`, even if its value is invalid.
 
     With a workspace, its build folder and nested workspaces are skipped. Without a workspace file the extent of the workspace is unknown,
-    so the search is bounded as in `documents_near`. Hidden folders and virtual environments are always skipped; links to folders are not
-    followed. Unreadable files are skipped: the command that names them reports the reason.
+    so the search is bounded as in `documents_near`. Hidden folders and virtual environments are always skipped. Links to folders are not
+    followed. Unreadable files are skipped; a command that is given their name reports the reason.
     """
     return _documents(folder, workspace, bounded=workspace is not None and workspace.origin is None)
 
 
 def _documents(folder: str, workspace: Workspace | None, *, bounded: bool) -> list[str]:
-    """Return all documents below a folder; if bounded, among the nearest `MOST_FOLDERS` folders and `MOST_FILES` candidate files."""
+    """Return all documents below a folder. If bounded, search only the nearest `MOST_FOLDERS` folders and `MOST_FILES` candidate files."""
     paths: list[str] = []
     build = os.path.realpath(workspace.build) if workspace is not None else None
     waiting = deque([os.path.abspath(folder)])
@@ -68,9 +68,9 @@ MOST_FOLDERS, MOST_FILES = 200, 2000
 
 
 def documents_near(folder: str, workspace: Workspace | None) -> list[str]:
-    """Return the absolute paths of documents below a folder, or below that of its `workspace`, if any, including those of other workspaces.
+    """Return the absolute paths of documents below a folder (or its `workspace`, if any), including those of other workspaces.
 
-    The search is bounded (`MOST_FOLDERS`, `MOST_FILES`): it also runs after a mistyped name in a home folder.
+    The search is bounded (`MOST_FOLDERS`, `MOST_FILES`), because it also runs after a mistyped name in a home folder.
     """
     return _documents(folder if workspace is None else workspace.root, None, bounded=True)
 
@@ -81,7 +81,7 @@ def assemblies_in(folder: str, workspace: Workspace) -> list[str]:
 
 
 def is_document(path: str, kind: str = "") -> bool:
-    """Return whether a file has the key `thingc` near its beginning and is not a workspace; with `kind`, whether it is of that kind."""
+    """Return whether a file has the key `thingc` near its beginning and is not a workspace. With `kind`, also check its kind."""
     try:
         return has_header(beginning(path, HEAD), path, kind)
     except (OSError, ValueError):
@@ -89,7 +89,7 @@ def is_document(path: str, kind: str = "") -> bool:
 
 
 def has_header(head: bytes, path: str, kind: str = "") -> bool:
-    """Return whether the beginning of a file has the key `thingc` and is not a workspace; with `kind`, whether it is of that kind.
+    """Return whether the beginning of a file has the key `thingc` and is not a workspace. With `kind`, also check its kind.
 
     The extension of `path` shows whether it is TOML.
     """
@@ -116,7 +116,7 @@ def is_packaged(text: str) -> bool:
 def find_packaged(text: str, *, where: Span | None, workspace: Workspace, looked_at: set[str], report: Report) -> str | None:
     """Return the absolute path of the document with a dotted name: in a part folder of the workspace, else in an allowed package.
 
-    Report an error at `where` and return None if there is none. All examined paths are added to `looked_at`, existing or not.
+    Report an error at `where` and return None if there is no such document. All examined paths are added to `looked_at`, existing or not.
     """
     package, *words = text.split(".")
     installed = package_folder(package) if package in workspace.packages else None

@@ -1,4 +1,4 @@
-"""`load`: read a document and all documents that it names, as trees with positions."""
+"""Read a document and all documents that it references, as trees with positions."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ MAX_CHAIN = 100
 
 
 class Documents(FrozenStruct):
-    """A document and all documents that it names, directly or indirectly.
+    """A document and all documents that it references, directly or indirectly.
 
-    `by_path` is keyed by path in the workspace, in the order first named. `links` maps (path of a document, text in it)
-    to the path of the named document. `broken` are the documents on a cycle of assemblies (reported).
-    `files` are the absolute paths of all files in the workspace that they name, documents and parts, existing or not, with
-    symbolic links unresolved; and paths that were examined for documents of packages, existing or not.
+    `by_path` is keyed by path in the workspace, in the order of first reference. `links` maps (path of a document, text in it) to the path
+    of the referenced document. `broken` are the documents on a cycle of assemblies (reported). `files` are absolute paths, existing or not:
+    all files in the workspace that they reference (documents and parts, symbolic links unresolved), and paths that were examined for
+    documents of packages.
     """
 
     root: Document
@@ -46,7 +46,7 @@ class Documents(FrozenStruct):
     files: frozenset[str] = frozenset()
 
     def named(self, document: Document, text: str) -> Document | None:
-        """Return the document that `text` refers to in `document`; None if it could not be read (reported)."""
+        """Return the document that `text` refers to in `document`, or None if it could not be read (reported)."""
         path = self.links.get((document.relative, text))
         return None if path is None else self.by_path.get(path)
 
@@ -55,9 +55,9 @@ def load(
     document: str, workspace: Workspace, report: Report, *, kinds: Collection[str] = ("assembly",),
     texts: Mapping[str, bytes] | None = None, memo: Memo | None = None,
 ) -> Documents | None:
-    """Read a document and follow its `assembly:` and `materials:`.
+    """Read a document and follow its `assembly:` and `materials:` references.
 
-    All errors are reported; documents that can be read are returned, or None if the document itself cannot be read.
+    All errors are reported. Documents that can be read are returned; the result is None if the document itself cannot be read.
     `kinds` are the accepted kinds of the document itself; `texts` replace contents on disk, by absolute
     path; `memo` caches documents.
     """
@@ -99,7 +99,7 @@ def _known(path: str, relative: str, sha256: str) -> tuple[tuple[str, str, str],
 def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, report: Report) -> Documents:
     """Return the documents together with additional assemblies (named relative to the root document) and their documents.
 
-    Documents are not read again; errors of the new ones are reported.
+    Documents are not read again. Only errors of the new documents are reported.
     """
     reader = _Reader(workspace, report)
     reader.by_path.update(documents.by_path)
@@ -133,7 +133,7 @@ def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
 
 
 def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
-    """Return the tree of a YAML or TOML file (by its extension); None if it is not a well-formed mapping (reported)."""
+    """Return the tree of a YAML or TOML file (by its extension), or None if it is not a well-formed mapping (reported)."""
     source = decode(path, data, report)
     if source is None:
         return None
@@ -164,7 +164,7 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
 
 
 class _Reader:
-    """Reads every file once; `by_path` is in the order first named."""
+    """Reads every file once. `by_path` is in the order of first reference."""
 
     def __init__(self, workspace: Workspace, report: Report, texts: Mapping[str, bytes] | None = None, memo: Memo | None = None) -> None:
         self.workspace = workspace
@@ -182,11 +182,11 @@ class _Reader:
         self.before = len(report.diagnostics)
 
     def documents(self, root: Document) -> Documents:
-        """Return the documents that were read; `root` is their root."""
+        """Return the documents that were read, with `root` as their root."""
         return Documents(root=root, by_path=self.by_path, links=self.links, broken=frozenset(self.broken), files=frozenset(self.files))
 
     def find(self, text: str, document: Document, where: Span | None, suffixes: tuple[str, ...], what: str) -> str | None:
-        """Return the absolute path of the file that a document names (see `find_file`)."""
+        """Return the absolute path of the file that a document references (see `find_file`)."""
         wanted = named(text, document.path)
         if wanted is not None and self.workspace.contains(wanted):
             self.files.add(wanted)
@@ -238,7 +238,7 @@ class _Reader:
         return document
 
     def follow(self, document: Document, chain: list[tuple[Document, Span]]) -> None:
-        """Read the documents that a document names. `chain` are the assemblies above it, each with the place that nests the next."""
+        """Read the documents that a document references. `chain` are the assemblies above it, each with the place of its reference."""
         if document.relative in self.done:
             return
         self.done.add(document.relative)
@@ -259,7 +259,7 @@ class _Reader:
                 self.nest(nested, [*chain, (document, where)])
 
     def nest(self, nested: Document, hops: list[tuple[Document, Span]]) -> None:
-        """Follow a nested assembly; `hops` are those above it."""
+        """Follow a nested assembly. `hops` are the assemblies above it."""
         position = next((k for k, (above, _) in enumerate(hops) if above.relative == nested.relative), None)
         if position is not None:
             self.cycle(hops[position:])
@@ -306,7 +306,7 @@ def head_line(path: str, kind: str = "assembly") -> str:
 
 
 def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly") -> str | None:
-    """Return the kind in a document's `thingc:` key; None if it is missing or unknown (reported).
+    """Return the kind in a document's `thingc:` key, or None if it is missing or unknown (reported).
 
     `usual` is the kind that hints show.
     """
@@ -349,7 +349,7 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
 
 
 def _named_files(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
-    """Yield the files that an assembly names, by kind: materials, files of parts, meshes of links, nested assemblies."""
+    """Yield the files that an assembly references, with their kind: materials, files of parts, meshes of links, nested assemblies."""
     components = [entries_of(one) for one in entries_of(tree.entries.get("components")).values()]
     shapes = [entries_of(shape) for one in components for shape in _items(one.get("shapes"))]
     named = [

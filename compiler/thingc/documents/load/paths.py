@@ -32,10 +32,10 @@ _DRIVE = re.compile(r"[A-Za-z]:|\\\\")
 def find_file(
     text: str, *, beside: str, where: Span | None, workspace: Workspace, suffixes: tuple[str, ...], what: str, report: Report,
 ) -> str | None:
-    """Return the absolute path of the file that a document at the path `beside` names `text`.
+    """Return the absolute path of the file that the text refers to in the document at `beside`.
 
-    None if it is absolute, is outside the workspace, does not exist, or has none of
-    the `suffixes` (reported at `where`). `what` describes it in messages (`an assembly document`).
+    Return None if the text is an absolute path, or if the file is outside the workspace, does not exist, or has none of the `suffixes`
+    (reported at `where`). `what` describes the file in messages (`an assembly document`).
     """
     shown = shortened(text)
     if not text.strip():
@@ -67,7 +67,7 @@ def find_file(
             report.add(Code.MISSING_FILE, f"there is no file `{shown}`", where, help=_near(path, text, beside, suffixes))
         return None
     relative = workspace.relative(path)
-    if unseen(relative):  # of the target of a link
+    if unseen(relative):  # the target of a link
         refuse_name(relative, where, report)
         return None
     return path
@@ -81,14 +81,14 @@ def find_assembly(text: str, *, beside: str, where: Span | None, workspace: Work
 
 
 def named(text: str, beside: str) -> str | None:
-    """Return the absolute path of the file that a document at `beside` names `text`, existing or not; None if the text cannot be a path."""
+    """Return the absolute path that the text refers to in the document at `beside`, existing or not; None if it cannot be a path."""
     return None if unseen(text) else os.path.normpath(os.path.join(os.path.dirname(beside), text))
 
 
 def libraries(path: str) -> tuple[str, ...]:
-    """Return the names of the material libraries (in the same folder) that the first lines of an OBJ file list.
+    """Return the names of the material libraries that the first lines of an OBJ file list, if they are in the same folder.
 
-    Empty for other files.
+    Return an empty tuple for other files.
     """
     if not path.lower().endswith(".obj"):
         return ()
@@ -110,7 +110,7 @@ def refuse_name(name: str, where: Span | None, report: Report) -> None:
 
 
 def _near(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> str:
-    """Return a hint: a similar file in that folder, or the existing ones."""
+    """Return a hint that shows a similar file in the folder, or the existing files."""
     folder = os.path.dirname(path)
     prefix = text[: len(text) - len(os.path.basename(text))]
     try:

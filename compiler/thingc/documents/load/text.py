@@ -14,9 +14,9 @@ MAX_ALL_BYTES = 40_000_000
 MAX_LEVELS = 100
 MAX_ALIAS_NODES = 10_000
 MAX_NODES = 300_000
-"""Maximum number of values of a document: ten megabytes of `{}` would take a gigabyte."""
+"""Maximum number of values of a document. Without it, ten megabytes of `{}` would take a gigabyte."""
 MAX_FAULTS = 200
-"""Maximum number of errors reported per document: a broken file of ten megabytes may have a million."""
+"""Maximum number of errors reported per document. A broken file of ten megabytes may have a million errors."""
 
 _BREAK = re.compile(r"\r\n|\r|\n")
 _FORBIDDEN_ASCII = "[^\t\n\r\x20-\x7e]"
@@ -24,7 +24,8 @@ _FORBIDDEN = "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufff
 """Characters that documents must not contain.
 
 These are control characters (unsafe in terminals), NEL, line and paragraph separators (which editors and parsers count differently),
-surrogates, and a byte order mark that is not at the start. (Compiled on demand: this takes as long as reading a short document.)
+surrogates, and a byte order mark that is not at the start. (The pattern is compiled on demand: that takes as long as reading a short
+document.)
 """
 
 _SPOKEN = {
@@ -34,7 +35,7 @@ _SPOKEN = {
 
 
 class Source:
-    """The text of a file without its byte order mark, with the start of its lines."""
+    """The text of a file without its byte order mark, and the start of each line."""
 
     def __init__(self, file: str, text: str) -> None:
         self.file = file
@@ -42,7 +43,7 @@ class Source:
         self.starts = [0, *(match.end() for match in _BREAK.finditer(text))]
 
     def span(self, start: int, end: int) -> Span:
-        """Return the span of the characters from `start` to `end` (exclusive; indices into `text`)."""
+        """Return the span of the characters from `start` to `end` (exclusive, indices into `text`)."""
         line = bisect_right(self.starts, start)
         on_one = end <= start or line == len(self.starts) or end < self.starts[line]
         last = line if on_one else bisect_right(self.starts, end)
@@ -52,7 +53,7 @@ class Source:
         )
 
     def range(self, span: Span) -> tuple[int, int]:
-        """Return the range of a span (indices into `text`, the end exclusive)."""
+        """Return the range of a span (indices into `text`, `end` exclusive)."""
         return self.starts[span.line - 1] + span.column - 1, self.starts[span.end_line - 1] + span.end_column - 1
 
     def line_at(self, index: int) -> int:
@@ -66,7 +67,7 @@ class Source:
 
 
 def decode(file: str, data: bytes, report: Report) -> Source | None:
-    """Decode a file: UTF-8, with optional byte order mark and CRLF. None if it is invalid (reported)."""
+    """Decode a file as UTF-8, with optional byte order mark and CRLF. Return None if it is invalid (reported)."""
     top = line_of(file)
     if len(data) > MAX_BYTES:
         report.add(Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes", top, help="split the document")

@@ -33,7 +33,7 @@ def read_toml(source: Source, report: Report) -> MappingNode | None:
 
 
 class TomlSyntax:
-    """tree-sitter's tree of a TOML text, from its `root`, with positions as indices of characters."""
+    """tree-sitter's syntax tree of a TOML text, from its `root`, with positions as character indices."""
 
     def __init__(self, text: str) -> None:
         import tree_sitter_toml
@@ -46,7 +46,7 @@ class TomlSyntax:
             self._offsets = [at for at, byte in enumerate(self._data) if byte & 0xC0 != 0x80]
 
     def range(self, node: Syntax) -> tuple[int, int]:
-        """Return the range of a node in characters, the end exclusive."""
+        """Return the range of a node in characters (`end` exclusive)."""
         start, end = node.start_byte, node.end_byte
         return (start, end) if self._offsets is None else (bisect_left(self._offsets, start), bisect_left(self._offsets, end))
 
@@ -65,7 +65,7 @@ class TomlSyntax:
 
 @dataclass(slots=True)
 class _Leaf:
-    """A scalar, with indices of characters."""
+    """A scalar with its character indices."""
 
     start: int
     end: int
@@ -82,7 +82,7 @@ class _Array:
 
 @dataclass(slots=True)
 class _Table:
-    """A table: its entries, the range of each key, and further places of keys (`again`)."""
+    """A table: its entries, the range of each key, and repeated places of keys (`again`)."""
 
     start: int
     end: int
@@ -96,7 +96,7 @@ _Item = Union[_Leaf, _Array, _Table]
 
 
 class _Statements:
-    """Process the statements of a TOML text in order, and add them to their tables. With a report, duplicate keys are reported."""
+    """Processes the statements of a TOML text in order and adds them to their tables. With a report, duplicate keys are reported."""
 
     def __init__(self, source: Source, syntax: TomlSyntax, report: Report | None) -> None:
         self.source = source
@@ -172,7 +172,7 @@ class _Statements:
         return True
 
     def descend(self, table: _Table, parts: list[tuple[str, tuple[int, int]]], start: int, end: int) -> _Table | None:
-        """Return the table at a dotted key, created if necessary; for an array of tables the last one."""
+        """Return the table at a dotted key, after creating it if necessary. For an array of tables it is the last table."""
         for name, place in parts:
             entry = table.entries.get(name)
             if isinstance(entry, _Array) and entry.items:
@@ -204,7 +204,7 @@ class _Statements:
 
 
 class _Joiner:
-    """Combines values and positions to nodes."""
+    """Combines values and positions into nodes."""
 
     def __init__(self, source: Source, report: Report) -> None:
         self.source = source
@@ -212,7 +212,7 @@ class _Joiner:
         self.before = len(report.diagnostics)
 
     def fault(self, code: Code, message: str, span: Span, help: str | None = None) -> None:
-        """Report an error, unless too many have been reported."""
+        """Report an error, unless the maximum number of errors has been reported."""
         if len(self.report.diagnostics) - self.before < MAX_FAULTS:
             self.report.add(code, message, span, help=help)
 
@@ -290,7 +290,7 @@ _TWICE = ("overwrite", "twice", "mutate", "Duplicate", "namespace")
 
 
 def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: Report) -> None:
-    """Report an error of tomllib, with its place and what was probably meant."""
+    """Report an error of tomllib, with its place and the probable intention."""
     if isinstance(error, RecursionError):
         start = _bracket_beyond(source.text)
         report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(start, start + 1))
@@ -321,7 +321,7 @@ def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: 
 
 
 def _bracket_beyond(text: str) -> int:
-    """Return where brackets of a malformed text first exceed the maximum depth (including those in strings)."""
+    """Return where the brackets of a malformed text first exceed the maximum depth. Brackets in strings count as well."""
     level = 0
     for at, character in enumerate(text):
         level += character in "[{"
@@ -332,9 +332,9 @@ def _bracket_beyond(text: str) -> int:
 
 
 def _unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
-    """Return the range of an unquoted text or quantity at or before `index`, and the key of the value (empty in a list).
+    """Return the range of an unquoted text or quantity at or before `index`, and the key of the value ("" in a list).
 
-    None if it does not look like an unquoted value.
+    Return None if it does not look like an unquoted value.
     """
     number = source.line_at(min(index, max(0, len(source.text) - 1)))
     line, begin = source.line(number), source.starts[number]
@@ -347,7 +347,7 @@ def _unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
 
 
 def _in_words(words: str) -> tuple[str, str | None]:
-    """Convert a message of tomllib to ours, with a hint."""
+    """Convert a message of tomllib to our wording, with a hint."""
     if words.startswith("Expected '=' after a key"):
         return "expected `=` after the key", "TOML writes `key = value`"
     if words == "Invalid value":

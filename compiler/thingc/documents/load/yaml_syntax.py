@@ -1,4 +1,4 @@
-"""Explain errors of the YAML parser: where the cause is, and what was probably meant."""
+"""Explain errors of the YAML parser: the place of the cause and the probable intention."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _NO_SPACE = re.compile(r"\s*(?:-\s+)*(?P<key>[A-Za-z_][\w.*$-]*):(?P<value>[^\s:
 
 
 def explain(source: Source, *, problem: str, at: int, context: str, began: int) -> SyntaxFault:
-    """Explain a `problem` of libyaml (or PyYAML) at index `at`, which occurred in the `context` that `began` there."""
+    """Explain a `problem` of libyaml (or PyYAML) at index `at`. Its `context` began at index `began`."""
     text = source.text
     tab = _tab_before(source, at)
     if tab is not None:
@@ -144,7 +144,7 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
 def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
     """For a line whose column matches no mapping, return the start of the line above it, and the columns (from 1) that would match.
 
-    None if the line is not indented less than the one above it.
+    Return None if the line is not indented less than the line above it.
     """
     own = at - source.starts[source.line_at(at)]
     place: int | None = None
@@ -163,16 +163,16 @@ def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
 
 
 def _shallow_above(source: Source, at: int) -> int | None:
-    """For a line that begins at `at`, return the start of the line above it, if that is less indented and has a key with its value."""
+    """For a line that begins at `at`, return the start of the line above it if that is less indented and has a key with its value."""
     own = at - source.starts[source.line_at(at)]
     start, indent, written = next(_lines_above(source, at), (0, own, ""))
     return start if indent < own and re.match(r"\s*[\w.$*-]+: +[^\s#]", written) else None
 
 
 def _lines_above(source: Source, at: int) -> Iterator[tuple[int, int, str]]:
-    """Yield the lines above the one that begins at `at`, nearest first, without empty lines and comments.
+    """Yield the lines above the line that begins at `at`, nearest first, without empty lines and comments.
 
-    Each is the start of its text, the width of the indentation, and the line. Empty if there is other text before `at` in its line.
+    Each item has the start of its text, the width of the indentation, and the line. Yield nothing if other text precedes `at` in its line.
     """
     number = source.line_at(at)
     if source.line(number)[: at - source.starts[number]].strip():
@@ -185,7 +185,7 @@ def _lines_above(source: Source, at: int) -> Iterator[tuple[int, int, str]]:
 
 
 def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
-    """Explain a `{` or `[` with something other than `,` or its end."""
+    """Explain an error in a `{` or `[` that is followed by something other than `,` or its end."""
     opened, closing = ("{", "}") if mapping else ("[", "]")
     if source.text[began : began + 1] not in "{[":
         began = max(source.text.rfind("{", 0, at), source.text.rfind("[", 0, at), 0)
@@ -220,7 +220,7 @@ def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
 
 
 def _tab_before(source: Source, at: int) -> int | None:
-    """Return a tab in the indentation of the line of the error, or of the one before it."""
+    """Return the index of a tab in the indentation of the line of the error or of the line before it."""
     line = source.line_at(min(at, len(source.text)))
     for number in (line, line - 1):
         if number >= 0:
@@ -232,7 +232,7 @@ def _tab_before(source: Source, at: int) -> int | None:
 
 
 def _missing_space(source: Source, at: int) -> tuple[str, str, int] | None:
-    """Find `key:value` on the line of the error or on one of the two lines above it: return key, value, position."""
+    """Find `key:value` on the line of the error or on one of the two lines above it. Return the key, the value and the position."""
     line = source.line_at(min(at, len(source.text)))
     for number in range(line, max(-1, line - 3), -1):
         match = _NO_SPACE.fullmatch(source.line(number))

@@ -1,6 +1,6 @@
-"""Parse YAML to a tree with positions: the events of libyaml, with additional rules.
+"""Parse YAML to a tree with positions, from the events of libyaml and with additional rules.
 
-Values of PyYAML are YAML 1.1 (`on` is true, `1e-3` is text), so only its event stream is used.
+PyYAML's values follow YAML 1.1 (`on` is true, `1e-3` is text), so only its event stream is used.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def read_yaml(source: Source, report: Report) -> Node | None:
     """Return the tree of a YAML 1.2 text, or None if it is invalid (reported).
 
     Recoverable errors are reported and corrected (the first of duplicate keys is used, tags are dropped), so that
-    later passes can check the rest.
+    later passes can check the rest of the document.
     """
     import yaml
 
@@ -38,7 +38,7 @@ def read_yaml(source: Source, report: Report) -> Node | None:
 
 
 def report_syntax(error: Any, source: Source, report: Report) -> None:
-    """Report a syntax error of YAML, with its place and what was probably meant."""
+    """Report a syntax error of YAML, with its place and the probable intention."""
     problem, context = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
     at = min(problem.index if problem is not None else 0, len(source.text))
     # libyaml has its own limit of 1 000 levels. It is larger than MAX_LEVELS, but libyaml reads ahead of the events that it has returned.
@@ -54,12 +54,12 @@ def report_syntax(error: Any, source: Source, report: Report) -> None:
 
 
 class _Stop(Exception):
-    """Parsing cannot continue; the reason has been reported."""
+    """Parsing cannot continue. The reason has been reported."""
 
 
 @dataclass(slots=True)
 class _Anchored:
-    """An anchor: its node when complete, the number of nodes that it expands to, and its depth."""
+    """An anchor: its node once it is complete, the number of nodes that it expands to, and its depth."""
 
     node: Node | None = None
     nodes: int = 1
@@ -67,7 +67,7 @@ class _Anchored:
 
 
 class _Builder:
-    """Processes the events once. `nodes` counts with aliases expanded."""
+    """Builds nodes from the events in one pass. `nodes` is the number of nodes with aliases expanded."""
 
     def __init__(self, source: Source, report: Report, events: Any) -> None:
         self.source = source
@@ -190,7 +190,7 @@ class _Builder:
         return ScalarNode(value=value, text=text, span=span, damaged=damaged)
 
     def after_properties(self, start: int, end: int) -> int:
-        """Return where the scalar begins after its `&anchor` and `!tag`."""
+        """Return the index where the scalar begins after its `&anchor` and `!tag`."""
         text = self.source.text
         while start < end and text[start] in "&!":
             while start < end and not text[start].isspace():
@@ -256,13 +256,13 @@ class _Builder:
         return MappingNode(entries=entries, keys=keys, span=span, damaged=damaged)
 
     def collection_span(self, start: int, end: int, last: Any, flow: bool) -> Span:
-        """Return the span from the first character to the last one that is not a space or comment of the following text."""
+        """Return the span of a collection from its first character to its last one, without following spaces and comments."""
         end = max(end, last.end_mark.index)
         if flow:
             return self.source.span(start, end)
         text = self.source.text
         end = min(last.start_mark.index, len(text))
-        # libyaml ends a block collection where the next token begins: go back over comments and blank lines
+        # libyaml ends a block collection at the start of the next token: exclude comments and blank lines before it
         while end > start:
             line = self.source.line_at(end - 1)
             begin = max(self.source.starts[line], start)
@@ -276,7 +276,7 @@ class _Builder:
         return self.source.span(start, max(start, end))
 
     def key(self, event: Any, level: int) -> tuple[str, Span] | None:
-        """Return the text of a key and its place; None for an invalid key (reported)."""
+        """Return the text and the span of a key, or None for an invalid key (reported)."""
         kind = type(event).__name__
         if kind == "AliasEvent":
             if event.anchor not in self.anchors:
@@ -324,9 +324,9 @@ class _Builder:
     # Report this once, and join the pieces again.
 
     def numbers(self, following: Any) -> tuple[list[tuple[Any, Any]], Any]:
-        """Return up to two keys without values that are elements of a vector, from the event `following` on, and the next event.
+        """Return up to two keys without values that are elements of a vector, and the next event.
 
-        The next event is None if the last key has a value.
+        They are read from the event `following` on. The next event is None if the last key has a value.
         """
         pairs: list[tuple[Any, Any]] = []
         while len(pairs) < 2 and _is_value(following):
@@ -383,12 +383,12 @@ class _Builder:
 
 
 def _cut(event: Any) -> bool:
-    """Return whether this is a plain scalar that begins an expression and ends before its parentheses are closed."""
+    """Return whether an event is a plain scalar with the start of an expression that ends before its parentheses are closed."""
     return type(event).__name__ == "ScalarEvent" and not event.style and event.value.startswith("=") and _open([event])
 
 
 def _is_value(event: Any) -> bool:
-    """Return whether this is a plain scalar that is a number or an expression, or begins with one."""
+    """Return whether an event is a plain scalar that is a number or an expression, or begins with one."""
     if type(event).__name__ != "ScalarEvent" or event.style:
         return False
     return event.value.startswith("=") or scan_number(event.value) is not None
@@ -399,12 +399,12 @@ def _open(pieces: list[Any]) -> bool:
 
 
 def is_flow(text: str) -> bool:
-    """Return whether a text is a mapping or a list in YAML's flow style, well-formed or not: `[draft] arm` is not."""
+    """Return whether a text is a mapping or a list in YAML's flow style, well-formed or not. `[draft] arm` is neither."""
     return text.startswith("{") or text.startswith("[") and text.endswith("]")
 
 
 def read_flow(text: str, place: Span) -> Node | Diagnostic:
-    """Parse a mapping or a list on one line that replaces a value of a document (`{on: floor}`); or return the first error.
+    """Parse a mapping or a list on one line that replaces a value of a document (`{on: floor}`). On an error, return its diagnostic.
 
     All nodes have the same `place`.
     """

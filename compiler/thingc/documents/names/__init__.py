@@ -1,1 +1,1 @@
-"""Indexes of names in documents: what a name means, where it is used, and renaming it."""
+"""Indexes of names in documents: what a name refers to, where it is used, and how to rename it."""

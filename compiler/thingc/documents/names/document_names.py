@@ -1,4 +1,4 @@
-"""Names in the text of a document: its sections, the keys that repeats create, and every text that declares a name or refers to one.
+"""Names in the text of a document: its sections, the keys that repeats create, and all texts that declare or refer to names.
 
 The types of the models' fields define what a text refers to (`documents/spec/name_types.py`).
 """
@@ -21,7 +21,7 @@ EXPRESSION = RefersTo("expression")
 
 
 class NameOccurrence(FrozenStruct):
-    """A text that declares a name or refers to one: the key at `path`, or (`key` False) the scalar there."""
+    """A text that declares a name or refers to one: the key at `path`, or the scalar there if `key` is False."""
 
     path: Path
     key: bool
@@ -32,7 +32,7 @@ class NameOccurrence(FrozenStruct):
 class SettingWord(FrozenStruct):
     """A name in the path of a setting (`components.leg.joints.knee.limit.upper`), at an `offset`.
 
-    It is resolved like a key at `path` in the document that is nested through the components `through`.
+    It is resolved like a key at `path` in the document that is reached through the nested components `through`.
     """
 
     offset: int
@@ -42,7 +42,7 @@ class SettingWord(FrozenStruct):
 
 
 def mentions_of(document: Document) -> Iterator[NameOccurrence]:
-    """Yield the names in a document, in order. Values that its model does not know are skipped."""
+    """Yield the names in a document, in order. Values that are not in its model are skipped."""
     model = model_of(document.kind)
     if model is not None:
         yield from _in(document.tree, shape_of(model), ())
@@ -56,7 +56,7 @@ def _in(node: Node, shape: FieldType, path: Path) -> Iterator[NameOccurrence]:
                 yield NameOccurrence(path=path, key=False, text=node.value, names=names)
     elif isinstance(node, SequenceNode):
         listed = next((one for one in alternatives(shape) if one.kind == "list"), None)
-        inner = shape if listed is None else shape_of(listed.members[0])  # a vector is a field as a whole, and contains expressions
+        inner = shape if listed is None else shape_of(listed.members[0])  # a vector is one field, and contains expressions
         for index, item in enumerate(node.items):
             yield from _in(item, inner, (*path, index))
     elif RefersTo("raw") in {one.names for one in alternatives(shape)}:
@@ -88,7 +88,7 @@ def _of_text(text: str, shape: FieldType) -> DeclaresName | RefersTo | None:
 def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
     """Yield the names of elements in `raw` (`raw: {mjcf: {joint: {NAME: ...}}}`).
 
-    Those in added elements are the names that they refer to; those in `order` are all.
+    In added elements, only the names that they refer to are included; in `order`, all names are.
     """
     for kind, named in node.entries.items():
         if kind in ("add", "order"):
@@ -101,9 +101,9 @@ def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
 
 
 def referred(path: Path) -> str | None:
-    """Return the kind of element that a value in an added element refers to: a joint, a site, a body or anything (`object`).
+    """Return the kind of element that a value in an added element refers to: a joint, a site, a body or any kind (`object`).
 
-    None if it refers to none.
+    Return None if it does not refer to an element.
     """
     key = str(path[-1]).rstrip("12")
     if key in ("objname", "refname"):
@@ -115,7 +115,7 @@ REFERRED = {
     **dict.fromkeys(("joint", "jointinparent", "actuator"), "joint"), **dict.fromkeys(("body", "subtree", "geom"), "body"),
     **dict.fromkeys(("site", "cranksite", "slidersite", "refsite", "sidesite"), "site"),
 }
-"""Attributes of added elements whose value may be a name in the document, and the kind of that name."""
+"""Attributes of added elements whose value may be a name of the document, with the kind of that name."""
 
 
 def setting_words(text: str) -> Iterator[SettingWord]:
@@ -147,14 +147,14 @@ def setting_words(text: str) -> Iterator[SettingWord]:
 GLOB = re.compile(r"[*?\[]")
 """A character that makes a word a pattern."""
 SPECIAL = re.compile(r"[*?\[$]")
-"""A character of a pattern, or of the index of a repeat."""
+"""A character that occurs in a pattern or in the index of a repeat."""
 _ITEMS = 100
-"""Number of items of a repeat that patterns are compared with if its count is not a number."""
+"""Number of items of a repeat that patterns are matched against if its count is not a number."""
 
 
 @cache
 def pattern_of(text: str, index: str) -> re.Pattern[str]:
-    """Return the pattern for a word with `*`, `?`, `[...]` and the index of a repeat."""
+    """Return the pattern of a word that may contain `*`, `?`, `[...]` and the index of a repeat."""
     from fnmatch import translate
 
     if index:
@@ -171,7 +171,7 @@ class DocumentNames:
         self.mentions = tuple(mentions_of(document))
 
     def section(self, name: str) -> Mapping[str, Node]:
-        """Return the entries of a section; empty if there is none."""
+        """Return the entries of a section, or an empty mapping."""
         return entries_of(self.document.tree.entries.get(name))
 
     def text(self, *path: str | int) -> str | None:
@@ -191,7 +191,7 @@ class DocumentNames:
         return self.text(path[0], path[1], "repeat", "as") or "i"
 
     def items(self, section: str, key: str) -> list[str]:
-        """Return the names of an entry: for a repeat those of all its items."""
+        """Return the names of an entry; for a repeat, the names of all its items."""
         repeat = self.repeat(section, key)
         if repeat is None:
             return [key]
@@ -211,7 +211,7 @@ class DocumentNames:
         return [key for key in entries if any(pattern.match(item) for item in self.items(section, key))]
 
     def stem(self, section: str, key: str, word: str) -> bool:
-        """Return whether a word that refers to a key begins with it."""
+        """Return whether a word that refers to a key begins with the key."""
         rest = word[len(key):]
         return word.startswith(key) and (not rest or rest[0] in "*?[$" or (rest[0] == "_" and self.repeat(section, key) is not None))
 
@@ -220,7 +220,7 @@ class DocumentNames:
         return self.document.span(mention.path, key=mention.key)
 
     def place(self, span: Span, text: str, start: int, end: int) -> Span | None:
-        """Return the span of characters of a text at `span`; None if it is written with other characters (escapes)."""
+        """Return the span of the characters `start` to `end` of a text at `span`; None if it is written with escapes."""
         if span.file != self.path or span.line != span.end_line:
             return None
         begin = self.lines[span.line - 1][span.column - 1 : span.end_column - 1].find(text)

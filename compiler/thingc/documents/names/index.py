@@ -1,6 +1,6 @@
-"""Index of the names in a workspace's documents and parts: declarations and uses.
+"""Index of the declarations and uses of names in a workspace's documents and parts.
 
-The types of the models' fields define what a text refers to (`document_names.py`); this module resolves it in documents as written,
+The types of the models' fields define what a text refers to (`document_names.py`). This module resolves it in the source text of documents,
 including documents with errors elsewhere. Nothing is compiled.
 """
 
@@ -21,7 +21,7 @@ from thingc.documents.names.part_names import PartClass, PartName, PartNames
 from thingc.documents.spec.name_types import DeclaresName, ReferenceKind, RefersTo
 
 Role = Literal["declared", "used", "fits"]
-"""`fits`: a pattern that the name matches without being in it, or a text in which it is written with other characters (escapes)."""
+"""Roles of a name at a place. `fits` is a pattern that the name matches, or a text in which the name is written with escapes."""
 
 
 class Name(FrozenStruct, kw_only=False):
@@ -38,7 +38,7 @@ class Name(FrozenStruct, kw_only=False):
 
 
 class NamePlace(FrozenStruct, kw_only=False):
-    """A place where a name is declared or used: only the characters of the name, except for a pattern that it `fits`."""
+    """A place where a name is declared or used. It covers only the characters of the name, or the whole pattern that it `fits`."""
 
     name: Name
     span: Span
@@ -52,7 +52,7 @@ class NameIndex(FrozenStruct, kw_only=False):
     by_name: Mapping[Name, tuple[NamePlace, ...]]
 
     def at(self, file: str, line: int, column: int) -> NamePlace | None:
-        """Return the narrowest place at a character (from 1; the one after a name counts as part of it)."""
+        """Return the narrowest place at a character (counted from 1). The character after a name counts as part of it."""
         around = [
             place for place in self.places
             if place.span.file == file and (place.span.line, place.span.column) <= (line, column)
@@ -61,7 +61,7 @@ class NameIndex(FrozenStruct, kw_only=False):
         return min(around, key=lambda place: (place.role == "fits", place.span.end_column - place.span.column), default=None)
 
     def declared(self, name: Name) -> Span | None:
-        """Return where a name is declared, or None if unknown."""
+        """Return where a name is declared, or None if this is unknown."""
         return next((place.span for place in self.by_name.get(name, ()) if place.role == "declared"), None)
 
 
@@ -88,13 +88,13 @@ def index(documents: Mapping[str, DocumentNames], parts: PartNames) -> NameIndex
 
 
 Hit = tuple[int, int, Name, Role]
-"""A name in a text: start, end (exclusive), the name and its role."""
+"""An occurrence of a name in a text: start, end (exclusive), the name and its role."""
 Word = tuple[int, str]
 """A word of a text and its start."""
 
 
 def _moved(offset: int, hits: Iterable[Hit]) -> Iterator[Hit]:
-    """Move hits by the offset of their text in another one."""
+    """Shift hits by the offset of their text in an enclosing text."""
     return ((offset + start, offset + end, name, role) for start, end, name, role in hits)
 
 
@@ -114,7 +114,7 @@ class _Reader:
         self.parts = parts
         self.own = own
         self.base: DocumentNames | None = own
-        """The assembly that names belong to; for variants the one that they vary."""
+        """The assembly that names belong to; for variants, the assembly that they vary."""
         if own.document.kind == "variants":
             self.base = self.document(own, own.text("assembly"))
 
@@ -150,7 +150,7 @@ class _Reader:
         return Name(what, self.own.path, text, owner)
 
     def meant(self, base: DocumentNames | None, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """Yield the names that a text at `path` refers to in an assembly."""
+        """Yield the names in an assembly that a text at `path` refers to."""
         match what:
             case "assembly document":
                 yield from self._document(self.document(self.own, text), text)
@@ -162,7 +162,7 @@ class _Reader:
                 yield from self._inside(base, what, text, path, index)
 
     def _inside(self, base: DocumentNames, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """Yield the names of the assembly `base` that a text refers to."""
+        """Yield the names in the assembly `base` that a text refers to."""
         match what:
             case "expression":
                 yield from self.expression(base, text, path, index)
@@ -207,7 +207,7 @@ class _Reader:
                 assert_never(what)
 
     def posed(self, base: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """Yield the names that a key of a pose at `path` refers to: a joint, or an assembly whose pose is used."""
+        """Yield the names that a key of a pose at `path` refers to: a joint, or a nested assembly whose pose is used."""
         said = node_at(self.own.document.tree, path)
         pose = isinstance(said, ScalarNode) and isinstance(said.value, str) and re.fullmatch(r"\s*[A-Za-z]\w*\s*", said.value)
         exact = list(self.exact_joint(base, text, index))
@@ -216,11 +216,11 @@ class _Reader:
     # --- documents and parts ----------------------------------------------------------------------------------------
 
     def document(self, beside: DocumentNames, text: str | None) -> DocumentNames | None:
-        """Return the document that another one names `text`."""
+        """Return the document that `text` refers to in the document `beside`."""
         return self.documents.get(named(text, beside.path) or "") if text else None
 
     def packaged(self, text: str) -> DocumentNames | None:
-        """Return the document of a package, `package.document`."""
+        """Return the document of a package by its dotted name `package.document`."""
         end = os.sep + text.replace(".", os.sep) + "."
         return next((one for path, one in self.documents.items() if f"{os.path.splitext(path)[0]}.".endswith(end)), None)
 
@@ -248,7 +248,7 @@ class _Reader:
     def components_of(
         self, written: DocumentNames, words: Sequence[str], index: str,
     ) -> list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]]:
-        """Return the components at a path of words, each as a document and a key in it, with those on the way."""
+        """Return the components at a path of words, each as a document and a key in it, with the components on the way."""
         level: list[tuple[DocumentNames, tuple[tuple[DocumentNames, str], ...]]] = [(written, ())]
         reached: list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]] = []
         for depth, word in enumerate(words):
@@ -257,7 +257,7 @@ class _Reader:
         return reached
 
     def components(self, written: DocumentNames, words: Sequence[Word], index: str) -> Iterator[Hit]:
-        """Yield each component along a path of words, as far as they exist."""
+        """Yield each existing component along a path of words."""
         for depth, (at, word) in enumerate(words):
             for (one, key), _ in self.components_of(written, [text for _, text in words[: depth + 1]], index):
                 yield self._hit(one, "components", "component", key, at, word)
@@ -267,7 +267,7 @@ class _Reader:
         return at, at + (len(key) if stem else len(word)), Name(what, written.path, key), "used" if stem else "fits"
 
     def mount(self, written: DocumentNames, text: str, index: str, what: str) -> Iterator[Hit]:
-        """Yield the names in `component.mount`; if allowed, also in an export or a component."""
+        """Yield the names in `component.mount`; if allowed, also in the name of an export or a component."""
         *words, (at, last) = _words(text)
         if not words:
             if what != "mount" and last in written.section("mounts"):
@@ -288,7 +288,7 @@ class _Reader:
                     yield from self.components(nested, [(at, last)], "")
 
     def of_component(self, written: DocumentNames, key: str, word: str, index: str) -> Iterator[Hit]:
-        """Yield the mounts of a component that a word refers to: added by the document, exported by a nested one, or of its part."""
+        """Yield the mounts of a component that a word refers to: added by the document, exported by a nested assembly, or of its part."""
         added = node_at(written.document.tree, ("components", key, "mounts"))
         pattern = pattern_of(word, index)
         for mount in entries_of(added):
@@ -313,7 +313,7 @@ class _Reader:
             yield from self.mount(nested, text, index, "mount")
 
     def exact_joint(self, written: DocumentNames, text: str, index: str) -> Iterator[Hit]:
-        """Yield the joint that a text refers to word by word, `hand.finger` or one of its coordinates `wrist[0]`."""
+        """Yield the joint that a text refers to without patterns: `hand.finger` or one of its coordinates `wrist[0]`."""
         *words, (at, last) = _words(re.sub(r"\[\d+\]$", "", text))
         if any(GLOB.search(word) for _, word in (*words, (at, last))):
             return
@@ -348,9 +348,9 @@ class _Reader:
     def all_joints(
         self, written: DocumentNames, way: tuple[tuple[DocumentNames, str, str], ...],
     ) -> Iterator[tuple[tuple[DocumentNames, str, str], ...]]:
-        """Yield every joint of an assembly and its nested ones.
+        """Yield every joint of an assembly and of its nested assemblies.
 
-        Each is the components on the way, and the joint, each with document and section.
+        Each item is the path of components followed by the joint, each with its document and section.
         """
         for key in written.section("joints"):
             yield (*way, (written, "joints", key))
@@ -360,7 +360,7 @@ class _Reader:
                 yield from self.all_joints(inner, (*way, (written, "components", key)))
 
     def in_section(self, written: DocumentNames | None, what: str, text: str) -> Iterator[Hit]:
-        """Yield names of one kind (`pose`) in their section that match a text; none without a document."""
+        """Yield names of one kind (`pose`) in their section that match a text; nothing without a document."""
         if written is None:
             return
         entries = written.section(f"{what}s")
@@ -372,7 +372,7 @@ class _Reader:
                     yield 0, len(text), Name(what, written.path, key), "fits"
 
     def material(self, written: DocumentNames, text: str) -> Iterator[Hit]:
-        """Yield a material in the document, or in one of those that it lists."""
+        """Yield a material in the document, or in one of the materials documents that it lists."""
         node = written.document.tree.entries.get("materials")
         sources = [written]
         if not isinstance(node, MappingNode):
@@ -386,7 +386,7 @@ class _Reader:
     # --- values -----------------------------------------------------------------------------------------------------
 
     def expression(self, written: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """Yield the parameters, and the index of a repeat, in an expression."""
+        """Yield the parameters and the index of a repeat that an expression uses."""
         try:
             uses = parse_expression(text).names
         except ExpressionError:
@@ -448,7 +448,7 @@ class _Reader:
         return one
 
     def choice(self, written: DocumentNames, text: str, path: Path) -> Iterator[Hit]:
-        """Yield the chosen part, document or material, by the path of the choice."""
+        """Yield the chosen part, document or material. The path of the choice determines which."""
         chosen = next(step for step in reversed(path) if isinstance(step, str))
         kind = chosen.rpartition(".")[2]
         if kind == "part":
@@ -462,7 +462,7 @@ class _Reader:
                 yield from self.material(inner, text)
 
     def raw(self, written: DocumentNames, text: str, path: Path) -> Iterator[Hit]:
-        """Yield the names in the name of an element of a target's file: `hand/finger`."""
+        """Yield the names that the name of an element in a target's file contains: `hand/finger`."""
         kind = referred(path) or "" if path[2] == "add" else str(path[2])
         dotted = text.replace("/", ".")
         words = _words(dotted)
@@ -482,7 +482,7 @@ class _Reader:
 
 
 def _dotted(way: Sequence[tuple[DocumentNames, str, str]]) -> Iterator[str]:
-    """Yield the dotted names of all items of a joint through components."""
+    """Yield the dotted names of all items of a joint, through the components on the way."""
     (written, section, key), *rest = way
     for item in written.items(section, key):
         yield from (f"{item}.{inner}" for inner in _dotted(rest)) if rest else (item,)

@@ -1,4 +1,4 @@
-"""Names of Things in the modules of a workspace: classes, attributes that are mounts, parameters.
+"""Names of Things in the modules of a workspace: classes, mounts (which are attributes), and parameters.
 
 Modules are parsed, never run.
 """
@@ -31,7 +31,7 @@ class PartName(FrozenStruct, kw_only=False):
 
 
 class PartPlace(FrozenStruct, kw_only=False):
-    """A place of a name, and whether it is the declaration."""
+    """A place of a name, and whether it is the declaration of the name."""
 
     name: PartName
     span: Span
@@ -62,7 +62,7 @@ class _Module:
         return self._inside[node.name]
 
     def span(self, line: int, end: int, text: str) -> Span | None:
-        """Return the span of a word that ends at a byte of a line; None if there is other text."""
+        """Return the span of a word that ends at a byte of a line; None if the line has other text there."""
         column = len(self.lines[line - 1].encode()[:end].decode(errors="replace")) - len(text) + 1
         if self.lines[line - 1][column - 1 : column - 1 + len(text)] != text:
             return None
@@ -76,7 +76,7 @@ class _Module:
 class _Inside:
     """The attributes of `self` in a class.
 
-    `assigned` are those with a value, and whether it creates mounts; `by_name` contains all places of each, assignments first.
+    `assigned` are the attributes with a value, each with whether it creates mounts. `by_name` has all places of each, assignments first.
     """
 
     def __init__(self, node: ast.ClassDef) -> None:
@@ -98,7 +98,7 @@ class _Inside:
 
 @dataclass(slots=True)
 class PartClass:
-    """A class that documents use as a part, with its base classes in the workspace, itself first."""
+    """A class that documents use as a part, and its base classes in the workspace. The class itself comes first."""
 
     reference: str
     lineage: list[tuple[_Module, ast.ClassDef]]
@@ -106,27 +106,27 @@ class PartClass:
 
     @property
     def file(self) -> str:
-        """Absolute path of its module."""
+        """The absolute path of its module."""
         return self.lineage[0][0].file
 
     @property
     def span(self) -> Span | None:
-        """Place of its name in the class statement."""
+        """The place of its name in the class statement."""
         module, node = self.lineage[0]
         header = re.search(rf"class\s+{node.name}\b", module.lines[node.lineno - 1])
         return None if header is None else module.span(node.lineno, len(module.lines[node.lineno - 1][: header.end()].encode()), node.name)
 
     def mounts(self, text: str, pattern: re.Pattern[str] | None) -> list[PartName]:
-        """Return the attributes that are the mount `text`: itself, or the list or dict that contains it (`screw` of `screw_0`).
+        """Return the attributes that contain the mount `text`: the mount itself, or a list or dict (`screw` for `screw_0`).
 
-        With a `pattern`, the text is the part of the name before special characters, and all attributes that match are included.
+        With a `pattern`, the text is the part of the name before special characters, and all matching attributes are included.
         """
         owners: dict[str, tuple[_Module, ast.ClassDef]] = {}
         several: set[str] = set()
         for module, node in self.lineage:
             for attribute, mounts in module.inside(node).assigned.items():
                 owners.setdefault(attribute, (module, node))
-                if mounts:  # the content of others is unknown
+                if mounts:  # the content of other attributes is unknown
                     several.add(attribute)
         fitting = [name for name in owners if pattern is not None and pattern.match(name)]
         whole = [name for name in owners if (name == text and pattern is None) or (name in several and text.startswith(f"{name}_"))]
@@ -154,7 +154,7 @@ class PartClass:
 
 
 class PartNames:
-    """The modules of part folders (absolute paths), read with `read` (returns a file's text, or None) and cached."""
+    """The modules of part folders (absolute paths). `read` returns a file's text, or None; modules are cached."""
 
     def __init__(self, folders: Sequence[str], read: Callable[[str], str | None]) -> None:
         self.folders = tuple(folders)
@@ -164,14 +164,14 @@ class PartNames:
         self._given: dict[PartName, None] = {}
 
     def thing(self, reference: str) -> PartClass | None:
-        """Return the class `module:Class`; None if it is in no part folder."""
+        """Return the class `module:Class`, or None if it is not in a part folder."""
         if reference not in self._things:
             lineage = self._lineage(reference, [])
             self._things[reference] = PartClass(reference, lineage, self._given) if lineage else None
         return self._things[reference]
 
     def places(self) -> Iterator[PartPlace]:
-        """Yield the places of all requested mounts and parameters, in their class and in requested classes derived from it."""
+        """Yield the places of all requested mounts and parameters, in their class and in requested derived classes."""
         for name in self._given:
             declared = False
             for module, node in self._family(name):
@@ -184,7 +184,7 @@ class PartNames:
         yield from ((reference, thing) for reference, thing in self._things.items() if thing is not None)
 
     def elsewhere(self, name: PartName) -> tuple[str, int] | None:
-        """Return a place (file and line) that may be this mount or parameter, which cannot be decided without running the code; or None."""
+        """Return a place (file and line) that may be this mount or parameter, or None. Only running the code could decide it."""
         family = {(module.file, node.name) for module, node in self._family(name)}
         own = {(span.file, span.line, span.column) for module, node in self._family(name) for span in _name_spans(module, node, name)}
         for module in self._all():
@@ -213,7 +213,7 @@ class PartNames:
         return [module.file for module in self._all()]
 
     def _family(self, name: PartName) -> list[tuple[_Module, ast.ClassDef]]:
-        """Return the class that declares a name, and for a mount all classes of the part folders that are derived from it."""
+        """Return the class that declares a name; for a mount, also all derived classes in the part folders."""
         family: dict[tuple[str, str], tuple[_Module, ast.ClassDef]] = {}
         for module in self._all() if name.what == "part mount" else ():
             for node in module.classes.values():
@@ -320,7 +320,7 @@ def _parameter_of_self(node: ast.Attribute) -> bool:
 
 
 def _documented(module: _Module, node: ast.ClassDef | ast.FunctionDef, text: str) -> Iterator[Span]:
-    """Yield the place in a line `NAME: ...` of a docstring, which documents a parameter."""
+    """Yield the place in the docstring line `NAME: ...` that documents a parameter."""
     first = node.body[0]
     if not (isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant) and isinstance(first.value.value, str)):
         return
@@ -332,7 +332,7 @@ def _documented(module: _Module, node: ast.ClassDef | ast.FunctionDef, text: str
 
 
 def _may_be(node: ast.AST, name: PartName, family: set[str]) -> bool:
-    """Return whether a node may refer to a mount or parameter, judging by its name alone."""
+    """Return whether a node may refer to a mount or parameter. Only the name is compared."""
     if isinstance(node, ast.Constant):
         return node.value == name.text
     if name.what == "part mount":

@@ -1,6 +1,6 @@
-"""Rename: compute the edits for all places of a name, or the reason why it cannot be renamed.
+"""Rename a name: compute the edits for all its places, or the reason why it cannot be renamed.
 
-The result is verified: the edited texts are parsed and resolved again, and every place must have the same meaning as before.
+The result is verified: the edited texts are parsed and resolved again, and every place must refer to the same name as before.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from thingc.documents.names.workspace_index import WorkspaceIndex, mentioned
 from thingc.documents.spec.name_types import RESERVED
 
 WORDS = {"export": "exported mount", "part mount": "mount of a part", "part parameter": "parameter of a part"}
-"""Kinds of names in messages, if they differ from the internal ones."""
+"""Kinds of names as shown in messages, if they differ from the internal ones."""
 
 _SECTIONS = {
     "component": "components", "joint": "joints", "parameter": "parameters", "pose": "poses", "mode": "modes", "link": "links",
     "sensor": "sensors", "tendon": "tendons", "test": "tests", "material": "materials", "export": "mounts",
 }
 _RESERVING = frozenset({"component", "joint", "export", "link", "mount", "part mount"})
-"""Kinds of names that cannot be `world`, `root` or `origin`."""
+"""Kinds of names that must not be `world`, `root` or `origin`."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 
 
 class RenameRefused(Exception):
-    """The name cannot be renamed; the message is the reason."""
+    """The name cannot be renamed. The message is the reason."""
 
 
 class RenameEdits(FrozenStruct):
-    """Edits of a rename.
+    """The edits of a rename.
 
-    `texts` are the new texts of files by absolute path, with all places (in each file the last one first), and the index `after` the
-    rename.
+    `texts` are the new texts of files by absolute path. `after` is the index after the rename. The places are ordered with the last one of
+    each file first.
     """
 
     places: tuple[Span, ...]
@@ -51,7 +51,7 @@ class RenameEdits(FrozenStruct):
 
 
 def renamable(sight: WorkspaceIndex, name: Name) -> None:
-    """Check that a name can be renamed at all. Raises `RenameRefused`."""
+    """Check whether a name can be renamed at all. Raises `RenameRefused`."""
     what = WORDS.get(name.what, name.what)
     if name.what in ("document", "part"):
         raise RenameRefused(f"`{shortened(name.text)}` is {'a file' if name.what == 'document' else 'a class'}: rename it in place")
@@ -80,7 +80,7 @@ def renamable(sight: WorkspaceIndex, name: Name) -> None:
 def rename_edits(sight: WorkspaceIndex, name: Name, new: str) -> RenameEdits:
     """Return the edits that rename a name.
 
-    Raises `RenameRefused` if the new name is invalid or taken, or if other text would change its meaning.
+    Raises `RenameRefused` if the new name is invalid or already used, or if the meaning of other text would change.
     """
     renamable(sight, name)
     _check(sight, name, new)
@@ -93,7 +93,7 @@ def rename_edits(sight: WorkspaceIndex, name: Name, new: str) -> RenameEdits:
 
 
 def with_spans(sight: WorkspaceIndex, spans: Iterable[Span], new: str) -> dict[str, str]:
-    """Return the texts of the files of places, with these replaced."""
+    """Return the texts of the files that contain the spans, with each span replaced by `new`."""
     lines: dict[str, list[str]] = {}
     for span in sorted(spans, key=lambda one: (one.file, one.line, one.column), reverse=True):
         if span.file not in lines:
@@ -123,7 +123,7 @@ def _check(sight: WorkspaceIndex, name: Name, new: str) -> None:
         if new in sight.parts.attributes(PartName(name.what, name.file, name.text, name.owner)):
             raise RenameRefused(f"`{name.owner}` already has a `{new}`")
         alike = sight.parts.elsewhere(PartName(name.what, name.file, new, name.owner))
-        if alike is not None:  # they could not be distinguished any more, and the rename could not be undone
+        if alike is not None:  # the two names could not be distinguished any more, so the rename could not be undone
             where = f"{sight.relative(alike[0])}:{alike[1]}"
             raise RenameRefused(f"`{new}` at {where} would then refer to this {what} of `{name.owner}`: choose another name")
         return
@@ -132,7 +132,7 @@ def _check(sight: WorkspaceIndex, name: Name, new: str) -> None:
 
 
 def _taken(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, str]]:
-    """Yield names that conflict with a new one, and what they are."""
+    """Yield existing names that conflict with a new name, and their kinds."""
     written = sight.documents[name.file]
     if name.what == "index":
         if new in written.section("parameters"):
@@ -161,7 +161,7 @@ def _taken(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, s
 
 
 def _compare(before: WorkspaceIndex, after: WorkspaceIndex, name: Name, new: str, spans: set[Span]) -> None:
-    """Check that edits change nothing but the name. Raises `RenameRefused`."""
+    """Check that the edits change only the name. Raises `RenameRefused`."""
     for path in {span.file for span in spans}:
         if path.endswith(".py"):
             try:

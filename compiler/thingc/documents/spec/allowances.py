@@ -1,4 +1,4 @@
-"""`allow:` of documents: which warnings are suppressed, and where."""
+"""`allow:` in documents, which suppresses warnings."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def allow() -> Any:
 
 
 def allowances(spec: AssemblySpec, document: Document) -> Iterator[Allowance]:
-    """Yield every line of every `allow` of a document: of itself, its components, its joints and its modes.
+    """Yield every line of every `allow` in a document: of the document itself, its components, its joints and its modes.
 
     Warnings that a mode suppresses are also suppressed in modes that extend it.
     """

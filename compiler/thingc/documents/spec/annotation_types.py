@@ -1,7 +1,7 @@
 """Types of values in the document models, read from their annotations: mapping, list, choice, field and others.
 
-pydantic's errors have locations in a model; the place in the document, similar names and the description of the
-expected type come from here.
+The locations in pydantic's errors refer to a model. This module determines the place in the document, similar names, and the description of
+the expected type.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from thingc.documents.spec.name_types import DeclaresName, RefersTo
 class FieldType(FrozenStruct):
     """The type of a value, read from an annotation.
 
-    `kind` is `model`, `dict`, `list`, `literal`, `field` (a type of `spec.fields`), `text`, `flag`, `number` or `union`; `model` is the
-    class, `members` are the types of dict values, list items or the branches of a union, `key` is that of dict keys, `choices` are those of
-    a literal, `field` is the validator, `names` what its text declares or refers to, `annotation` the annotation itself.
+    `kind` is `model`, `dict`, `list`, `literal`, `field` (a type of `spec.fields`), `text`, `flag`, `number` or `union`. `model` is the
+    class. `members` are the types of dict values, of list items or of the branches of a union. `key` is the type of dict keys. `choices`
+    are the values of a literal. `field` is the validator, `names` is what its text declares or refers to, `annotation` the annotation.
     """
 
     kind: str
@@ -38,7 +38,7 @@ class FieldType(FrozenStruct):
 
     @property
     def by_number(self) -> bool:
-        """Whether it is a mapping by the indices of coordinates."""
+        """Whether it is a mapping whose keys are the indices of coordinates."""
         return self.kind == "dict" and self.key is Index
 
     @property
@@ -58,7 +58,7 @@ class FieldType(FrozenStruct):
         if self.kind == "union":
             shapes = [shape_of(member) for member in self.members]
             some = any(shape.kind == "model" for shape in shapes)
-            numbered = any(shape.by_number for shape in shapes)  # of which there may be several, in a list or by number
+            numbered = any(shape.by_number for shape in shapes)  # there may be several values, in a list or by number
             return " or ".join(
                 shape.words for shape in shapes if not (some and shape.kind == "dict" or numbered and shape.kind in ("list", "dict"))
             )
@@ -109,7 +109,7 @@ def model_keys(model: type[BaseModel]) -> dict[str, tuple[FieldType, bool]]:
 
 
 def alternatives(shape: FieldType) -> list[FieldType]:
-    """Return the branches of a union; for other types the type itself."""
+    """Return the branches of a union; for any other type, the type itself."""
     return [shape_of(member) for member in shape.members] if shape.kind == "union" else [shape]
 
 
@@ -141,7 +141,7 @@ def _takes_no_text(branches: list[FieldType]) -> bool:
 
 
 def likeness(branch: FieldType, value: dict[str, Any]) -> float:
-    """Return how many keys of `value` a type has; a similar name counts 0.5, and a mapping of arbitrary names 0.25 in total."""
+    """Return how many keys of `value` exist in a type. A similar name counts 0.5, and a mapping of arbitrary names 0.25 in total."""
     if branch.model is None:
         return 0.25
     keys = model_keys(branch.model)

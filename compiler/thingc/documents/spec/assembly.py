@@ -107,7 +107,7 @@ UNIT_OF_ITS_OWN = "STEP, 3MF and glTF files specify their unit"
 
 
 class ParameterSpec(Model):
-    """A parameter in full: its value, and the values that a variant or a parent may set."""
+    """A parameter with all keys: its value, and the range of values that a variant or a parent may set."""
 
     value: AnyQuantityField
     """The default value."""
@@ -123,11 +123,11 @@ class MountSpec(PoseSpec):
     """A mount added to a component: a frame on it, at a pose in the component's frame, z pointing out of the material."""
 
     interface: str | None = Field(default=None, examples=["x430-horn", "m2.5-clearance"])
-    """What fits this mount: `x430-horn`, `m2.5-clearance`."""
+    """Name of the mechanical interface: `x430-horn`, `m2.5-clearance`."""
 
 
 class BomSpec(Model):
-    """The line of the bill of materials."""
+    """The entry in the bill of materials."""
 
     number: str | None = Field(default=None, examples=["902-0135-000"])
     """Order number or drawing number."""
@@ -140,7 +140,7 @@ class BomSpec(Model):
 
 
 class PrintSpec(Model):
-    """How a part is printed."""
+    """Print settings of a part."""
 
     up: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 0, 1], [0, -1, 0]])
     """The direction away from the bed, in the part's axes; default: `[0, 0, 1]`."""
@@ -153,7 +153,7 @@ class AtSpec(PoseSpec):
 
 
 class AttachSpec(Model):
-    """The rigid mate in full."""
+    """The rigid mate with all keys."""
 
     mount: OwnMountField
     """A mount of this component."""
@@ -166,7 +166,7 @@ class AttachSpec(Model):
 
 
 class RepeatSpec(Model):
-    """Makes `name_0` to `name_{count-1}`."""
+    """Creates the copies `name_0` to `name_{count-1}`."""
 
     count: CountField
     as_: NewIndex = Field(default="i", alias="as", description="The index: in expressions `i`, in references `$i`.")
@@ -193,24 +193,24 @@ class ComponentDefaults(Model):
     visual: bool | None = None
     """Whether it is drawn; default: true."""
     process: ProcessSpec | None = Field(default=None, examples=[{"kind": "fdm", "walls": 4, "infill": "30 %"}])
-    """How it is made; overrides keys of the material's process."""
+    """Manufacturing process; overrides keys of the material's process."""
     print: PrintSpec | None = Field(default=None, examples=[{"up": [0, 0, 1]}])
     """Its orientation on the printer."""
     bom: BomSpec | None = Field(
         default=None, examples=[{"number": "902-0135-000", "supplier": "ROBOTIS", "cost": "269.90 USD", "make": "buy"}],
     )
-    """The line of the bill of materials."""
+    """The entry in the bill of materials."""
 
 
 KINDS = ("part", "file", "assembly", "link", "frame")
-"""What a component is exactly one of."""
+"""Kinds of components; each component has exactly one of these keys."""
 
 OF_PARTS = ("collision", "visual", "process", "print")
-"""Keys that are not valid for a link, because its shapes have them."""
+"""Keys that are not valid for a link, because its shapes have them instead."""
 
 
 def _component_rules(schema: dict[str, Any]) -> None:
-    """What `ComponentSpec` checks beyond its fields, for editors."""
+    """Add the rules that `ComponentSpec` checks in addition to its fields to its schema, for editors."""
     schema["oneOf"] = [{"required": [kind]} for kind in KINDS]
     schema["not"] = {"required": ["attach", "at"]}
     schema["dependentSchemas"] = {
@@ -254,7 +254,7 @@ class ComponentSpec(ComponentDefaults):
     attach: Annotated[AttachSpec | dict[OwnMountKey, MountField] | None, Field(union_mode="left_to_right")] = Field(
         default=None, examples=[{"back": "plate.servo_seat"}, {"mount": "back", "to": "plate.servo_seat", "turn": "90 deg"}],
     )
-    """The rigid mate: `{my_mount: other.mount}`, or in full."""
+    """The rigid mate: `{my_mount: other.mount}`, or with all keys."""
     at: AtSpec | None = Field(default=None, examples=[{"in": "bracket.board", "xyz": "0 0 4 mm"}])
     """Placement by a pose in another frame."""
     mounts: dict[NewMount, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
@@ -332,13 +332,13 @@ class MimicSpec(Model):
     joint: CoordinateField
     """A joint of this document."""
     multiplier: MultiplierField = 1  # type: ignore[assignment]
-    """How far this joint moves for each unit of the other; default: 1."""
+    """Ratio of the motion of this joint to the motion of the other joint; default: 1."""
     offset: JointValueField = 0  # type: ignore[assignment]
-    """Where this joint is when the other is at 0; default: 0."""
+    """Position of this joint when the other joint is at 0; default: 0."""
     polynomial: Annotated[list[AnyQuantityField], Field(min_length=2, max_length=5)] | None = Field(
         default=None, examples=[["10 deg", 1, "0.2 rad^-1"]],
     )
-    """Instead of both: the coefficients of the powers of q(joint), from the 0th to at most the 4th."""
+    """Coefficients of the powers of q(joint), from the 0th to at most the 4th; replaces `multiplier` and `offset`."""
 
     @model_validator(mode="after")
     def _once(self) -> MimicSpec:
@@ -375,7 +375,7 @@ class JointSpec(JointDefaults):
     """A joint: the child's mount moves on the parent's mount."""
 
     type: JointType
-    """How the child may move on the parent: `revolute` turns within limits, `continuous` without, `prismatic` slides, `screw` does both."""
+    """How the child moves on the parent: `revolute` rotates within limits, `continuous` without, `prismatic` slides, `screw` does both."""
     parent: MountField
     """The parent mount: `component.mount`."""
     child: MountField

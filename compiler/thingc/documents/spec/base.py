@@ -1,4 +1,4 @@
-"""What every document model shares."""
+"""The base class of all document models, and their rules."""
 
 from __future__ import annotations
 

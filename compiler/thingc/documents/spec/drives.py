@@ -1,4 +1,4 @@
-"""What acts along a coordinate or a tendon: springs and friction of its own, and a drive."""
+"""Springs, friction and drives that act along a joint coordinate or a tendon."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from thingc.documents.spec.name_types import ComponentField
 DriveKind = Literal["position", "velocity", "motor"]
 
 UNUSED = {"velocity": ("kp",), "motor": ("kp", "kv")}
-"""By kind of drive, the gains of a component that cannot be overridden, because this kind has none."""
+"""By kind of drive, the gains of a component that cannot be overridden, because this kind does not use them."""
 
 
 class DynamicsSpec(Model):

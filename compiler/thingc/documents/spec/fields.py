@@ -1,9 +1,9 @@
 """Types of values in documents: quantities, expressions, vectors, names, references, colours.
 
-Each is an `Annotated` type that pydantic validates with one function (without unions and regular expressions of pydantic), so that an
-invalid value is one error with our own message. The errors are `PydanticCustomError`s whose type is a word that `spec.validation` converts
-to a code. Their context contains `message`, `help`, `offset` and `end` (characters inside the scalar) if only a part is invalid, `path` if
-the error is inside the value, and `others`, further such errors.
+Each is an `Annotated` type that pydantic validates with one function, without pydantic's unions and regular expressions, so that an invalid
+value causes one error with our own message. The errors are `PydanticCustomError`s, whose type is a word that `spec.validation` converts to
+a code. Their context contains `message` and `help`; `offset` and `end` (characters inside the scalar) if only a part is invalid; `path` if
+the error is inside the value; and `others`, which are further such errors.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class FieldValidator:
 
 
 def fault(kind: str, message: str, *, help: str | None = None, offset: int | None = None, end: int | None = None) -> PydanticCustomError:
-    """Return an error for `spec.validation`; its parts are described in the module docstring."""
+    """Return an error for `spec.validation`. The module docstring describes its fields."""
     context: dict[str, Any] = {"message": message}
     if help:
         context["help"] = help
@@ -103,7 +103,7 @@ def found(value: object) -> str:
 
 
 def read_expression(text: str) -> Expression:
-    """Parse `=...`; syntax errors become validation errors."""
+    """Parse `=...`. Syntax errors become validation errors."""
     try:
         return parse_expression(text)
     except ExpressionError as error:
@@ -121,7 +121,7 @@ def _of_unit(error: UnitError) -> PydanticCustomError:
 
 
 def _bare(value: int | float) -> Quantity:
-    """Convert a bare number to a quantity; numbers that overflow a double are rejected."""
+    """Convert a bare number to a quantity. Numbers that overflow a double are rejected."""
     try:
         number = float(value)
     except OverflowError:
@@ -154,7 +154,7 @@ def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, exampl
 
 
 def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: str) -> Quantity:
-    """Call `parse_quantity`; if the text is not a quantity at all, the error describes the expected value."""
+    """Call `parse_quantity`. If the text is not a quantity at all, the error describes the expected value."""
     start = len(text) - len(text.lstrip())
     if scan_number(text, start) is None:
         raise UnitError(f"expected {words} (such as `{example}`), found {found(text)}", help=expression_hint(text))
@@ -180,7 +180,7 @@ def decimal_point(text: str, whole: str, rest: str) -> Suggestion:
 
 
 def quantity(*dimensions: Dimension, doc: str = "") -> FieldValidator:
-    """Validates a value of one of the dimensions: to `Quantity | Expression`.
+    """Return a validator for values of one of the dimensions, which returns `Quantity | Expression`.
 
     A bare 0 is 0 of every dimension; other bare numbers are refused unless NUMBER is among the dimensions.
     `doc` replaces the words of messages and of the schema ("an angle or a length").
@@ -250,7 +250,7 @@ def _joint_value(value: Any) -> Value | str:
 
 
 def _vector(dimension: Dimension) -> FieldValidator:
-    """Return the type of three values of one dimension: `[10 mm, 0, =h]` or `0 120 30 mm`; validated to a tuple of three."""
+    """Return the type of three values of one dimension: `[10 mm, 0, =h]` or `0 120 30 mm`. The validated value is a tuple of three."""
     words = f"three values, each {dimension.words}"
     number, _, unit = dimension.example.partition(" ")
     short = f"0 0 -{number} {unit}" if dimension == ACCELERATION else f"0 {number} 30 {unit}"
@@ -292,14 +292,14 @@ def _vector(dimension: Dimension) -> FieldValidator:
 
 
 def within(error: PydanticCustomError, path: tuple[str | int, ...]) -> PydanticCustomError:
-    """Return an error inside a value, with its `path` there, so that `spec.validation` can locate it."""
+    """Return an error inside a value with its `path` there, so that `spec.validation` can locate it."""
     context = dict(error.context or {})
     context["path"] = path
     return PydanticCustomError(error.type, "{message}", context)
 
 
 def raise_all(errors: list[PydanticCustomError]) -> None:
-    """Raise the first of the errors inside a value, if any, with the others in its context."""
+    """Raise the first error inside a value, if any, with the other errors in its context."""
     if errors:
         first, *others = errors
         raise PydanticCustomError(first.type, "{message}", {**(first.context or {}), "others": others})
@@ -333,7 +333,7 @@ _REFERENCE_WORD = re.compile(r"(?:[A-Za-z*?\[]|\$\{?[A-Za-z])(?:[A-Za-z0-9_*?\[\
 
 
 def _reference(value: Any) -> str:
-    """Validate dotted words, with `$i` inside a repeat, and with `*`, `?`, `[...]` where patterns are allowed."""
+    """Validate dotted words, with `$i` inside a repeat, and with `*`, `?`, `[...]` if patterns are allowed."""
     if not isinstance(value, str):
         raise fault("type", f"expected a reference such as `plate.servo_seat`, found {found(value)}")
     at = 0
@@ -354,7 +354,7 @@ _HEX = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})", re.ASCII)
 
 
 def _color(value: Any) -> str:
-    """Validate a CSS colour name or `#rgb`, `#rrggbb`, normalised to `#rrggbb`."""
+    """Validate a CSS colour name, `#rgb` or `#rrggbb`, and normalise it to `#rrggbb`."""
 
     if not isinstance(value, str):
         raise fault("type", f"expected a colour, found {found(value)}", help='write a CSS name or `"#rrggbb"`')
@@ -392,7 +392,7 @@ _COST = re.compile(r"\d+(?:\.\d+)? [A-Z]{3}", re.ASCII)
 
 
 def _cost(value: Any) -> str:
-    """Validate an amount and a currency, unchanged."""
+    """Validate an amount with a currency. The text is not changed."""
     if isinstance(value, str) and _COST.fullmatch(value):
         return value
     amount = value if isinstance(value, (int, float)) and not isinstance(value, bool) else "12.50"
@@ -410,7 +410,7 @@ _ANY_SCHEMA = {
 _INDEX_SCHEMA = {"type": "string", "pattern": "^[0-9]$"}
 _NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "examples": ["shoulder"]}
 REFERENCE_PATTERN = rf"^{_REFERENCE_WORD.pattern}(\.{_REFERENCE_WORD.pattern})*$"
-"""JSON Schema of a text that is a reference."""
+"""JSON Schema pattern of a text that is a reference."""
 _REFERENCE_SCHEMA = {
     "type": "string", "pattern": REFERENCE_PATTERN,
     "description": "Dotted names; the last may be a mount; `$i` inside a repeat.",
@@ -480,4 +480,4 @@ wheat f5deb3, white ffffff, whitesmoke f5f5f5, yellow ffff00, yellowgreen 9acd32
 COLORS: dict[str, str] = {
     name: f"#{digits}" for name, digits in (entry.split() for entry in _TABLE.replace("\n", " ").split(",") if entry.strip())
 }
-"""Lower-case name to `#rrggbb`."""
+"""CSS colours: lower-case name to `#rrggbb`."""

@@ -1,6 +1,6 @@
-"""Words of other formats and programs for the keys and values of documents: URDF, SDFormat, MJCF, ROS, printing and CAD.
+"""Keywords of other formats and programs (URDF, SDFormat, MJCF, ROS, printing, CAD) and the keys and values that they correspond to.
 
-`KEYS` has keys, by the model of a mapping; `WORDS` has values of choices; `WHOLE` has mappings that people write as their values alone.
+`KEYS` has keys by the model of a mapping. `WORDS` has values of choices. `WHOLE` has mappings that are often written as their values alone.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ _KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
 KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
     model: {word: meant for meant, words in table.items() for word in words.split()} for model, table in _KEYS.items()
 }
-"""By model of a mapping (and models derived from it): keys of other formats, and the key or sentence for each."""
+"""Keys of other formats by model of a mapping (and models derived from it), each with our key or a sentence that explains it."""
 
 FREE = "define a floating robot as a mode: `modes: {adrift: {root: COMPONENT, base: free}}`"
 
@@ -142,10 +142,10 @@ _WORDS = {
     "bought buy": "purchased stock bought purchase", "uniform": "grid random", "lhs": "latin_hypercube latin",
     "vendor": "datasheet data_sheet catalogue", "measured": "weighed scale", "estimated": "guess guessed cad computed",
 }
-"""Values of other formats, by the choices that may be meant."""
+"""Values of other formats, by the choices that they may mean."""
 
 WORDS: Mapping[str, tuple[str, ...]] = {word: tuple(meant.split()) for meant, words in _WORDS.items() for word in words.split()}
-"""Values of other formats, in lower case, and the choices that may be meant, most likely first; not all are valid at every place."""
+"""Values of other formats in lower case, with the choices that they may mean, most likely first. Not all are valid at every place."""
 
 FLOATING = frozenset({"floating", "float", "free", "freejoint", "6dof", "floating_base"})
 """Joint types of other formats that correspond to the base of a mode."""
@@ -158,7 +158,7 @@ WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
     sensors.SensorSpec: ("type",), modes.ContactsSpec: ("exclude",), link_shapes.RoundSpec: ("radius",),
     link_shapes.LongSpec: ("radius", "length"),
 }
-"""Models of mappings that are often written as a value or a list of values, and the keys of these values."""
+"""Models of mappings that are often written as a value or a list of values, with the keys of these values."""
 
 
 def key_for(model: type[BaseModel], key: str) -> str | None:
@@ -180,7 +180,7 @@ def choice_hint(word: str, choices: list[str]) -> str | None:
 
 
 def written_whole(model: type[BaseModel], texts: list[str], value: object) -> str | None:
-    """Return the mapping of this model that was meant by a value or a list (`texts` are its scalars), or None."""
+    """Return the intended mapping of this model for a value or a list (`texts` are its scalars), or None."""
     keys = WHOLE.get(model)
     if keys is None or not texts or not all(texts) or isinstance(value, bool):
         return None

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 ANY_NAME = "*"
-"""In a path, stands for an entry with an invalid name (reported): it may be any entry that is referred to."""
+"""Placeholder in a path for an entry with an invalid name (reported). It may be any entry that is referred to."""
 
 
 class InvalidEntries(FrozenStruct):
-    """Key paths of a document whose values are invalid (reported) and left out, or that an invalid key may stand for.
+    """Key paths of a document whose values are invalid (reported) and removed, or that an invalid key may have been meant for.
 
-    Later passes do not report errors at such a place, at its parents, or inside it.
+    Later passes do not report errors at such a path, at its parents, or inside it.
     """
 
     paths: frozenset[Path] = frozenset()

@@ -16,14 +16,14 @@ from thingc.documents.spec.poses import PoseSpec
 
 ShapeKind = Literal["mesh", "box", "sphere", "cylinder", "capsule", "ellipsoid", "plane"]
 KINDS: tuple[ShapeKind, ...] = get_args(ShapeKind)
-"""What a shape is exactly one of."""
+"""Kinds of shapes; each shape has exactly one of these keys."""
 
 
 class RoundSpec(Model):
     """A sphere."""
 
     radius: LengthField
-    """From its centre to its surface."""
+    """Radius of the sphere."""
 
 
 class LongSpec(Model):
@@ -36,7 +36,7 @@ class LongSpec(Model):
 
 
 def _shape_rules(schema: dict[str, Any]) -> None:
-    """What `ShapeSpec` checks beyond its fields, for editors."""
+    """Add the rules that `ShapeSpec` checks in addition to its fields to its schema, for editors."""
     schema["oneOf"] = [{"required": [kind]} for kind in KINDS]
     schema["dependentSchemas"] = {key: {"required": ["mesh"]} for key in ("unit", "scale")}
 
@@ -72,17 +72,17 @@ class ShapeSpec(Model):
         default="both", alias="for", description="Whether the shape is visual, for collision, or both; default: both.",
     )
     material: MaterialField | None = Field(default=None, examples=["rubber"])
-    """A material in scope; default: that of the link."""
+    """A material in scope; default: the material of the link."""
     color: ColorField | None = None
-    """Its own colour; default: that of its material."""
+    """Its own colour; default: the colour of its material."""
     friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.6}])
-    """Its own friction, over that of its material."""
+    """Its own friction, which overrides the friction of its material."""
     name: FileName | None = Field(default=None, examples=["left-foot"])
     """The name of its geom, visual and collision in files; default: numbered after the component."""
 
     @property
     def kind(self) -> ShapeKind:
-        """Which of `KINDS` it is."""
+        """The kind of the shape, one of `KINDS`."""
         return next(kind for kind in KINDS if getattr(self, kind) is not None)
 
     @model_validator(mode="after")

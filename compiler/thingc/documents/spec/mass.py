@@ -1,4 +1,4 @@
-"""What a document states of the mass of a component, and where that is from."""
+"""Mass, centre of mass and inertia of a component as given in a document, with their sources."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ Source = Literal["measured", "vendor", "estimated", "repaired"]
 
 
 class MassSpec(Model):
-    """A mass and where it is from."""
+    """A mass and its source."""
 
     value: MassField
     """The mass."""
     source: Source
-    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because no solid has what its source said)."""
+    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because the original value is physically impossible)."""
 
 
 class CentreOfMassSpec(Model):
-    """A centre of mass and where it is from."""
+    """A centre of mass and its source."""
 
     value: Vector3Length
     """The centre of mass."""
     source: Source
-    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because no solid has what its source said)."""
+    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because the original value is physically impossible)."""
 
 
 class InertiaMatrix(Model):
@@ -48,9 +48,9 @@ class InertiaMatrix(Model):
 
 
 class InertiaSpec(Model):
-    """An inertia and where it is from."""
+    """An inertia and its source."""
 
     value: InertiaMatrix = Field(examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}])
     """The inertia."""
     source: Source
-    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because no solid has what its source said)."""
+    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because the original value is physically impossible)."""

@@ -17,13 +17,13 @@ class FrictionSpec(Model):
     slide: NumberField
     """Sliding (Coulomb) friction."""
     torsion: LengthField | NumberField | None = Field(default=None, examples=[0.005, "5 mm"])
-    """Torsional friction, as MuJoCo's [m]."""
+    """Torsional friction, as in MuJoCo [m]."""
     roll: LengthField | NumberField | None = Field(default=None, examples=[0.0001, "0.1 mm"])
-    """Rolling friction, as MuJoCo's [m]."""
+    """Rolling friction, as in MuJoCo [m]."""
 
 
 class ProcessSpec(Model):
-    """How a part is made. The mass of a part with an infill is estimated from it: for `fdm` layer by layer."""
+    """Manufacturing process of a part. It is used to estimate the mass of a part with infill: for `fdm`, layer by layer."""
 
     kind: Literal["fdm", "resin", "machined", "cast", "molded", "bought"] | None = None
     """Printed from filament (`fdm`) or resin, machined, cast, molded, or bought."""
@@ -38,7 +38,7 @@ class ProcessSpec(Model):
     bottom: CountField | None = None
     """Solid layers below."""
     infill: RatioField | None = None
-    """0 % to 100 %."""
+    """Share of the interior that is filled, 0 % to 100 %."""
     overlap: RatioField | None = Field(default=None, examples=["25 %"])
     """How far infill reaches into the walls, as a share of the line width; default: 25 %, as in PrusaSlicer."""
     bridge_flow: RatioField | None = Field(default=None, examples=["100 %"])
@@ -48,7 +48,7 @@ class ProcessSpec(Model):
 
 
 class MaterialSpec(Model):
-    """A material: density, looks, friction and how parts are made of it."""
+    """A material: density, appearance, friction and manufacturing process."""
 
     base: str | None = Field(default=None, examples=["bd_materials:pla"])
     """A library material as the base: `bd_materials:pla`; keys written here override it."""

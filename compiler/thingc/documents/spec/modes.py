@@ -14,27 +14,27 @@ from thingc.documents.spec.name_types import ComponentField, JointPattern, ModeF
 from thingc.documents.spec.poses import PoseSpec
 
 StandsOn = Literal["floor", "wall", "ceiling"]
-"""What a robot stands on, clings to or hangs from, in words."""
+"""Surfaces that a robot can stand on, cling to or hang from."""
 
 
 class SimulationSpec(Model):
-    """How simulators step."""
+    """Time step and solver settings of simulators."""
 
     timestep: TimeField | None = None
-    """Time between two states."""
+    """Time step."""
     integrator: Literal["euler", "rk4", "implicit", "implicitfast"] | None = None
     """The integrator of MuJoCo."""
     cone: Literal["pyramidal", "elliptic"] | None = None
     """The shape of the friction cone of contacts."""
     impratio: NumberField | None = None
-    """Ratio of friction to normal impedance; above 1 contacts slip less."""
+    """Ratio of friction to normal impedance; above 1, contacts slip less."""
 
 
 class WorldAtSpec(PoseSpec):
-    """The world side of a mode's root: its pose in the world."""
+    """The pose of a mode's root in the world."""
 
     on: Literal["floor"] | None = None
-    """`floor`: at the height at which the lowest point of the robot, in the start pose of the mode, touches the plane z = 0."""
+    """`floor`: the height at which the lowest point of the robot, in the start pose of the mode, touches the plane z = 0."""
 
 
 class ContactsSpec(Model):
@@ -49,10 +49,10 @@ class ContactsSpec(Model):
 
 
 class HoldSpec(PoseSpec):
-    """Where a further mount is held in the world, and what the hold can carry."""
+    """The place in the world at which an additional mount is held, and the loads that the hold can carry."""
 
     at: Literal["here"] | None = None
-    """`here`: where the mode's own pose puts it; otherwise use `xyz` and `rpy`."""
+    """`here`: the place that results from the mode's own pose; otherwise use `xyz` and `rpy`."""
     carries: Literal["force", "force and torque"] = "force and torque"
     """`force`: a fixed point about which the link can rotate; `force and torque`: a clamp."""
 
@@ -70,23 +70,23 @@ class HoldSpec(PoseSpec):
 
 
 class StandingSpec(Model):
-    """What a floating mode stands on."""
+    """The mounts on which the robot of a floating mode stands."""
 
     mounts: Annotated[list[ShownMountField], Field(min_length=1)] = Field(examples=[["leg_0.sole", "leg_2.sole", "leg_4.sole"]])
     """The mounts at which the floor supports the robot; patterns allowed."""
     friction: NumberField | None = None
-    """Sliding friction between them and the floor; default: that of their materials."""
+    """Sliding friction between them and the floor; default: the friction of their materials."""
 
 
 class ModeSpec(Model):
     """One simulation model."""
 
     root: RootField | None = None
-    """A mount (mated to the world) or a component (laid on the world frame)."""
+    """A mount (mated to the world) or a component (placed at the world frame)."""
     base: BaseType | None = None
     """`fixed` (default), `held`, `free`, `planar` (in the x-y plane of `at`) or `ball` (about the root's origin)."""
     at: WorldAtSpec | None = Field(default=None, examples=[{"xyz": "0 0 300 mm", "rpy": "0 0 90 deg"}, {"on": "floor"}])
-    """Where in the world the root is; default: its origin."""
+    """Pose of the root in the world; default: the origin."""
     at_in: dict[OwnPoseKey, PoseSpec] | None = Field(default=None, examples=[{"sit": {"xyz": "0 0 100 mm"}}])
     """The pose of the root of a `free` or `held` base in some poses; `at` applies to the others."""
     gravity: StandsOn | Vector3Acceleration | None = Field(default=None, examples=["wall", "0 0 -1.62 m/s^2"])
@@ -103,13 +103,13 @@ class ModeSpec(Model):
             {"rear_foot.sole": "here"}, {"rear_foot.sole": {"at": "here", "carries": "force"}}, {"rear_foot.sole": {"xyz": "200 0 0 mm"}},
         ],
     )
-    """Further mounts that are fixed to the world, each at a pose or `here`: where the mode's own pose puts it."""
+    """Additional mounts that are fixed to the world, each at a pose or `here`, the place that results from the mode's own pose."""
     standing_on: StandingSpec | list[ShownMountField] | None = Field(
         default=None, examples=[["leg_0.sole", "leg_2.sole", "leg_4.sole"], {"mounts": ["leg_*.sole"], "friction": 0.6}],
     )
     """The mounts on which a free base stands: the floor can push there, but not pull. Used by statics."""
     cut: list[JointPattern] | None = Field(default=None, examples=[["rear_knee"]])
-    """The joints at which loops are cut; patterns allowed."""
+    """The joints at which kinematic loops are cut; patterns allowed."""
     simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "1 ms"}])
     """Simulation settings of this mode, which override those of the document."""
     extends: ModeField | None = None

@@ -1,7 +1,7 @@
 """Types of fields and keys that declare a name or refer to one.
 
-They are the only place that defines what a text refers to. `documents/names/document_names.py` uses them; rename and go to
-definition have no lists of keys of their own. The few text fields that refer to nothing are listed in `tests/spec/test_mentions.py`.
+They alone define what a text refers to. `documents/names/document_names.py` uses them, and rename and go to definition do not have their
+own lists of keys. The few text fields that refer to nothing are listed in `tests/spec/test_mentions.py`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from thingc.documents.spec.fields import JointValueField, Name, ReferenceField
 Declared = Literal[
     "component", "export", "index", "joint", "link", "material", "mode", "mount", "parameter", "pose", "sensor", "tendon", "test",
 ]
-"""Kinds of declared names: `export` is a mount that is exported to a parent assembly, `index` that of a `repeat`."""
+"""Kinds of declared names. `export` is a mount that is exported to a parent assembly, `index` is the index of a `repeat`."""
 ReferenceKind = Literal[
     "assembly document", "choice", "component", "coordinate", "coordinate or tendon", "expression", "joint", "joint or nested assembly",
     "material", "materials document", "mode", "modes", "mount", "mount of its own", "mount or export", "parameter of a nested assembly",
@@ -24,24 +24,24 @@ ReferenceKind = Literal[
 ]
 """Kinds of references.
 
-`coordinate` is one of a joint of the same document; `modes` and `poses` are names, patterns or `all`; `setting` is a parameter or the path
-of any other value in an assembly, `choice` a value that is set at such a path, `rule` a comparison of these and of results; `raw` is an
-element of a file that a target writes.
+`coordinate` is a coordinate of a joint of the same document. `modes` and `poses` are names, patterns or `all`. `setting` is a parameter or
+the path of any other value in an assembly, `choice` is a value that is set at such a path, and `rule` is a comparison of these and of
+results. `raw` is an element of a file that a target writes.
 """
 
 
 RESERVED = frozenset({"world", "root", "origin"})
-"""Reserved names, which have a meaning of their own."""
+"""Reserved names with a special meaning."""
 
 
 class DeclaresName(FrozenStruct, kw_only=False):
-    """Annotation of a key or a text that declares a name."""
+    """Annotation of a key or text that declares a name."""
 
     what: Declared
 
 
 class RefersTo(FrozenStruct, kw_only=False):
-    """Annotation of a key or a text that refers to something."""
+    """Annotation of a key or text that refers to something."""
 
     what: ReferenceKind
 

@@ -1,4 +1,4 @@
-"""A pose, wherever a document writes one."""
+"""The model of a pose, used everywhere in documents."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from thingc.documents.spec.fields import NumberField, Vector3Angle, Vector3Lengt
 
 
 class PoseSpec(Model):
-    """A place and an orientation in a frame."""
+    """A position and an orientation in a frame."""
 
     model_config = ConfigDict(json_schema_extra={"not": {"required": ["rpy", "quat"]}})
 
     xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
-    """Position along x, y and z of that frame."""
+    """Position along x, y and z of the frame."""
     rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
     """Extrinsic roll, pitch, yaw, as in URDF."""
     quat: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = Field(default=None, examples=[[0.5, 0.5, 0.5, 0.5]])

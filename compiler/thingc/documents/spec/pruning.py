@@ -1,4 +1,4 @@
-"""Remove the invalid parts of a document, each with the smallest entry that can be left out."""
+"""Remove the invalid parts of a document, each together with the smallest entry that can be removed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from thingc.documents.spec.annotation_types import FieldType, model_keys
 from thingc.documents.spec.invalid_entries import ANY_NAME
 
 ROUNDS = 12
-"""Maximum number of passes: an entry may need a key that was removed from it."""
+"""Maximum number of passes. More than one may be needed, because an entry may require a key that was removed from it."""
 
 _NEEDED = ("thingc", "name", "components")
 """Required keys of an assembly. (A document of materials requires `materials`, see `prune`.)"""
@@ -22,16 +22,16 @@ _STAND_INS: dict[str, Any] = {"parameters": 0, "poses": {}}
 
 
 MISPLACED = "misplaced"
-"""Kind of an error of keys (`value`) that are indented like the entry that they belong to.
+"""Kind of an error (type `value`) for keys that are indented like the entry to which they belong.
 
-That entry is the `owner` in the error's context (None if the keys are before the first entry).
+That entry is the `owner` in the error's context (None if the keys precede the first entry).
 """
 
 
 class Fault(FrozenStruct):
-    """An error of the document at `path`, or at the key with `key`; type and context are those of pydantic or `fields`.
+    """An error of the document at `path`, or at the key if `key` is True. Type and context are those of pydantic or `fields`.
 
-    `shape` is the expected type, or that of the mapping with an unknown or missing key.
+    `shape` is the expected type, or the type of the mapping with an unknown or missing key.
     """
 
     path: Path
@@ -76,7 +76,7 @@ def prune(plain: dict[str, Any], faults: Sequence[Fault]) -> set[Path] | None:
 
 
 def take_out(plain: dict[str, Any], path: Path, *, name: bool = False) -> Path | None:
-    """Remove the value at `path` from a document, with its list, if any. With `name`, the name of the entry itself is invalid.
+    """Remove the value at `path` from a document, with its list, if any. With `name`, the entry's own name is the invalid part.
 
     Return the path of the removed value, or None if it is required.
     """

@@ -1,6 +1,6 @@
-"""JSON Schema (draft 2020-12) of the document kinds, for editors. `python -m thingc.documents.spec.schema` writes `schemas/`.
+"""JSON Schema (draft 2020-12) of each kind of document, for editors. `python -m thingc.documents.spec.schema` writes `schemas/`.
 
-Titles, descriptions and examples come from the models: the docstring under a field is its description.
+Titles, descriptions and examples come from the models; the docstring below a field is its description.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class _Generator(GenerateJsonSchema):
 
 
 def _documentation(*modules: types.ModuleType) -> dict[str, dict[str, str]]:
-    """Return the docstrings of fields by class and field name; inherited fields are in the class that defines them."""
+    """Return the docstrings of fields by class and field name. Inherited fields are listed at the class that defines them."""
     texts: dict[str, dict[str, str]] = {}
     for module in modules:
         for node in ast.parse(inspect.getsource(module)).body:
@@ -90,7 +90,7 @@ def _describe(definition: dict[str, Any], documented: dict[str, str]) -> None:
 
 
 def _complete(name: str, field: dict[str, Any], definitions: dict[str, Any]) -> None:
-    """Add to a field what editors show: its title, the description of the accepted mapping, and its choices as examples."""
+    """Add information for editors to a field: its title, the description of the accepted mapping, and its choices as examples."""
     field.setdefault("title", name.replace("_", " ").title())
     if "$ref" in field:
         inner = definitions[field["$ref"].rpartition("/")[2]]
@@ -106,7 +106,7 @@ def _complete(name: str, field: dict[str, Any], definitions: dict[str, Any]) -> 
 
 
 def _without_null(schema: Any) -> Any:
-    """Return the schema without `null`, which is not a value in documents, and without null defaults."""
+    """Return the schema without `null`, which is not a valid value in documents, and without null defaults."""
     if isinstance(schema, list):
         return [_without_null(item) for item in schema]
     if not isinstance(schema, dict):
@@ -128,7 +128,7 @@ def _both(inner: dict[str, Any], outer: dict[str, Any]) -> dict[str, Any]:
 
 
 def write(folder: str) -> list[str]:
-    """Write every schema as `<kind>-1.json` into a folder; return the paths."""
+    """Write every schema as `<kind>-1.json` into a folder. Return the paths."""
     paths = []
     for kind in KINDS:
         path = os.path.join(folder, f"{kind}-1.json")

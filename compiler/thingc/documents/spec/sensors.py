@@ -19,7 +19,7 @@ _READINGS = (ACCELERATION, ANGULAR_VELOCITY, VELOCITY, FORCE, TORQUE, LENGTH, AN
 ReadingField = Annotated[Value, quantity(*_READINGS, doc="a value in the unit of the sensor")]
 
 VOLUMES: tuple[PrimitiveShape, ...] = ("box", "sphere", "cylinder", "capsule", "ellipsoid")
-"""The shapes of the volume of a touch sensor."""
+"""The possible shapes of the volume of a touch sensor."""
 
 _EXAMPLES: dict[SensorKey, str] = {
     "at": "at: body.top", "joint": "joint: knee", "tendon": "tendon: cable", "of": "of: shin",
@@ -45,7 +45,7 @@ class VolumeSpec(Model):
 
     @property
     def kind(self) -> PrimitiveShape:
-        """Which of `VOLUMES` it is."""
+        """The kind of the volume, one of `VOLUMES`."""
         return next(kind for kind in VOLUMES if getattr(self, kind) is not None)
 
     @model_validator(mode="after")
@@ -58,7 +58,7 @@ class VolumeSpec(Model):
 
 
 def _rules(schema: dict[str, Any]) -> None:
-    """By its type what a sensor takes, for editors."""
+    """Add the keys that each type of sensor accepts to the schema, for editors."""
     others = [key for key in schema["properties"] if key != "type"]
     schema["allOf"] = [
         {
@@ -85,7 +85,7 @@ class SensorSpec(Model):
         default=None, alias="in", description="For a `pose` or a `twist`, the mount relative to which it is measured; default: the world.",
     )
     joint: JointField | None = None
-    """For a `joint` sensor, the joint (by default that with the name of the sensor); for a `drive`, the driven joint."""
+    """For a `joint` sensor, the joint (default: the joint with the name of the sensor); for a `drive`, the driven joint."""
     tendon: TendonField | None = None
     """The tendon of this document that is measured, or whose drive is measured."""
     of: ComponentField | None = None

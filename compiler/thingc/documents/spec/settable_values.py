@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from thingc.documents.spec.assembly import AssemblySpec
 
 KEYS = ("part", "file", "assembly", "material")
-"""Keys of a component that can be chosen."""
+"""Keys of a component whose values can be chosen."""
 DEFAULT_MATERIAL = "defaults.component.material"
 EXAMPLES = "`components.NAME.part` (or `.assembly`, `.file`, `.material`), or `defaults.component.material`"
 
 VALUES = "the path of a value, such as `joints.NAME.limit.upper` or `components.NAME.mass`"
 SECTIONS = ("components", "defaults", "joints", "links", "materials", "poses", "sensors", "tendons")
-"""Sections of a nested assembly in which values can be set; none of them is a key of a component."""
+"""Sections of a nested assembly in which values can be set. None of these names is also a key of a component."""
 
 
 class ChoicePath(FrozenStruct):
@@ -39,7 +39,7 @@ class ChoicePath(FrozenStruct):
 
 
 def parse(path: str) -> ChoicePath | None:
-    """Parse the path of a choice; None if it is not one."""
+    """Parse the path of a choice. Return None if it is not one."""
     words = path.split(".")
     names: list[str] = []
     while len(words) > 2 and words[0] == "components":
@@ -54,7 +54,7 @@ def parse(path: str) -> ChoicePath | None:
 
 
 def nested(path: str) -> tuple[str, str] | None:
-    """Split a path into a component and the path in its nested assembly; None if the path ends in the document itself."""
+    """Split a path into a component and the path in its nested assembly. Return None if the path does not lead into a nested assembly."""
     words = path.split(".", 2)
     if len(words) < 3 or words[0] != "components" or words[2].partition(".")[0] not in SECTIONS or "." not in words[2]:
         return None
@@ -62,13 +62,13 @@ def nested(path: str) -> tuple[str, str] | None:
 
 
 def is_value(path: str) -> bool:
-    """Return whether a path has the form of that of a value, not of a choice."""
+    """Return whether a path has the form of a value's path, as opposed to a choice's path."""
     words = path.split(".")
     return len(words) > 1 and all(words) and " " not in path and parse(path) is None
 
 
 def dimension_at(document: Document, path: Path) -> Dimension | None:
-    """Return the dimension of the value at `path`; None if it is not a value of a joint, or not unique.
+    """Return the dimension of the value at `path`; None if it is not a value of a joint, or if the dimension is ambiguous.
 
     It depends on the `type` of the joint (in `defaults`, poses and patterns: of all matching joints).
     """
@@ -105,8 +105,8 @@ def _coordinate(document: Document, name: str) -> Dimension | None:
 def current_value(documents: Documents, path: str) -> ExpressionValue | Expression | None:
     """Return the value at a path in the root document or a nested one.
 
-    Texts that are not values themselves (vectors) are returned as text. None if the value is not specified, or is an expression of a nested
-    document.
+    Texts that are not values themselves (vectors) are returned as text. Return None if the value is not specified, or is an expression of a
+    nested document.
     """
     document, keys = _leading(documents, path)
     return None if document is None else _value(documents, document, keys)
@@ -115,7 +115,7 @@ def current_value(documents: Documents, path: str) -> ExpressionValue | Expressi
 def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
     """Return the value of a nested document's own parameter at a path (`components.leg.parameters.length`).
 
-    None for other paths, and for an expression.
+    Return None for other paths, and if the value is an expression.
     """
     document, keys = _leading(documents, path)
     if document is None or len(keys) != 4 or (keys[0], keys[2]) != ("components", "parameters"):
@@ -128,7 +128,7 @@ def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
 
 
 def dimension_stated(documents: Documents, path: str) -> Dimension | None:
-    """Return the dimension of a value of a joint at a path, whether or not it is specified; None for other paths."""
+    """Return the dimension of a value of a joint at a path, whether the document specifies it or not. Return None for other paths."""
     document, keys = _leading(documents, path)
     return None if document is None else dimension_at(document, keys)
 
@@ -143,7 +143,7 @@ def _leading(documents: Documents, path: str) -> tuple[Document | None, tuple[st
 
 
 def nested_document(documents: Documents, document: Document, component: str) -> Document | None:
-    """Return the document that a component nests, or None."""
+    """Return the document of a nested component, or None."""
     text = node_at(document.tree, ("components", component, "assembly"))
     return documents.named(document, text.text) if isinstance(text, ScalarNode) else None
 
@@ -160,7 +160,7 @@ def _value(documents: Documents, document: Document, keys: tuple[str, ...]) -> E
 
 
 def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
-    """Return the values of a document at the paths of choices of its own components: choosing these has no effect."""
+    """Return the current values of choices of a document's own components, by path. Choosing these values has no effect."""
     default = assembly.defaults.component if assembly.defaults is not None else None
     choices = {DEFAULT_MATERIAL: default.material} if default is not None and default.material is not None else {}
     for name, component in assembly.components.items():
@@ -171,7 +171,7 @@ def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
 def in_full(tree: Node, keys: tuple[str, ...]) -> tuple[tuple[str, ...], Node] | None:
     """Return the path and the long form of a value that is written in short form, if a path leads into it; otherwise None.
 
-    Short forms are the drive of a joint that only names a component or is in `defaults` (`joints.elbow.drive.kp`), and a vector in one text
+    Short forms are a drive of a joint that only names a component or is in `defaults` (`joints.elbow.drive.kp`), and a vector in one text
     (`modes.moon.gravity.2`).
     """
     text = node_at(tree, keys[:-1])

@@ -33,7 +33,7 @@ class AroundSpec(Model):
     cylinder: LengthField | None = None
     """The radius of an infinite cylinder."""
     side: ShownMountField | None = None
-    """A mount outside it, on the same link: the tendon passes on that side; default: the shorter side."""
+    """A mount outside it, on the same link. The tendon passes on that side; default: the shorter side."""
 
     @model_validator(mode="after")
     def _one_shape(self) -> AroundSpec:
@@ -52,7 +52,7 @@ class PulleySpec(Model):
 
 
 def _rules(schema: dict[str, Any]) -> None:
-    """What `TendonSpec` checks beyond its fields, for editors."""
+    """Add the rules that `TendonSpec` checks in addition to its fields to its schema, for editors."""
     schema["oneOf"] = [{"required": ["joints"]}, {"required": ["path"]}]
     schema["dependentSchemas"] = {"width": {"required": ["path"]}}
 
@@ -65,11 +65,11 @@ class TendonSpec(Model):
     joints: Annotated[dict[CoordinateKey, MultiplierField], Field(min_length=1)] | None = Field(
         default=None, examples=[{"left": "12 mm/rad", "right": "-8 mm/rad"}],
     )
-    """Change of length per unit of each joint of this document; the length is the sum."""
+    """Change of length per unit of each joint of this document. The length is the sum over the joints."""
     path: Annotated[list[ShownMountField | AroundSpec | PulleySpec], Field(min_length=2)] | None = Field(
         default=None, examples=[["arm.hook", {"around": "drum.axle", "cylinder": "12 mm"}, "hand.hook"]],
     )
-    """The mounts that it passes through, with obstacles between two of them, and pulleys; its length is that of the path."""
+    """The mounts that it passes through, with obstacles between two of them, and pulleys. Its length is the length of the path."""
     width: LengthField | None = None
     """For a tendon along a path, its diameter when drawn."""
     limit: TendonLimitSpec | None = Field(default=None, examples=[{"lower": "-10 mm", "upper": "25 mm"}])

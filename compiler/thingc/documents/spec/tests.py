@@ -1,4 +1,4 @@
-"""The `tests:` block of an `assembly/1` document: what has to be true of the robot, by name. Kinds are those of `documents/checks/`."""
+"""The `tests:` block of an `assembly/1` document: requirements for the robot, by name. Kinds of tests are in `documents/checks/`."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from thingc.documents.spec.base import Model, rule
 
 
 class _OneKind(Model):
-    """A mapping with one key, the kind."""
+    """A mapping with one key, which is the kind of the test."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
     @property
     def kind(self) -> str:
-        """The key that is written."""
+        """The kind, which is the key of the mapping."""
         return next(kind for kind in kinds() if getattr(self, kind) is not None)
 
     @property
     def stated(self) -> Any:
-        """What is written under it: of the model of its kind."""
+        """The value under the key, an instance of the kind's model."""
         return getattr(self, self.kind)
 
     @model_validator(mode="after")

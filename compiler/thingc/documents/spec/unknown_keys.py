@@ -1,4 +1,4 @@
-"""Unknown keys: find the intended key, and where it belongs."""
+"""Explain unknown keys: find the intended key and the mapping where it belongs."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from thingc.documents.spec.pruning import MISPLACED, Fault
 
 
 class UnknownKey:
-    """An unknown key (`fault`) of a document whose model is `root`.
+    """An unknown key (`fault`) in a document whose model is `root`.
 
-    `instead` is the intended key of the same mapping, or None; `help` is the help text.
+    `instead` is the intended key of the same mapping, or None. `help` is the help text.
     """
 
     def __init__(self, document: Document, root: type[Model], fault: Fault) -> None:
@@ -64,7 +64,7 @@ class UnknownKey:
         return f"write in full: `mount: {shortened(self.key, 40)}, to: {_node_text(node_at(self.document.tree, self.path))}`"
 
     def _place(self, root: type[Model]) -> str | None:
-        """Describe where a key belongs: in a mapping inside this one, in one of its parents, or in a section of the document."""
+        """Describe where a key belongs: in a mapping inside this one, in a parent mapping, or in a section of the document."""
         value = node_at(self.document.tree, self.path)
         if "parameters" in self.known and "part" not in self.known and len(self.path) > 1 and isinstance(value, ScalarNode):
             return f"set a parameter by `parameters: {{{shortened(self.key, 40)}: {shortened(value.text, 40)}}}`"
@@ -123,7 +123,7 @@ def sections(root: type[Model]) -> Iterator[tuple[str, FieldType]]:
 
 
 def along(root: type[Model], document: Document, path: Path) -> Iterator[FieldType]:
-    """Yield the types of the document and of every value on the way to `path`, as far as they are known."""
+    """Yield the types of the document and of every value on the way to `path`, as far as the path is known."""
     shape = shape_of(root)
     yield shape
     for depth, step in enumerate(path):
@@ -148,7 +148,7 @@ def _models(model: type[Model] | Any, key: str) -> Iterator[type[Model] | Any]:
 
 
 def gathered(document: Document, root: type[Model], faults: list[Fault]) -> list[Fault]:
-    """Return the errors, where keys that are indented like their entry are combined, without errors about their absence."""
+    """Return the errors, combining those of keys that are indented like their entry, without errors that these keys are missing."""
     misplaced: list[Fault] = []
     for section, entry in sections(root):
         around = node_at(document.tree, (section,))
@@ -181,7 +181,7 @@ def gathered(document: Document, root: type[Model], faults: list[Fault]) -> list
 
 
 def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
-    """Return message and help for keys that are indented like their entry; `toml`: the document uses tables instead of indentation."""
+    """Return message and help for keys that are indented like their entry. In TOML, the document uses tables instead of indentation."""
     section, owner, names = str(fault.path[0]), fault.context["owner"], [f"`{shortened(name)}`" for name in fault.value]
     several = len(names) > 1
     shown = ", ".join(names[:-1]) + f" and {names[-1]}" if several else names[0]
@@ -195,7 +195,7 @@ def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
 
 
 def _is_rather(value: Any, key: FieldType, entry: FieldType) -> bool:
-    """Return whether a value resembles that of a key of an entry more than an entry."""
+    """Return whether a value resembles a value of a key of an entry more than a whole entry."""
     if not isinstance(value, dict):
         return True
     known = sum(name in model_keys(entry.model) for name in value) if entry.model is not None else 0

@@ -1,4 +1,4 @@
-"""Validate documents against their models. `validation_errors.py` explains errors and is imported only if there are some."""
+"""Validate documents against their models. `validation_errors.py` explains errors and is only imported if there are errors."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def model_of(kind: str) -> type[Model] | None:
 def validate(documents: Documents, report: Report, memo: Memo | None = None) -> Specs:
     """Validate every document; return the models by path in the workspace.
 
-    For invalid documents (all errors are reported) the model is that of the valid rest, and `doubts` contains what was left out.
+    For an invalid document, all errors are reported; the model contains the valid rest, and `doubts` contains the removed entries.
     Documents without a useful rest are absent. `memo` caches the models of valid documents.
     """
     specs, memo = Specs(), memo or Memo()
@@ -70,7 +70,7 @@ def validate_one(document: Document, report: Report) -> Model | None:
 
 
 def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEntries]:
-    """Return the model of the valid rest of a document (None if there is none), and what was left out (reported)."""
+    """Return the model of the valid rest of a document (None if nothing is left), and the removed entries (reported)."""
     model = model_of(document.kind)
     if model is None:
         report.add(Code.WRONG_KIND, f"documents of kind `{document.kind}` are not supported yet", document.span(("thingc",)))
@@ -95,7 +95,7 @@ def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEnt
 
 
 def _build(model: type[Model]) -> None:
-    """Build a model's validator at its first use, without pydantic's search for plugins in all installed packages.
+    """Build a model's validator at its first use. Skips pydantic's search for plugins in all installed packages.
 
     The search takes longer than validating a document.
     """

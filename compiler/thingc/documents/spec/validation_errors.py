@@ -1,10 +1,10 @@
-"""Explain validation errors in the terms of documents, each at its place, and find the valid rest.
+"""Explain validation errors in terms of the document, each at its place, and extract the valid rest.
 
-Loaded only for invalid documents.
+Imported only for invalid documents.
 
-pydantic validates the plain values and reports locations in the model. These are followed through the
-annotations (`shapes`): a union's tag is in pydantic's location but not in the document, so at a union the intended branch
-is chosen by the written value, and only its errors count.
+pydantic validates the plain values and reports locations in the model. These locations are followed through the annotations (`shapes`).
+pydantic's location contains the tag of a union, which is not in the document. Therefore the intended branch of a union is chosen by the
+written value, and only the errors of this branch are reported.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ def sound_rest(
     document: Document, model: type[Model], plain: dict[str, Any], error: ValidationError | None, empty: Mapping[Path, ScalarNode],
     damaged: frozenset[Path], report: Report,
 ) -> tuple[Model | None, InvalidEntries]:
-    """Report the errors of a document, and return the model of the valid rest (None if there is none) and what was left out.
+    """Report the errors of a document. Return the model of the valid rest (None if nothing is left) and the removed entries.
 
-    `error` is the exception of the model for the `plain` values (which are pruned), `empty` are the nulls, `damaged` the paths that `load`
-    has reported.
+    `error` is the exception of the model for the `plain` values (which are pruned), `empty` are the nulls, `damaged` are the paths that
+    `load` has reported.
     """
     wrong = _report_empty(document, empty, report)
     faults: list[Fault] = []
@@ -49,7 +49,7 @@ def sound_rest(
 
 
 def _rest(model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong: frozenset[Path]) -> tuple[Model | None, InvalidEntries]:
-    """Return the model of a document without its errors and without the values at the paths `wrong`, and the invalid entries."""
+    """Return the model of a document without its errors and without the values at the paths `wrong`, and the removed entries."""
     doubts: set[Path] = set()
     pruned = prune(plain, faults)
     for path in wrong:
@@ -69,7 +69,7 @@ def _rest(model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong:
 
 
 def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: Report) -> frozenset[Path]:
-    """Report keys without a value: null is not allowed in documents. Return their paths, and those of values that a decimal comma split."""
+    """Report keys without a value, since null is not allowed. Return their paths, and the paths of values that a decimal comma split."""
     paths: set[Path] = set()
     for path, node in empty.items():
         paths.add(path)
@@ -100,7 +100,7 @@ _COMMA = "use a decimal point, not a comma"
 def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Suggestion] | None:
     """Detect `{gap: 1,5 mm}`, which is parsed as `gap: 1` and a key `5 mm`.
 
-    Return the path of the value, the span of the whole, and a hint with the intended value.
+    Return the path of the value, the span of the whole text, and a hint with the intended value.
     """
     mapping = node_at(document.tree, path[:-1])
     if not isinstance(mapping, MappingNode) or not isinstance(path[-1], str) or not path[-1][:1].isdigit():
@@ -142,7 +142,7 @@ def _each(kind: str, context: dict[str, Any]) -> Iterator[tuple[str, dict[str, A
 
 
 def _union_faults(shape: FieldType, value: Any, path: Path) -> Iterator[Fault]:
-    """Yield the errors of a value that matches no branch of a union: those of the intended branch."""
+    """Yield the errors of the intended branch for a value that matches no branch of a union."""
     branch = branch_of(shape, value)
     if branch is None:
         yield Fault(path=path, kind="type", context={}, value=value, shape=shape)

@@ -1,4 +1,4 @@
-"""Report validation errors of one document: each at its place, in the terms of documents, with a help."""
+"""Report validation errors of a document, each at its place, in terms of the document, and with a help text."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ KINDS: dict[str, Code] = {
 class FaultReporter(FrozenStruct, eq=False):
     """Reports the errors of a document whose model is `root`.
 
-    `empty` are paths that have been reported as having no value. `damaged` are those of mappings with an invalid key (reported; a missing
-    key may be the one that was meant) and of placeholders for invalid values.
+    `empty` are paths that have been reported as having no value. `damaged` are the paths of placeholders for invalid values and of mappings
+    with an invalid key (reported), which may be a misspelling of a missing key.
     """
 
     document: Document
@@ -48,7 +48,7 @@ class FaultReporter(FrozenStruct, eq=False):
     damaged: frozenset[Path]
 
     def say(self, faults: list[Fault]) -> None:
-        """Report all errors, in order."""
+        """Report all errors in order."""
         unknown = {fault.path: UnknownKey(self.document, self.root, fault) for fault in faults if fault.kind == "extra_forbidden"}
         meant = {(*path[:-1], one.instead) for path, one in unknown.items() if one.instead is not None}
         parents = {path[:-1] for path in self.empty}
@@ -71,7 +71,7 @@ class FaultReporter(FrozenStruct, eq=False):
                 self._one(fault)
 
     def _stands_in(self, path: Path) -> bool:
-        """Return whether the value at a path (or in it: an item of a vector) is a placeholder that `load` inserted."""
+        """Return whether the value at a path (or, for a vector, an item in it) is a placeholder that `load` inserted."""
         inside = (place for place in self.damaged if place[: len(path)] == path)
         return any(isinstance(node_at(self.document.tree, place), ScalarNode) for place in inside)
 
@@ -130,7 +130,7 @@ class FaultReporter(FrozenStruct, eq=False):
         self._add(Code.WRONG_LENGTH, message, self._place(fault.path), fault.path, None)
 
     def _stated(self, fault: Fault) -> None:
-        """Report an error with its own message: of a field, or of a rule of a model."""
+        """Report an error that has its own message, from a field or from a rule of a model."""
         path = (*fault.path, *fault.context.get("path", ()))
         if fault.kind == "unit":
             fault = self._of_its_joint(fault)
@@ -144,7 +144,7 @@ class FaultReporter(FrozenStruct, eq=False):
         self._add(KINDS[fault.kind], fault.context["message"], where, path, help)
 
     def _of_its_joint(self, fault: Fault) -> Fault:
-        """Add the dimension from the joint's type to an error of a missing unit."""
+        """Add the dimension that follows from the joint's type to an error of a missing unit."""
         dimension = dimension_at(self.document, fault.path)
         if dimension is not None:
             try:
@@ -177,7 +177,7 @@ def _inside(path: Path) -> str:
 
 
 def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) -> str | None:
-    """Return a hint if a value was written instead of a mapping that can be derived from it."""
+    """Return a hint for a value that was written in place of a mapping, if the mapping can be derived from it."""
     node = node_at(document.tree, path)
     if isinstance(node, SequenceNode):
         texts = [one.text if isinstance(one, ScalarNode) else "" for one in node.items]
@@ -208,7 +208,7 @@ def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) 
 
 
 def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
-    """Return a hint if a mapping was written instead of the value in it."""
+    """Return a hint for a mapping that was written in place of the value in it."""
     if not isinstance(fault.value, dict) or len(path) != len(fault.path) or fault.shape.field is None:
         return None
     if path[:1] == ("links",):
@@ -221,7 +221,7 @@ def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
 
 
 def _space_hint(value: Any) -> str | None:
-    """Return a hint if `key:value` was meant as a mapping."""
+    """Return a hint for `key:value` that was meant as a mapping."""
     match = re.fullmatch(r"([A-Za-z_]\w*):(\S.*)", value) if isinstance(value, str) else None
     return f"a space is missing after the `:`: `{match.group(1)}: {shortened(match.group(2))}`" if match else None
 
@@ -237,7 +237,7 @@ def dotted(path: Path) -> str:
 def within(document: Document, path: Path, offset: int, end: int) -> Span | None:
     """Return the span of the characters from `offset` to `end` (exclusive) in the scalar at `path`.
 
-    None if it cannot be determined (text on several lines, escapes).
+    Return None if it cannot be determined (text on several lines, escapes).
     """
     node = node_at(document.tree, path)
     if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line or node.span.file != document.path:

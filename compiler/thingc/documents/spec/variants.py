@@ -22,7 +22,7 @@ def _choice_path(value: Any) -> str:
 
 
 def _rule_text(value: Any) -> Expression:
-    """Validate a comparison over parameters and results."""
+    """Validate a comparison of parameters and results."""
     if not isinstance(value, str):
         raise fault("type", f"expected a comparison such as `mass < 2.5 kg`, found {found(value)}")
     try:
@@ -68,17 +68,17 @@ ChoiceField = Annotated[str, RefersTo("choice")]
 
 
 class AxisSpec(Model):
-    """Values at equal distances, both ends included."""
+    """Evenly spaced values, including both ends."""
 
     from_: AnyQuantityField = Field(alias="from", description="The first value.")
     to: AnyQuantityField
     """The last value."""
     count: CountField
-    """How many values, at least 2."""
+    """Number of values, at least 2."""
 
 
 class ListedSpec(Model):
-    """One variant, written out."""
+    """A single variant, listed explicitly."""
 
     name: Name | None = None
     """Its name; default: the name of the document with a number."""
@@ -89,23 +89,23 @@ class ListedSpec(Model):
 
 
 Method = Literal["sobol", "lhs", "uniform"]
-"""How variants are drawn."""
+"""Sampling methods for variants."""
 
 
 class SampleSpec(Model):
-    """Randomly drawn variants. Lists under `parameters` and `choices` are also drawn from."""
+    """Randomly drawn variants. Lists under `parameters` and `choices` are also sampled."""
 
     method: Method = "sobol"
     """`sobol` (scrambled Sobol sequence), `lhs` (Latin hypercube) or `uniform`."""
     count: CountField
     """Number of variants."""
     seed: CountField
-    """The same seed draws the same variants."""
+    """Seed of the random generator; the same seed gives the same variants."""
     ranges: dict[SettingField, Annotated[list[AnyQuantityField], Field(min_length=2, max_length=2)]] = Field(
         default={}, examples=[{"leg_length": ["70 mm", "140 mm"], "joints.elbow.dynamics.damping": ["0.1 N*m*s/rad", "1 N*m*s/rad"]}],
     )
-    """The smallest and the largest value of a parameter, or of a value at a path. Two
-    whole numbers without a decimal point mean that whole numbers are drawn."""
+    """The smallest and the largest value of a parameter, or of a value at a path. If both are
+    whole numbers without a decimal point, only whole numbers are drawn."""
 
 
 class ReachSpec(Model):
@@ -117,7 +117,7 @@ class ReachSpec(Model):
 
 
 class VariantsSpec(Model):
-    """A family of robots: one assembly with many settings."""
+    """A family of robots: one assembly with many sets of values."""
 
     thingc: Literal["variants/1"]
     """Kind and version of this document."""
@@ -146,7 +146,7 @@ class VariantsSpec(Model):
     )
     """Draws variants instead of using the grid."""
     keep: list[RuleField] = Field(default=[], examples=[["mass < 2.5 kg", "reach > 400 mm"]])
-    """Comparisons over parameters and results: a variant that fails one is recorded, not built."""
+    """Comparisons of parameters and results: a variant that fails one is recorded but not built."""
     modes: list[ModeField] = Field(default=[], examples=[["bench"]])
     """The modes to build; default: all modes of the assembly. Results are for the first mode."""
     pose: PoseField | None = None

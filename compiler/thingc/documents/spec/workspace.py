@@ -16,9 +16,9 @@ class SimulationMeshSpec(Model):
     """Tolerances for meshing curved surfaces for simulators."""
 
     linear: LengthField | None = None
-    """Largest distance between mesh and surface; default: 0.1 mm, or that of `mesh` if it is larger."""
+    """Largest distance between mesh and surface; default: 0.1 mm, or the value of `mesh` if it is larger."""
     angular: AngleField | None = None
-    """Largest angle between neighbouring facets; default: 30 deg, or that of `mesh` if it is larger."""
+    """Largest angle between neighbouring facets; default: 30 deg, or the value of `mesh` if it is larger."""
 
 
 class MeshSpec(Model):
@@ -79,7 +79,7 @@ class AboutSpec(Model):
 
 
 class WorkspaceSpec(Model):
-    """Where thingc looks for parts, and how it builds them."""
+    """The folders in which thingc looks for parts, and the settings of builds."""
 
     thingc: Literal["workspace/1"]
     """Kind and version of this document."""
@@ -100,5 +100,5 @@ class WorkspaceSpec(Model):
     part_timeout: TimeField | None = None
     """Longest time for one part; default: 120 s."""
     part_memory: MemoryField | None = Field(default=None, examples=["4 GB"])
-    """Most memory for one part; by default half of the machine's."""
+    """Memory limit for one part; default: half of the machine's memory."""
     mesh: MeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "10 deg"}])
