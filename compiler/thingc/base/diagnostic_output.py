@@ -83,7 +83,7 @@ def _frame(span: Span, sources: dict[str, list[str]], tint: str, color: bool) ->
     place = f"{escape_control(shown_path(span.file))}:{span.line}:{span.column}"
     text = sources[span.file][span.line - 1] if span.line <= len(sources[span.file]) else ""
     first, last = span.column, span.end_column if span.end_line == span.line else len(text) + 1
-    if first == last == 1 and text.startswith(" "):  # a whole line of a part file
+    if first == last == 1 and text.startswith(" "):  # the span covers a whole line of a part file
         first, last = len(text) - len(text.lstrip()) + 1, len(text.rstrip()) + 1
     offset = max(0, first - 60) if len(text) > 120 else 0
     start, end = first - 1, max(first, last) - 1

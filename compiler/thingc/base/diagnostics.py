@@ -1,6 +1,6 @@
-"""Diagnostics: a fixed set of codes. Each diagnostic has a location, a message and a help.
+"""Diagnostics: a fixed set of codes. Each diagnostic has a location, a message and a help text.
 
-Passes never raise for bad input: they add to a `Report`, so that one run reports all errors.
+Passes never raise exceptions for bad input. They add diagnostics to a `Report`, so that one run reports all errors.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class Stage(str, Enum):
 class Code(Enum):
     """All diagnostic codes: `NAME = ("code", "title", "fix")`. Codes are never reused or renumbered.
 
-    If a code can be a warning about an assembly document, its fourth value is the command that reports it. Such warnings can be suppressed
-    where they occur (`allow: {TC407: reason}`), and so can export losses.
+    If a code can be a warning about an assembly document, its fourth value is the command that reports it. Such warnings, and export
+    losses, can be suppressed where they occur (`allow: {TC407: reason}`).
     TC1xx reading, TC2xx one document, TC3xx names and values across documents, TC4xx parts, TC5xx the assembly,
     TC6xx modes (TC65x tests), TC7xx targets, TC8xx folders and files, TC9xx variants (TC95x import).
     """
@@ -274,7 +274,7 @@ class Code(Enum):
 
 
 class Note(OneLineRepr, FrozenStruct):
-    """A second location or more information, such as "mount declared here". The message is shortened as in `Diagnostic`."""
+    """A second location or additional information, such as "mount declared here". The message is shortened as in `Diagnostic`."""
 
     message: str
     span: Span | None = None
@@ -325,7 +325,7 @@ class Allowance(FrozenStruct, eq=False):
     nodes: tuple[tuple[Span, Node], ...]
 
     def covers(self, code: Code, places: Collection[Span]) -> bool:
-        """Return whether this suppresses a warning of `code`, which requires one of `places` in the mapping."""
+        """Return whether this entry suppresses a warning of `code`, which requires one of `places` in the mapping."""
         return code is self.code and any(key.holds(place) or stands_in(node, place) for key, node in self.nodes for place in places)
 
 
@@ -354,7 +354,7 @@ class Report:
     ) -> bool:
         """Add a diagnostic. The location is `where`, or the innermost span of an `Origin`. The other spans of the `Origin` become notes.
 
-        An unambiguous `Suggestion` as message or help adds a fix. Return False if the warning is suppressed.
+        If the message or help is an unambiguous `Suggestion`, it adds a fix. Return False if the warning is suppressed.
         """
         span: Span | None
         extra: list[Note] = list(notes)
@@ -395,14 +395,14 @@ class Report:
         return self.add(code, message, where, help=help, path=path, notes=notes, severity=Severity.WARNING)
 
     def continued(self) -> Report:
-        """Return a copy of this report, to continue separately."""
+        """Return a copy of this report that can be continued independently."""
         return Report(list(self.diagnostics), self.allowances, set(self.needed), self.allowed, set(self._known))
 
     def say_unneeded(self, document: str, stages: Collection[Stage]) -> None:
         """Warn of each unnecessary allowance in `document` (an absolute path).
 
-        An allowance is unnecessary if it suppressed nothing, and one of the completed `stages` reports its code. Those of nested documents
-        are skipped: other robots may need them.
+        An allowance is unnecessary if it suppressed nothing, and one of the completed `stages` reports its code. Allowances of nested
+        documents are skipped, because other robots may need them.
         """
         for allowance in self.allowances:
             if allowance.where.file == document and allowance.code.warned_by in stages and allowance not in self.needed:
@@ -420,21 +420,21 @@ class Report:
         return any(d.severity is Severity.ERROR for d in self.diagnostics)
 
     def ordered(self) -> list[Diagnostic]:
-        """Return the diagnostics by file, line and column (those without a place last), else in the order of reporting."""
+        """Return the diagnostics sorted by file, line and column, those without a location last; equal ones in the order of reporting."""
         return sorted(
             self.diagnostics,
             key=lambda d: (d.span is None, d.span.file if d.span else "", *((d.span.line, d.span.column) if d.span else (0, 0))),
         )
 
     def judged(self, *, strict: bool) -> Report:
-        """Return this report; with `strict`, a copy in which warnings are errors."""
+        """Return this report or, with `strict`, a copy in which warnings are errors."""
         return self if not strict else Report([
             replace(d, severity=Severity.ERROR) if d.severity is Severity.WARNING else d for d in self.diagnostics
         ])
 
 
 def _of_option(diagnostic: Diagnostic) -> Diagnostic:
-    """Replace locations in values of `--set` with the option, because there is no file to show."""
+    """Replace locations in values of `--set` by the option itself, because there is no file to show."""
     notes = tuple(
         Note(message=f"{note.message}: `{note.span.option}`") if note.span is not None and note.span.option is not None else note
         for note in diagnostic.notes

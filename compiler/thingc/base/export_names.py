@@ -1,6 +1,6 @@
-"""Names in exported files: types of record fields with paths that files can rename, and the rules for valid names.
+"""Names in exported files: field types for paths that exported files can rename, and the rules for valid names.
 
-The type of such a field specifies what the path refers to, for `targets/custom_names.py`. Type checkers see `str`.
+The type of such a field specifies what the path refers to, for `targets/custom_names.py`. Type checkers treat it as `str`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ PoseName: TypeAlias = Annotated[str, "poses"]
 SensorPath: TypeAlias = Annotated[str, "sensors"]
 """Path of a sensor (`leg/imu`)."""
 RawPath: TypeAlias = Annotated[tuple[str, ...], "raw"]
-"""Keys of a target's attribute (`("joint", "yaw", "margin")`); the second may be one of the paths above."""
+"""Keys of an attribute for a target (`("joint", "yaw", "margin")`). The second key may be one of the paths above."""
 RawAttributes: TypeAlias = Annotated[dict[str, str], "raw"]
 """Attributes of a MuJoCo element; some of them refer to other elements."""
 
@@ -28,7 +28,7 @@ LONGEST = 200
 """Maximum number of characters of a name."""
 
 TAKEN: dict[str, tuple[str, ...]] = {"components": ("world",), "mounts": ("world",), "joints": ("root",)}
-"""Names that files always contain, by kind: the world, and the joint of a free base."""
+"""Names that files always contain, by kind: the world, and the joint of a free base. They cannot be used for other elements."""
 
 
 def is_file_name(text: str) -> bool:

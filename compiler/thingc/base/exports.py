@@ -8,9 +8,10 @@ from typing import Any
 
 
 def exported(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return the `__getattr__` of a package.
+    """Return the module-level `__getattr__` of a package.
 
-    `modules` maps names to modules of the package (`xml:number` if the name there is `number`); other names raise `AttributeError`.
+    `modules` maps public names to modules of the package (`xml:number` if the object is called `number` there). Other names raise
+    `AttributeError`.
     """
 
     def get(name: str) -> Any:

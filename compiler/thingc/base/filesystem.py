@@ -13,7 +13,7 @@ from io import BufferedReader
 from typing import Any
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""System errors without a file name when writing to an open file: the disk is full, or a quota or limit is reached."""
+"""System errors when writing to an open file, which have no file name: the disk is full, or a quota or limit is reached."""
 
 
 class NotARegularFile(OSError):
@@ -32,7 +32,7 @@ def hash_name(text: str, digits: int = 64) -> str:
 
 
 def opened(path: str) -> BufferedReader:
-    """Open a file for reading bytes. Raises `OSError`; `NotARegularFile` for pipes and devices."""
+    """Open a file for reading bytes. Raises `OSError`, and `NotARegularFile` for pipes and devices."""
     mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
         raise NotARegularFile(errno.EINVAL, "It is not a regular file", path)
@@ -62,7 +62,7 @@ def listing(folder: str) -> list[str]:
 
 
 def check_tree(paths: Iterable[str]) -> None:
-    """Check relative paths, with `/`, of files and links that are to be written below one folder.
+    """Check relative paths (with `/`) of files and links that are to be written below one folder.
 
     Raises `BadPath` if a path leaves the folder, occurs twice, or is both a file and a folder.
     """
@@ -78,7 +78,7 @@ def check_tree(paths: Iterable[str]) -> None:
 
 
 def write_tree(root: str, files: Mapping[str, bytes], links: Mapping[str, str]) -> None:
-    """Write files, then symbolic links to targets, below a folder. Nothing is written through a link, and no file is replaced.
+    """Write files, then symbolic links with their targets, below a folder. Links are not followed, and no file is replaced.
 
     Raises `OSError`, and `BadPath` as `check_tree` does.
     """
@@ -97,7 +97,7 @@ def write_tree(root: str, files: Mapping[str, bytes], links: Mapping[str, str]) 
 
 
 def write_new(path: str, data: bytes, mode: int = 0o666) -> None:
-    """Write a file that does not exist yet, with as few calls as possible. Raises `OSError`, also where a link is."""
+    """Write a file that does not exist yet, with as few calls as possible. Raises `OSError`, also if the path is a link."""
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
     try:
         rest = memoryview(data)
@@ -108,11 +108,11 @@ def write_new(path: str, data: bytes, mode: int = 0o666) -> None:
 
 
 def write_whole(path: str, data: bytes, check: Callable[[], None] = lambda: None) -> bool:
-    """Write a file beside `path`, call `check`, then rename it, unless `path` has that content already.
+    """Write a file beside `path`, call `check`, and rename the file to `path`, unless `path` already has this content.
 
     Return whether the file was written.
 
-    The mode of an existing file is preserved; a link is replaced, not followed. Raises `OSError`.
+    The mode of an existing file is preserved. A link is replaced, not followed. Raises `OSError`.
     """
     with contextlib.suppress(OSError), opened(path) as stream:
         if stream.read() == data:

@@ -8,7 +8,7 @@ import msgspec
 
 
 class _KeywordOnly(msgspec.StructMeta):
-    """Fields are keyword-only unless a class passes `kw_only=False`. (msgspec does not inherit this option.)"""
+    """Makes fields keyword-only unless a class passes `kw_only=False`. (msgspec does not inherit this option.)"""
 
     def __new__(
         mcls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], /, *, kw_only: bool = True, **options: Any,

@@ -1,4 +1,4 @@
-"""The first line of generated files, which names the source document and mode: write and parse it."""
+"""Write and parse the first line of generated files, which names the source document and mode."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Find and format cycles, and disjoint sets."""
+"""Cycles in graphs, and disjoint sets."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ T = TypeVar("T", bound=Hashable)
 
 
 def find_cycles(starts: Iterable[T], after: Callable[[T], T | None]) -> Iterator[list[T]]:
-    """Yield every cycle once, starting at the member reached first. `after` returns the successor of a member, or None."""
+    """Yield every cycle once, starting at the member that is reached first. `after` returns the successor of a member, or None."""
     done: set[T] = set()
     for start in starts:
         way: dict[T, None] = {}
@@ -27,7 +27,7 @@ def find_cycles(starts: Iterable[T], after: Callable[[T], T | None]) -> Iterator
 
 
 def circle_words(names: Sequence[str]) -> str:
-    """Format a cycle of names as a chain that ends with its first name; long cycles are abbreviated in the middle."""
+    """Format a cycle of names as a chain that ends with its first name. A long cycle is abbreviated in the middle."""
     shown = [f"`{name}`" for name in names]
     if len(shown) > MAX_CIRCLE:
         shown = [*shown[: MAX_CIRCLE - 2], f"... ({len(shown) - MAX_CIRCLE + 1} more)", shown[-1]]
@@ -35,13 +35,13 @@ def circle_words(names: Sequence[str]) -> str:
 
 
 class DisjointSets:
-    """Disjoint sets of the numbers 0 to `count` - 1 (union-find); the smallest number of a set represents it."""
+    """Disjoint sets of the numbers 0 to `count` - 1 (union-find). The smallest number of a set represents it."""
 
     def __init__(self, count: int) -> None:
         self._above = list(range(count))
 
     def join(self, one: int, other: int) -> bool:
-        """Join the sets of two numbers; return False if it was one set already."""
+        """Join the sets of two numbers. Return False if they were already in the same set."""
         one, other = self.representative(one), self.representative(other)
         self._above[max(one, other)] = min(one, other)
         return one != other

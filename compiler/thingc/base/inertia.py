@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia: transform, sum and check them, in pure Python with double precision."""
+"""Mass, centre of mass and inertia: transform, sum and check them in pure Python with double precision."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
         )
 
     def with_mass(self, mass: float) -> MassProperties:
-        """Return the properties of the same shape with another mass [kg]: the inertia is scaled (0 if the mass was 0)."""
+        """Return the properties of the same shape with another mass [kg]. The inertia is scaled (0 if the mass was 0)."""
         scale = mass / self.mass if self.mass > 0.0 else 0.0
         i = self.inertia
         scaled: Matrix = (
@@ -52,7 +52,7 @@ class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
 
 
 def total(bodies: Iterable[MassProperties]) -> MassProperties:
-    """Combine bodies in one frame: masses are added, inertias are moved to the common centre and added."""
+    """Combine bodies in one frame: masses are added, and inertias are moved to the common centre and added."""
     parts = list(bodies)
     mass = numeric.fsum(body.mass for body in parts)
     if mass > 0.0:
@@ -74,7 +74,7 @@ def total(bodies: Iterable[MassProperties]) -> MassProperties:
 
 
 def symmetric(a: Matrix) -> Matrix:
-    """Return the symmetric part of `a`, so that rounding errors do not leave two values for one product of inertia."""
+    """Return the symmetric part of `a`. With it, rounding errors cannot give two values for one product of inertia."""
     xy, xz, yz = (a[0][1] + a[1][0]) / 2.0, (a[0][2] + a[2][0]) / 2.0, (a[1][2] + a[2][1]) / 2.0
     return ((a[0][0], xy, xz), (xy, a[1][1], yz), (xz, yz, a[2][2]))
 
@@ -89,11 +89,11 @@ def principal_moments(a: Matrix) -> Vector:
 def principal_axes(a: Matrix) -> tuple[Vector, Matrix]:
     """Return the eigenvalues of a symmetric matrix and its eigenvectors, the columns of a proper rotation R: `a = R diag(values) R^T`.
 
-    Each eigenvector is next to the axis in its position: for a diagonal matrix R is the identity.
-    Cyclic Jacobi rotations (Golub and Van Loan, "Matrix Computations", section 8.5): accurate to rounding even for equal moments, for which
-    the closed formula loses digits. `math.hypot` may differ between Python versions if the exact root is almost half way between two
-    floats. This can happen for round numbers; the arguments here are quotients of sums, and with `numeric.hypot` a family would evaluate
-    half as many variants.
+    Each eigenvector is as close as possible to the axis in its position: for a diagonal matrix R is the identity.
+    Cyclic Jacobi rotations (Golub and Van Loan, "Matrix Computations", section 8.5) are accurate to rounding even for equal moments, for
+    which the closed formula loses digits. `math.hypot` may differ between Python versions if the exact root is almost half way between two
+    floats. This can happen for round numbers, but the arguments here are quotients of sums. With `numeric.hypot`, evaluating the variants
+    of a family would take twice as long.
     """
     return _principal_axes(*a[0], *a[1], *a[2])
 
@@ -132,11 +132,11 @@ HEAVIEST = 1e12
 LARGEST_MOMENT, DENSEST = 1e24, 1e12
 """Largest accepted moments and products of inertia [kg m^2], and largest accepted density [kg/m^3]."""
 LEAST_MASS = 1e-15
-"""MuJoCo does not accept masses [kg] of moving bodies up to this value (mjMINVAL)."""
+"""Largest mass [kg] that MuJoCo rejects for a moving body (mjMINVAL)."""
 
 
 def physical_fault(a: Matrix) -> str | None:
-    """Return why no rigid body can have this inertia, or None if it is physical.
+    """Return the reason why no rigid body can have this inertia, or None if it is physical.
 
     It must be positive definite, and no principal moment may exceed the sum of the other two (with a relative tolerance of 1e-9).
     """
@@ -156,9 +156,9 @@ def moments_fault(low: float, middle: float, high: float) -> str | None:
 
 
 def within_triangle(a: Matrix) -> Matrix:
-    """Return the inertia with moments increased by a relative 1e-12 if the body is flat.
+    """Return the inertia with its moments increased by a relative 1e-12 if the body is flat.
 
-    MuJoCo computes the principal moments and requires A + B >= C exactly; a plate has A + B = C.
+    MuJoCo computes the principal moments and requires A + B >= C exactly, but a plate has A + B = C.
     """
     low, middle, high = principal_moments(a)
     short = high - low - middle

@@ -12,7 +12,7 @@ from thingc.base.filesystem import working_folder
 
 @cache
 def import_path() -> tuple[str, ...]:
-    """Return `sys.path` without the current folder and that of the script, which must not affect what a name refers to."""
+    """Return `sys.path` without the current folder and the folder of the script, which must not affect what a name refers to."""
     entries = list(sys.path)
     if entries and not getattr(sys.flags, "safe_path", False):
         here = working_folder() or os.sep
@@ -26,7 +26,7 @@ _PYTHONS_OWN = (importlib.machinery.PathFinder, importlib.machinery.BuiltinImpor
 
 
 def specification_of(name: str) -> importlib.machinery.ModuleSpec | None:
-    """Return the spec of a top-level module of the environment, or None (also from finders of editable packages)."""
+    """Return the spec of a top-level module of the environment, or None. The finders of editable packages are included."""
     specification = importlib.machinery.PathFinder.find_spec(name, list(import_path()))
     if specification is None or specification.origin is None and specification.submodule_search_locations:
         for finder in sys.meta_path:
@@ -48,7 +48,7 @@ def package_folder(name: str) -> str | None:
 
 
 def dotted_name(file: str) -> str:
-    """Return the dotted name of a file in a package, such as `thingc_stock.materials`, independent of where the package is installed."""
+    """Return the dotted name of a file in a package, such as `thingc_stock.materials`. The name does not depend on the install location."""
     folder, name = os.path.split(os.path.splitext(file)[0])
     words = [name]
     while os.path.isfile(os.path.join(folder, "__init__.py")):

@@ -1,4 +1,4 @@
-"""Child processes that exchange lines of JSON: the worker that builds parts, runners of batches, and the renderer of their pictures."""
+"""Child processes that exchange lines of JSON: workers that build parts, runners of batches, and the renderer of the batches' pictures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Lines = queue.SimpleQueue["tuple[JsonLinesProcess, Any]"]
 
 
 class ProcessLost(Exception):
-    """A process died, or it does not answer (`hung`). `words` describes the cause."""
+    """A process died, or does not answer (`hung`). `words` describes the cause."""
 
     def __init__(self, words: str, *, hung: bool = False) -> None:
         super().__init__(words)
@@ -33,9 +33,9 @@ class ProcessLost(Exception):
 
 
 class JsonLinesProcess:
-    """A child process `python -m MODULE WORDS` in its own session (so that the terminal's interrupt does not reach it), with pipes.
+    """A child process `python -m MODULE WORDS` with pipes, in its own session, which the terminal's interrupt does not reach.
 
-    Its output is put into the queue `lines` as `(process, value)`, with None as the last value; several processes may share a queue. Raises
+    Its output is put into the queue `lines` as `(process, value)`, with None as the last value. Several processes may share a queue. Raises
     `OSError` if the process cannot be started.
     """
 
@@ -60,14 +60,14 @@ class JsonLinesProcess:
         return self._process.pid
 
     def ask(self, value: Any) -> None:
-        """Send a value as a line; a broken pipe is ignored."""
+        """Send a value as a line. A broken pipe is ignored."""
         assert self._process.stdin is not None
         with contextlib.suppress(OSError):  # `answer` reports the death of the process
             self._process.stdin.write(json.dumps(value, separators=(",", ":")).encode() + b"\n")
             self._process.stdin.flush()
 
     def answer(self, timeout: float) -> Any:
-        """Return the next value, waiting at most `timeout` [s]. Raises `ProcessLost` if the process dies or times out; then `close` it."""
+        """Return the next value, after at most `timeout` [s]. Raises `ProcessLost` if the process dies or times out; then call `close`."""
         try:
             _, said = self._lines.get(timeout=timeout)
         except queue.Empty:
@@ -83,7 +83,7 @@ class JsonLinesProcess:
         return self._errors.read().decode(errors="replace")
 
     def kill(self) -> None:
-        """Kill the process; safe from any thread."""
+        """Kill the process. It can be called from any thread."""
         with contextlib.suppress(OSError):
             self._process.kill()
 
@@ -100,7 +100,7 @@ class JsonLinesProcess:
         self._errors.close()
 
     def _read(self) -> None:
-        """Put lines into the queue as they arrive. Lone surrogates become question marks; an incomplete last line is dropped."""
+        """Put lines into the queue as they arrive. Lone surrogates are replaced by question marks; an incomplete last line is dropped."""
         assert self._process.stdout is not None
         try:
             with self._process.stdout as stream:

@@ -8,15 +8,15 @@ from typing import Any, TypeVar
 Answer = TypeVar("Answer")
 
 PLACES = 100_000
-"""Maximum number of entries; above it the cache is cleared."""
+"""Maximum number of entries. A larger cache is cleared."""
 
 
 class Memo:
     """A cache that keeps the last result and its inputs per key (`("geom", "hand/cap")`).
 
-    Compiling a document again changes few of the inputs, so that keeping the last result is enough, and the cache does not grow with the
-    number of compilations. Functions must depend on their inputs alone. Inputs and results are shared and must not be modified. Inputs are
-    compared by value (identical objects quickly); zeros of either sign are equal, which does not affect any output.
+    Compiling a document again changes few of the inputs. Keeping only the last result is therefore enough, and the cache does not grow with
+    the number of compilations. Functions must depend only on their inputs. Inputs and results are shared and must not be modified. Inputs
+    are compared by value (identical objects quickly); zeros of either sign are equal, which does not affect any output.
     """
 
     __slots__ = ("_kept",)
@@ -35,7 +35,7 @@ class Memo:
         return answer
 
     def apart(self) -> Memo:
-        """Return an empty memo for results that are valid in one run only."""
+        """Return an empty memo for results that are valid only in one run."""
         return Memo()
 
     def last(self, place: Hashable, inputs: tuple[Any, ...]) -> Any | None:
@@ -50,7 +50,7 @@ class Memo:
         self._kept[place] = (inputs, answer)
 
     def same(self, place: Hashable, value: Answer) -> Answer:
-        """Return the last object for this key if it equals `value`, otherwise `value`. This makes later comparisons fast."""
+        """Return the last object for this key if it equals `value`, otherwise `value`. Later comparisons of identical objects are fast."""
         kept: Answer | None = self.last(place, (value,))
         if kept is not None:
             return kept

@@ -18,7 +18,7 @@ FORMATTERS: dict[str, Formatter] = {}
 
 
 class Recorded:
-    """A placeholder for numbers: computations with it are recorded and repeated with other values."""
+    """A placeholder for numbers. Computations with it are recorded and can be repeated with other values."""
 
     __slots__ = ()
 
@@ -47,7 +47,7 @@ def one_operation(function: Function) -> Function:
 
 
 def formatter(form: str) -> Callable[[Formatter], Callable[[float | Recorded], str]]:
-    """Decorate a function that formats a number to return the placeholder of a recorded one."""
+    """Decorate a function that formats a number. For a recorded number, it then returns a placeholder."""
 
     def decorate(function: Formatter) -> Callable[[float | Recorded], str]:
         FORMATTERS[form] = function
@@ -62,7 +62,7 @@ def formatter(form: str) -> Callable[[Formatter], Callable[[float | Recorded], s
 
 
 def _extreme(function: Function) -> Function:
-    """Wrap `min` or `max` of numbers without a `key`: which argument is the extreme one is not decided for recorded numbers."""
+    """Wrap `min` or `max` of numbers without a `key`. For recorded numbers it is not decided which argument is the extreme one."""
     extreme = one_operation(function)
 
     def operation(*arguments: Any, **default: Any) -> Any:
@@ -87,9 +87,9 @@ def rounded(value: float, digits: int) -> float:
 
 
 def sum_of(values: Iterable[float]) -> float:
-    """Return the sum of floats added from left to right, each addition rounded.
+    """Return the sum of floats, added from left to right with each addition rounded.
 
-    `sum` compensates rounding errors since Python 3.12, which would change last digits in files, and make `plans` differ from the passes.
+    Since Python 3.12, `sum` compensates rounding errors. This would change last digits in files, and `plans` would differ from the passes.
     """
     return reduce(operator.add, values, 0)
 
@@ -105,7 +105,7 @@ def _fsum(*values: float) -> float:
 
 
 def dist(p: Iterable[float], q: Iterable[float]) -> float:
-    """Return the distance of two points of the same dimension."""
+    """Return the distance between two points of the same dimension."""
     return hypot(*(a - b for a, b in zip(p, q, strict=True)))
 
 
@@ -115,8 +115,8 @@ def hypot(*components: float) -> float:
 
     `math.hypot` and `math.dist` differ in the last digit between Python versions: for 0.075 m and 0.18 m the result is 0.195 m in 3.11, and
     0.19499999999999998 m since 3.12. Floats are integers divided by a power of two, so the sum of squares is exact. The root has at least
-    64 bits, and its last bit is set if it is inexact, so that it is never mistaken for the middle of two floats. For values that are not
-    finite, and on overflow, the result is that of `math.hypot`.
+    64 bits. Its last bit is set if it is inexact, so that it is never mistaken for the middle of two floats. For values that are not
+    finite, and on overflow, the result is the same as that of `math.hypot`.
     """
     try:
         ratios = [value.as_integer_ratio() for value in components]

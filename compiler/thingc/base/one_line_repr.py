@@ -76,7 +76,7 @@ def _short_repr(value: Any) -> str:
 
 
 def _listed(values: Sequence[Any]) -> str:
-    """Format a collection: `[bench, drawing]`, `[0, 0, -9.81]`, `[7 Body]`. A few plain values are listed, others are counted."""
+    """Format a collection: `[bench, drawing]`, `[0, 0, -9.81]`, `[7 Body]`. A few plain values are listed; other items are counted."""
     if len(values) <= LISTED and all(isinstance(one, (str, int, float)) and len(f"{one}") <= _WORD for one in values):
         return "[" + ", ".join(one if isinstance(one, str) else _short_repr(one) for one in values) + "]"
     kinds = {type(one).__name__ for one in values}

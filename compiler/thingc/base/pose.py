@@ -1,6 +1,6 @@
 """Rigid poses in pure Python: `X_AB` is the pose of frame B in frame A, and `X_AC = X_AB @ X_BC`.
 
-Tuples of floats, because importing numpy would slow `check` down; lengths in metres, angles in radians. `Mirror` reflects them at a plane.
+Values are tuples of floats, because importing numpy would slow down `check`. Lengths are in metres, angles in radians.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from thingc.base.numeric import atan2, copysign, cos, hypot, maximum, one_operat
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
-"""A 3 x 3 matrix, by rows."""
+"""A 3 x 3 matrix as a tuple of rows."""
 
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -55,7 +55,7 @@ def rotate(a: Matrix, v: Vector) -> Vector:
 
 
 class Pose(FrozenStruct):
-    """Pose of a frame: rotation (a proper orthogonal matrix) and translation [m]."""
+    """The pose of a frame: rotation (a proper orthogonal matrix) and translation [m]."""
 
     rotation: Matrix = IDENTITY
     translation: Vector = (0.0, 0.0, 0.0)
@@ -77,7 +77,7 @@ class Pose(FrozenStruct):
         return (x + t[0], y + t[1], z + t[2])
 
     def around(self, box: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-        """Return the smallest box along the axes of A around a box along those of B, as lowest and highest corner [m]."""
+        """Return the smallest box along the axes of A that contains a box along the axes of B, as lowest and highest corner [m]."""
         (ax, ay, az), (bx, by, bz) = box
         x, y, z = self.apply(((ax + bx) / 2.0, (ay + by) / 2.0, (az + bz) / 2.0))
         u, v, w = (
@@ -86,15 +86,15 @@ class Pose(FrozenStruct):
         return (x - u, y - v, z - w), (x + u, y + v, z + w)
 
     def rows(self) -> tuple[tuple[float, float, float, float], ...]:
-        """Return the homogeneous 4 x 4 matrix, by rows."""
+        """Return the homogeneous 4 x 4 matrix as a tuple of rows."""
         r, t = self.rotation, self.translation
         return ((*r[0], t[0]), (*r[1], t[1]), (*r[2], t[2]), (0.0, 0.0, 0.0, 1.0))
 
     def quaternion(self) -> Quaternion:
-        """The rotation as a unit quaternion (w, x, y, z), the first non-zero component positive.
+        """The rotation as a unit quaternion (w, x, y, z) whose first non-zero component is positive.
 
-        Source: Shepperd, "Quaternion from rotation matrix", 1978 (the largest component first, so it is exact
-        to rounding at every angle).
+        Source: Shepperd, "Quaternion from rotation matrix", 1978. The largest component is computed first, so the result is exact
+        to rounding at every angle.
         """
         r = self.rotation
         squares = (
@@ -146,16 +146,16 @@ def quaternion_of(turn: Vector) -> Quaternion:
     return (cos(angle / 2.0), scale * turn[0], scale * turn[1], scale * turn[2])
 
 MATE = Pose(rotation=((0.0, -1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, -1.0)))
-"""Pose of a mount in the mount that it is mated with: z axes opposed, x and y swapped and negated; its own inverse.
+"""Pose of a mount in the mount that it is mated with: z axes opposed, x and y swapped and negated. It is its own inverse.
 
-This is build123d's `Location((0, 0, 0), (180, 0, 90))`, stored as a matrix because the same three angles
-read extrinsically are another rotation.
+This is build123d's `Location((0, 0, 0), (180, 0, 90))`. It is stored as a matrix, because the same three angles
+as extrinsic angles are another rotation.
 """
 
 
 @one_operation
 def quarter_exact(angle: float) -> tuple[float, float]:
-    """Return (cos, sin) of an angle [rad], exact at multiples of 90 deg, so that a rotation by 90 deg has no entries like 6e-17."""
+    """Return (cos, sin) of an angle [rad], exact at multiples of 90 deg: a rotation by 90 deg has no entries like 6e-17."""
     quarters = angle / (math.pi / 2.0)
     nearest = round(quarters)
     if abs(quarters - nearest) < 1e-15 * max(1.0, abs(quarters)):
@@ -207,7 +207,7 @@ def placed(xyz: Vector, rpy: Vector) -> Pose:
 
 
 def rotation_of(quaternion: Quaternion) -> Matrix:
-    """Return the rotation of a nonzero quaternion (w, x, y, z), without a square root, so that quarter turns about an axis are exact."""
+    """Return the rotation matrix of a nonzero quaternion (w, x, y, z). No square root is used, so quarter turns about an axis are exact."""
     w, x, y, z = quaternion
     squared = w * w + x * x + y * y + z * z
     return (
@@ -218,7 +218,7 @@ def rotation_of(quaternion: Quaternion) -> Matrix:
 
 
 def along(z: Vector, origin: Vector) -> Pose:
-    """Return a frame at a point [m] whose z axis is a given unit vector; x and y are chosen (the coordinate axes if z is one of them)."""
+    """Return a frame at a point [m] with a given unit vector as z axis. x and y are chosen (the coordinate axes if z is one of them)."""
     least = min(range(3), key=lambda k: abs(z[k]))
     y = cross(z, IDENTITY[least])
     size = sqrt(dot(y, y))
@@ -229,7 +229,7 @@ def along(z: Vector, origin: Vector) -> Pose:
 def rpy_of(rotation: Matrix) -> Vector:
     """Return roll, pitch and yaw [rad] of a rotation, as in `placed`.
 
-    At a pitch of 90 deg, yaw and roll are about the same axis: the yaw is arbitrary, and the roll complements it.
+    At a pitch of 90 deg, yaw and roll are about the same axis. Then the yaw is arbitrary, and the roll complements it.
     """
     (xx, xy, xz), (yx, yy, yz), (zx, _, _) = rotation
     yaw = atan2(yx, xx)
@@ -240,8 +240,8 @@ def rpy_of(rotation: Matrix) -> Vector:
 class Mirror:
     """Reflection at the plane through the origin that is normal to `axis` (`x | y | z`).
 
-    With S the reflection at the plane in a component's frame, and D the one that reverses y of a mount's own frame, the image of a mount at
-    X is at `S X D`: its origin, x and z are mirrored, and y follows, so that frames stay right-handed.
+    S is the reflection at the plane in a component's frame, and D reverses y of a mount's own frame. The image of a mount at X is at
+    `S X D`: its origin, x and z are mirrored, and y follows from them, so that frames stay right-handed.
     """
 
     def __init__(self, axis: str) -> None:
@@ -259,7 +259,7 @@ class Mirror:
         return (a, b, c)
 
     def mount(self, pose: Pose) -> Pose:
-        """Reflect a mount: origin, x and z are reflected; y is `z x x`, the reversed image of y, so that the frame is right-handed."""
+        """Reflect a mount: origin, x and z are reflected. y is `z x x`, the reversed image of y, which keeps the frame right-handed."""
         x, y, z = (self.vector(column) for column in zip(*pose.rotation, strict=True))
         a, b, c = ((x[k], -y[k] + 0.0, z[k]) for k in range(3))
         return Pose(rotation=(a, b, c), translation=self.vector(pose.translation))

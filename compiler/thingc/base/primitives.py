@@ -12,16 +12,16 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import NO_POSE, Matrix, Pose, Vector, dot, transpose
 
 FARTHEST = 1e6
-"""Largest accepted size [m]: inertias of much larger shapes would overflow."""
+"""Largest accepted size [m]. The inertia of a much larger shape would overflow."""
 PrimitiveShape = Literal["box", "cylinder", "capsule", "sphere", "ellipsoid", "plane"]
 
 
 class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
     """A geometric primitive.
 
-    `size` [m] is as in MuJoCo: box half sizes; cylinder and capsule radius, half length (of the straight part)
-    along z; sphere radius; ellipsoid half axes; plane half sizes along x and y, 0 if infinite. `pose` is in the part's
-    frame. A plane, whose z axis points out of the solid side, has neither volume nor area.
+    `size` [m] is as in MuJoCo. Box: half sizes; cylinder and capsule: radius, half length (of the straight part) along z; sphere: radius;
+    ellipsoid: half axes; plane: half sizes along x and y, 0 if infinite. `pose` is in the part's frame. The z axis of a plane points out of
+    the solid side; a plane has neither volume nor area.
     """
 
     shape: PrimitiveShape

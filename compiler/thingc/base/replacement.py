@@ -12,13 +12,13 @@ from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.base.filesystem import NO_ROOM, opened, write_whole
 
 Change = tuple[bytes | None, bytes | None]
-"""Content of a file as it was read, and its new content. None stands for a missing file."""
+"""Content of a file as it was read, and its new content. None means that the file does not exist."""
 ATTEMPTS, PAUSE = 200, 0.01
-"""Number of attempts to lock a folder, and the pause [s] between them; commands that replace files hold the lock for less time."""
+"""Number of attempts to lock a folder, and the pause [s] between them. Commands that replace files hold the lock for a shorter time."""
 
 
 class ReplacementRefused(Exception):
-    """Files were not replaced; `diagnostic` is the reason."""
+    """Files were not replaced. `diagnostic` is the reason."""
 
     def __init__(self, message: str, help: str | None = None) -> None:
         super().__init__(message)
@@ -26,10 +26,10 @@ class ReplacementRefused(Exception):
 
 
 def replace_files(changes: Mapping[str, Change]) -> None:
-    """Replace the contents of files, all or none, each by an atomic rename.
+    """Replace the contents of all files or of none, each by an atomic rename.
 
-    Every file must still have the content that was read: an editor may have saved it since. Files whose content does not change are only
-    compared. Commands that replace files in the same folders wait for each other. Links are followed, and files keep their mode.
+    Every file must still have the content that was read, because an editor may have saved it since. Files whose content does not change are
+    only compared. Commands that replace files in the same folders wait for each other. Links are followed, and files keep their mode.
 
     Raises `ReplacementRefused`.
     """
@@ -55,10 +55,10 @@ def replace_files(changes: Mapping[str, Change]) -> None:
 
 @contextlib.contextmanager
 def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, Change]], None]]:
-    """Write temporary contents, with the folders they need, for a check of other files.
+    """Write temporary contents, and the folders they need, in order to check other files.
 
-    On exit, the old contents are restored, except in files that have changed in the meantime. The yielded callback replaces the other
-    files, too; after it is called, nothing is restored. Both raise `ReplacementRefused`.
+    On exit, the old contents are restored, except in files that have changed in the meantime. The yielded callback also replaces the other
+    files; after it is called, nothing is restored. Both raise `ReplacementRefused`.
     """
     folders = list(dict.fromkeys(folder for path in files for folder in _missing(os.path.dirname(path))))
     kept = False
@@ -89,7 +89,7 @@ def _missing(folder: str) -> list[str]:
 
 
 def _lock(folder: str, locks: contextlib.ExitStack) -> None:
-    """Lock a folder until the stack is closed. If the file system has no locks, files are still compared."""
+    """Lock a folder until the stack is closed. If the file system does not support locks, files are still compared."""
     with contextlib.suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
         locks.callback(os.close, descriptor)

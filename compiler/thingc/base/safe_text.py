@@ -1,8 +1,8 @@
-"""Escape untrusted text: names, file names and values in messages, tables, cells of CSV, pictures and scripts of pages.
+"""Escape untrusted text: names, file names and values in messages, tables, CSV cells, pictures, and scripts of pages.
 
 Documents, output of parts, locks, file names, the environment and the command line can contain anything: escape sequences of terminals,
-bidirectional control characters, invisible characters, line breaks, names of a million characters. Everything that is printed
-goes through one of the functions here.
+bidirectional control characters, invisible characters, line breaks, names of a million characters. All printed text is passed through one
+of the functions here.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ _UNSEEN = re.compile("[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u3164\ufe00-\
 def escape_control(text: str, *, most: int = LONGEST) -> str:
     """Return `text` on one line, with invisible and control characters escaped as in Python: `\\x1b`, `\\n`, `\\u202e`.
 
-    Also lone surrogates (`\\ud800`), such as undecodable bytes of file names, are escaped. Printable characters of any script are
-    unchanged. Texts of more than `most` characters are abbreviated in the middle.
+    Lone surrogates (`\\ud800`), such as undecodable bytes of file names, are also escaped. Printable characters of any script are
+    unchanged. Texts with more than `most` characters are abbreviated in the middle.
     """
     text = _cut(text, most)
     return text if _is_printable(text) else "".join(map(_escaped, text))
 
 
 def shown_line(line: str) -> str:
-    """Escape a line of a document or a part file as `escape_control` does, with tabs preserved and without a limit of its length."""
+    """Escape a line of a document or a part file as `escape_control` does, but preserve tabs and do not limit the length."""
     return "\t".join(escape_control(piece, most=len(piece)) for piece in line.split("\t"))
 
 
@@ -47,20 +47,20 @@ def shortened(message: str) -> str:
 
 
 def some(words: Sequence[str], most: int, *, between: str = ", ") -> str:
-    """Join the first `most` words and count the others: `a, b and 3 more`."""
+    """Join the first `most` words, followed by the number of the remaining ones: `a, b and 3 more`."""
     first = between.join(words[:most])
     return f"{first} and {len(words) - most} more" if len(words) > most else first
 
 
 def quoted(names: Sequence[str], most: int) -> str:
-    """Return `some` names in backquotes."""
+    """Join the first `most` names in backquotes, as `some` does."""
     return some([f"`{name}`" for name in names], most)
 
 
 def unseen(name: str) -> str:
-    """Return the characters of a name that are not visible; names with such characters cannot be displayed or stored in lines.
+    """Return the invisible characters of a name. A name with such characters cannot be displayed or stored in lines.
 
-    They are controls, line ends, bidirectional marks, characters without width, and undecodable bytes of file names.
+    They are control characters, line ends, bidirectional marks, zero-width characters, and undecodable bytes of file names.
     """
     if _is_printable(name):
         return ""
@@ -79,7 +79,7 @@ def is_text(name: str) -> bool:
 
 
 def json_text(text: str) -> str:
-    """Escape in JSON the characters that `escape_control` escapes, as JSON escapes: the values do not change."""
+    """Escape the characters in JSON that `escape_control` escapes. JSON escapes are used, so the values do not change."""
     if _is_printable(text.replace("\n", "")):
         return text
     return "\n".join(line if _is_printable(line) else "".join(map(_json_escaped, line)) for line in text.split("\n"))
@@ -112,9 +112,9 @@ _ESCAPED = {ord("<"): "\\u003c", ord(">"): "\\u003e", ord("&"): "\\u0026"}
 
 
 def pieces(frame: str) -> list[str]:
-    """Split a template at its placeholders (`@TITLE@`), which are included.
+    """Split a template at its placeholders (`@TITLE@`). The result includes the placeholders.
 
-    Splitting before substitution keeps placeholders in names inert.
+    The template is split before substitution, so placeholders in names are not replaced.
     """
     return re.split("(@[A-Z]+@)", frame)
 
@@ -132,8 +132,8 @@ _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?inf")
 def format_cell(value: object) -> str:
     """Format a value for CSV: numbers with all digits, booleans as `true` and `false`, None as an empty cell.
 
-    Text is escaped to one line (see `escape_control`); text that a spreadsheet would take for a formula, and that is not a number, gets a
-    leading `'`, which spreadsheets display as text.
+    Text is escaped to one line (see `escape_control`). Text that a spreadsheet would interpret as a formula, and that is not a number, gets
+    a leading `'`, which marks it as text for spreadsheets.
     """
     if value is None:
         return ""

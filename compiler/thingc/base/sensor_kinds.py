@@ -1,4 +1,4 @@
-"""The kinds of sensors: their keys in documents and their readings; and the settings of one sensor."""
+"""The kinds of sensors with their keys in documents and their readings, and the settings of a sensor."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ ReadingName = Literal[
 """Names of sensor readings."""
 
 SensorKey = Literal["at", "in", "joint", "tendon", "of", "with", "volume", "range", "fovy", "noise", "cutoff"]
-"""Other keys of a sensor in documents."""
+"""Keys of a sensor in documents, in addition to `type`."""
 
 CoordinateKey = Literal["lower", "velocity", "effort"]
-"""Placeholders for a dimension: the dimension of this value of the measured coordinate."""
+"""A value of the measured coordinate whose dimension the reading has."""
 
 
 class SensorReading(FrozenStruct):
-    """A number or vector that a sensor measures, `SENSOR:name` in files.
+    """A number or vector that a sensor measures. Its name in files is `SENSOR:name`.
 
-    `unit` is the dimension of noise and cutoff; without it (such as for a quaternion) these cannot be specified.
+    `unit` is the dimension of noise and cutoff. If it is missing (such as for a quaternion), these cannot be specified.
     """
 
     name: ReadingName
@@ -41,7 +41,7 @@ class SensorReading(FrozenStruct):
 
 
 class SensorKind(FrozenStruct):
-    """A kind of sensor. One key of each group in `needs` is required; those in `may` are optional."""
+    """A kind of sensor. One key of each group in `needs` is required; the keys in `may` are optional."""
 
     name: SensorType
     readings: tuple[SensorReading, ...]
@@ -50,21 +50,21 @@ class SensorKind(FrozenStruct):
 
     @property
     def keys(self) -> frozenset[SensorKey]:
-        """All keys besides `type`. Readings with units have noise and a cutoff; a `range` replaces the cutoff."""
+        """All keys except `type`. Readings with units have noise and a cutoff; a `range` replaces the cutoff."""
         own = {key for group in self.needs for key in group} | {*self.may}
         if any(reading.unit is not None for reading in self.readings):
             own |= {"noise"} if "range" in own else {"noise", "cutoff"}
         return frozenset(own)
 
     def reading(self, name: str) -> SensorReading | None:
-        """Return the reading of this name, or None."""
+        """Return the reading with this name, or None."""
         return next((one for one in self.readings if one.name == name), None)
 
 
 class Measurement(OneLineRepr, FrozenStruct):
     """Settings of a sensor.
 
-    `volume` is the sensitive volume of a touch sensor, in the frame of its mount; `fovy` [rad] the vertical field of view of a camera;
+    `volume` is the sensitive volume of a touch sensor, in the frame of its mount. `fovy` [rad] is the vertical field of view of a camera.
     `noise` and `cutoff` [SI] are by name of the reading.
     """
 

@@ -1,7 +1,7 @@
 """Positions in documents: spans, origins and the node tree that `load` produces.
 
-All values in documents keep their position. A `Span` is one location; an `Origin` is the chain of locations that created an element
-(innermost first: the component, then the line of the parent document that nests it, and so on).
+All values in documents keep their position. A `Span` is one location. An `Origin` is the chain of locations that created an element,
+innermost first: the component, then the line of the parent document that nests it, and so on.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Plain = Union[Scalar, list["Plain"], dict[str, "Plain"]]
 
 
 class Span(FrozenStruct):
-    """A range in a file. `file` is an absolute path; lines and columns count from 1, the end is exclusive."""
+    """A range in a file. `file` is an absolute path. Lines and columns count from 1; the end is exclusive."""
 
     file: str
     line: int
@@ -28,7 +28,7 @@ class Span(FrozenStruct):
     end_column: int
 
     def holds(self, other: Span) -> bool:
-        """Return whether the other span is inside this one."""
+        """Return whether another span is inside this one."""
         return (
             self.file == other.file and (self.line, self.column) <= (other.line, other.column)
             and (other.end_line, other.end_column) <= (self.end_line, self.end_column)
@@ -56,7 +56,7 @@ def line_of(file: str, line: int = 1) -> Span:
 
 
 Origin = tuple[Span, ...]
-"""Chain of spans that created an element, innermost first; never empty for elements of a document."""
+"""A chain of spans that created an element, innermost first. It is never empty for elements of a document."""
 
 
 class Edit(FrozenStruct):
@@ -70,7 +70,7 @@ class Edit(FrozenStruct):
 class ScalarNode(FrozenStruct):
     """A leaf: its typed value (YAML 1.2 core schema or TOML), the text as written, and its span.
 
-    `damaged`: the value replaces an invalid one (a number that is not finite), which has been reported.
+    `damaged` means that the value replaces an invalid one (a number that is not finite), which has been reported.
     """
 
     value: Scalar
@@ -84,7 +84,7 @@ class ScalarNode(FrozenStruct):
 
 
 def text_of(node: Node | None) -> str:
-    """Return the text of a scalar as written, without quotes; empty for null and for other nodes."""
+    """Return the text of a scalar as written, without quotes. Return "" for null and for other nodes."""
     if not isinstance(node, ScalarNode) or node.value is None:
         return ""
     return node.value if isinstance(node.value, str) else node.text
@@ -101,15 +101,15 @@ class SequenceNode(FrozenStruct):
         return [item.plain() for item in self.items]
 
     def index(self, step: int | str) -> int | None:
-        """Return the index, from 0, for a path step that is a number or text; None if it is out of range."""
+        """Return the index (from 0) for a path step that is a number or a text; None if it is out of range."""
         return next((index for index in range(len(self.items)) if step in (index, str(index))), None)
 
 
 class MappingNode(FrozenStruct):
-    """A mapping with its span; `entries` are in the order written, `keys` has the span of every key.
+    """A mapping with its span. `entries` are in the order written, `keys` has the span of every key.
 
-    `damaged`: it has an invalid key, which has been reported; the intended value is unknown. `again` are other places of the keys: TOML
-    repeats them in the headers of subtables.
+    `damaged` means that it has an invalid key, which has been reported; the intended value is unknown. `again` are other places of the
+    keys: TOML repeats them in the headers of subtables.
     """
 
     entries: dict[str, Node]
@@ -146,7 +146,7 @@ def closest(paths: Iterable[str], place: str) -> str:
 
 
 def node_at(root: Node, path: Path) -> Node | None:
-    """Return the node at `path` (keys, and indices as numbers or text, from the root); None if there is none."""
+    """Return the node at `path` (keys, and indices as numbers or text, from the root), or None if it does not exist."""
     node: Node | None = root
     for step in path:
         if isinstance(node, MappingNode) and isinstance(step, str):
@@ -205,8 +205,8 @@ def walk(node: Node, path: Path = ()) -> Iterator[tuple[Path, Node]]:
 class Document:
     """A loaded document: its tree with positions, before any interpretation.
 
-    `path` is absolute; `relative` is the path inside the workspace, with `/`; `kind` is the word before the slash of
-    the `thingc:` key (`assembly`, `materials`, `workspace`, `variants`); `sha256` is the hash of the bytes that were read.
+    `path` is absolute; `relative` is the path inside the workspace, with `/`. `kind` is the word before the slash of the `thingc:` key
+    (`assembly`, `materials`, `workspace`, `variants`). `sha256` is the hash of the bytes that were read.
     """
 
     path: str
@@ -218,13 +218,13 @@ class Document:
     _spans: dict[tuple[Path, bool], Span] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     def line(self, number: int) -> str:
-        """Return a line of the text, counted from 1; empty after the last one."""
+        """Return a line of the text, counted from 1, or "" after the last one."""
         lines = re.split(r"\r\n|\r|\n", self.text)
         return lines[number - 1] if number <= len(lines) else ""
 
     def span(self, path: Path = (), *, key: bool = False) -> Span:
-        """Return the span at `path` in this document, see `span_at`."""
+        """Return the span at `path` in this document (see `span_at`)."""
         span = self._spans.get((path, key))
-        if span is None:  # cached: repeated compilations request the same spans
+        if span is None:  # cached, because repeated compilations request the same spans
             span = self._spans[path, key] = span_at(self.tree, path, key=key)
         return span

@@ -12,8 +12,8 @@ from thingc.base.safe_text import quoted
 def closest_name(name: str, candidates: Iterable[str]) -> str | None:
     """Return the candidate if `name` can be a typo of exactly one candidate, otherwise None.
 
-    A typo is an extra, missing or swapped letter, another case, or (in names of five letters or more) a wrong letter. Digits are never
-    typos: `foot_1` is not a misspelt `foot_0`.
+    A typo is an extra, missing or swapped letter, a different case, or (in names of five letters or more) a wrong letter. Digits are not
+    treated as typos: `foot_1` is not a misspelt `foot_0`.
     """
     near = {candidate for candidate in candidates if candidate == name or _is_slip(name, candidate)}
     return near.pop() if len(near) == 1 and name not in near else None
@@ -34,7 +34,7 @@ def _is_slip(name: str, candidate: str) -> bool:
 
 
 class Suggestion(str):
-    """A hint. `fix` is (written, replacement) if it is unambiguous: `Report.add` then adds it to the diagnostic."""
+    """A hint. If it is unambiguous, `fix` is (written, replacement), which `Report.add` adds to the diagnostic."""
 
     fix: tuple[str, str] | None
 
@@ -58,8 +58,8 @@ def _common_ends(one: str, other: str) -> int:
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
     """Return the most similar candidate, or None.
 
-    Comparison is quadratic in the length of names and happens for every error, so that very long names, and candidates beyond a limit,
-    are ignored.
+    The comparison is quadratic in the length of names and runs for every error. Very long names, and candidates beyond a limit, are
+    therefore ignored.
     """
     import difflib
 
@@ -87,7 +87,7 @@ def near_hint(name: str, candidates: Iterable[str]) -> Suggestion | None:
 
 
 def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -> str:
-    """Return a hint for an unknown name: the most similar one, else the known names (at most twelve)."""
+    """Return a hint for an unknown name that shows the most similar name, or else the known names (at most twelve)."""
     known = sorted(set(candidates))
     close = near_hint(name, known)
     if close is not None:
@@ -98,7 +98,7 @@ def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -
 
 
 def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> str:
-    """Return `did_you_mean` for files: compares names without their extensions."""
+    """Return a hint as `did_you_mean` does for file names, which are compared without their extensions."""
     by_stem = {os.path.splitext(file)[0]: file for file in sorted(files, reverse=True)}
     close = nearest(os.path.splitext(name)[0], by_stem)
     if close is not None:

@@ -1,4 +1,4 @@
-"""Informal spellings of units: synonyms, and products without signs."""
+"""Informal spellings of units: synonyms, and products without operators."""
 
 from __future__ import annotations
 

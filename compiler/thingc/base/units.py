@@ -1,7 +1,7 @@
 """Quantities: numbers with a dimension, parsed from text such as `120 mm`, `4.1 N*m` or `1270 kg/m^3`.
 
-Units are in a fixed table, without rules for prefixes; others are errors with a hint. Conversion uses exact
-integer arithmetic, rounded once, so `72 mm` is 0.072 to the last bit.
+Units are in a fixed table without rules for prefixes. Other units are errors with a hint. Conversion uses exact integer arithmetic, rounded
+once, so `72 mm` is 0.072 to the last bit.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ Exponent = Union[int, "Fraction"]
 class UnitError(ValueError):
     """Text that is not a quantity or has the wrong dimension.
 
-    `kind` is `unit` (a unit is missing or unknown), `dimension` (another dimension is expected) or `quantity` (anything
-    else). `offset` and `end` are the range of invalid characters in the text, None for all of it.
+    `kind` is `unit` (a unit is missing or unknown), `dimension` (another dimension is expected) or `quantity` (any other error). `offset`
+    and `end` are the range of invalid characters in the text, or None if it is all of the text.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class UnitError(ValueError):
 class Dimension(FrozenStruct, kw_only=False):
     """Exponents of length, mass, time and angle. They are integers except after a square root.
 
-    Angle is a dimension so that 30 is not taken for 30 deg; see `fits` for exceptions.
+    Angle is a dimension, so that 30 is not interpreted as 30 deg; see `fits` for exceptions.
     """
 
     length: Exponent = 0
@@ -66,19 +66,19 @@ class Dimension(FrozenStruct, kw_only=False):
 
     @property
     def words(self) -> str:
-        """Name with its article: `a length`, `an angle`; if there is no name, `a quantity in m^2*kg`."""
+        """The name with its article: `a length`, `an angle`. If the dimension has no name, `a quantity in m^2*kg`."""
         named = _WORDS.get(self)
         return named[0] if named else f"a quantity in {self.symbol}"
 
     @property
     def example(self) -> str:
-        """Example of a quantity of this dimension: `120 mm`."""
+        """An example of a quantity of this dimension: `120 mm`."""
         named = _WORDS.get(self)
         return named[1] if named else f"2 {self.symbol}"
 
     @property
     def symbol(self) -> str:
-        """SI base units: `kg*m^2/s^2`; empty for a number."""
+        """The SI base units: `kg*m^2/s^2`; "" for a number."""
         above: list[str] = []
         below: list[str] = []
         for unit, exponent in (("kg", self.mass), ("m", self.length), ("rad", self.angle), ("s", self.time)):
@@ -148,9 +148,9 @@ _WORDS: dict[Dimension, tuple[str, str]] = {
 def fits(found: Dimension, expected: Dimension) -> bool:
     """Return whether a quantity of dimension `found` is valid where `expected` is required.
 
-    Length, mass and time must agree. Angle must agree, too, unless mass is part of the dimension: torque, damping,
-    stiffness and inertia are written with and without `/rad` (`N*m*s/rad` and `N*m*s` are the same damping). So an angle is never a number,
-    `rad/s` never `Hz` and `mm/rad` never `mm`.
+    Length, mass and time must agree. Angle must also agree, unless mass is part of the dimension: torque, damping, stiffness and inertia
+    are written with and without `/rad` (`N*m*s/rad` and `N*m*s` are the same damping). Therefore an angle is never valid as a number,
+    `rad/s` never as `Hz`, and `mm/rad` never as `mm`.
     """
     return (
         found.length == expected.length and found.mass == expected.mass and found.time == expected.time
@@ -165,15 +165,15 @@ class Quantity(FrozenStruct, kw_only=False):
     dimension: Dimension = NUMBER
 
     def fits(self, expected: Dimension) -> bool:
-        """Return whether it is valid where `expected` is required: see `fits`; a bare 0 is valid for all dimensions."""
+        """Return whether the quantity is valid where `expected` is required (see `fits`). A bare 0 is valid for all dimensions."""
         return fits(self.dimension, expected) or (self.value == 0.0 and self.dimension == NUMBER)
 
     def __str__(self) -> str:
-        """Format it for messages, in mm, deg, g and similar units, with six digits."""
+        """Format the quantity for messages, in mm, deg, g and similar units, with six digits."""
         return self.shown(6)
 
     def shown(self, digits: int) -> str:
-        """Format it in mm, deg, g and similar units, with a number of significant digits."""
+        """Format the quantity in mm, deg, g and similar units, with a number of significant digits."""
         if self.dimension == MASS and abs(self.value) >= 1.0:
             return f"{self.value:.{digits}g} kg"
         for dimension, unit, scale in _SHOWN:
@@ -207,7 +207,7 @@ UNITS: dict[str, Unit] = {
     "mW": (1, 1000, POWER), "W": (1, 1, POWER), "kW": (1000, 1, POWER),
     "Pa": (1, 1, PRESSURE), "kPa": (1000, 1, PRESSURE), "MPa": (10**6, 1, PRESSURE), "GPa": (10**9, 1, PRESSURE),
 }
-"""All supported units. `in`, `ft`, `lb`, `lbf` are the international ones (exact by definition)."""
+"""All supported units. `in`, `ft`, `lb` and `lbf` are the international units (exact by definition)."""
 
 _DEGREE = UNITS["deg"]
 
@@ -224,7 +224,7 @@ MAX_FACTORS = 12
 
 
 def exact(number: str) -> tuple[int, int]:
-    """Return the decimal `number` as numerator and denominator.
+    """Return a decimal number as numerator and denominator.
 
     Raises UnitError (`quantity`) if it exceeds the range of a double (a power of ten above 400).
     """
@@ -242,10 +242,10 @@ def exact(number: str) -> tuple[int, int]:
 
 
 def converted(number: str, unit: Unit) -> float:
-    """Return the SI value of `number` (decimal text) in a unit, exact and rounded once (as integer division is).
+    """Return the SI value of `number` (decimal text) in a unit, computed exactly and rounded once (as integer division is).
 
-    For plain degrees it is the result of `math.radians`, as in most programs, which `math.degrees` inverts best; its last bit may differ
-    from the exact value. Raises UnitError (`quantity`) if no finite double can represent it.
+    For plain degrees the value is the result of `math.radians`, as in most programs, because `math.degrees` inverts it best; its last bit
+    may differ from the exact value. Raises UnitError (`quantity`) if no finite double can represent it.
     """
     numerator, denominator = exact(number)
     try:
@@ -256,7 +256,7 @@ def converted(number: str, unit: Unit) -> float:
 
 
 def scan_number(text: str, at: int = 0) -> tuple[str, int] | None:
-    """Return the signed number that begins at `at`, and its end; None if there is none."""
+    """Return the signed number that begins at `at`, and its end; None if there is no number."""
     match = _NUMBER.match(text, at)
     return (match.group(), match.end()) if match else None
 
@@ -264,8 +264,8 @@ def scan_number(text: str, at: int = 0) -> tuple[str, int] | None:
 def scan_unit(text: str, at: int, *, compact: bool = False, wanted: tuple[Dimension, ...] = ()) -> tuple[Unit, int]:
     """Return the unit that begins at `at` (`N*m*s/rad`, `m/s^2`) and its end.
 
-    With `compact` no spaces are allowed around `*` and `/`, and the unit ends before a `*` or `/` without a unit after it:
-    the rule of expressions, where `8 mm*i` is 8 mm times i. The help for an unknown unit suggests one of the `wanted` dimensions.
+    With `compact` no spaces are allowed around `*` and `/`, and the unit ends before a `*` or `/` that no unit follows. This is the rule of
+    expressions, where `8 mm*i` is 8 mm times i. The help for an unknown unit suggests a unit of one of the `wanted` dimensions.
     Raises UnitError (`unit`) for a word that is not a unit, and if a unit is missing.
     """
     numerator, denominator, dimension = 1, 1, NUMBER
@@ -299,7 +299,7 @@ def scan_unit(text: str, at: int, *, compact: bool = False, wanted: tuple[Dimens
 
 
 def _power(text: str, word: re.Match[str], *, compact: bool) -> tuple[int, int]:
-    """Return the exponent after a unit (1 if there is none), and its end; with `compact`, `**` is not an exponent. Raises UnitError."""
+    """Return the exponent after a unit (default: 1) and its end. With `compact`, `**` is not an exponent. Raises UnitError."""
     at = word.end()
     power = _POWER.match(text, at)
     if power is not None and not (compact and power.group().startswith("**")):
@@ -317,7 +317,7 @@ def _unit_after(text: str, operator: re.Match[str]) -> bool:
 
 
 def _continues(text: str, at: int) -> bool:
-    """Return whether an identifier continues at `at`: `m_2` or `s(` is not a unit `m` or `s`."""
+    """Return whether an identifier continues at `at`: `m_2` or `s(` do not contain the unit `m` or `s`."""
     return at < len(text) and (text[at] in "_(." or text[at].isdigit())
 
 
@@ -345,7 +345,7 @@ def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimens
 def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
     """Return the unit for an informal spelling, or None: `N*m*s/rad` for `Nms/rad`, `kg*m^2` for `kg m2`, `kgf*cm` for `kg-cm`.
 
-    It has a `wanted` dimension, or, if none is given, any dimension with a name.
+    The unit has one of the `wanted` dimensions or, if none is given, any dimension with a name.
     """
     spelled = spellings(text.strip(), UNITS)
     spelled += [re.sub(r"\b(kg|lb)\b", r"\1f", one) for one in spelled]
@@ -357,7 +357,7 @@ def parse_quantity(text: str, wanted: tuple[Dimension, ...] = ()) -> Quantity:
     """Parse `120 mm`, `4.1 N*m`, `kg*m^2` products, `15 %`, or a bare number (of dimension NUMBER).
 
     Spaces around `*` and `/` are allowed; a space between number and unit is optional.
-    Raises UnitError, whose help suggests a `wanted` dimension; its offsets count characters of `text`.
+    Raises UnitError, whose help suggests a unit of a `wanted` dimension. Its offsets count characters of `text`.
     """
     if len(text) > MAX_TEXT:
         raise UnitError(f"a quantity of {len(text)} characters is too long (at most {MAX_TEXT})")
@@ -393,9 +393,9 @@ def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -
 
 
 def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantity, Quantity, Quantity]:
-    """Parse three numbers that share one unit: `0 120 30 mm`; `0 0 0` needs none.
+    """Parse three numbers that share one unit: `0 120 30 mm`. `0 0 0` needs no unit.
 
-    Raises UnitError; its offsets count characters of `text`.
+    Raises UnitError. Its offsets count characters of `text`.
     """
     if len(text) > MAX_TEXT:
         raise UnitError(f"a vector of {len(text)} characters is too long (at most {MAX_TEXT})")
@@ -441,7 +441,7 @@ def _separated(text: str) -> str | None:
 def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Quantity:
     """Return the quantity if it has one of the expected dimensions. A bare 0 has any dimension.
 
-    `text` is its spelling. Raises UnitError: `unit` if only the unit is missing, else `dimension`, which names both.
+    `text` is its spelling. Raises UnitError with kind `unit` if only the unit is missing, else `dimension` with both dimensions.
     """
     for dimension in expected:
         if quantity.fits(dimension):
@@ -470,7 +470,7 @@ def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Q
 def suggested_units(dimension: Dimension, numbers: str) -> tuple[str, ...]:
     """Return likely units for `numbers` without a unit, most likely first.
 
-    They are the units of drawings. For small fractions (`1.57`, `0 0 0.12`), they are the SI units of URDF and MJCF.
+    They are the usual units of drawings or, for small fractions (`1.57`, `0 0 0.12`), the SI units of URDF and MJCF.
     """
     drawn, si, most = _SUGGESTED.get(dimension, (dimension.example.partition(" ")[2], "", 0.0))
     if not si:
@@ -484,16 +484,16 @@ _SUGGESTED: dict[Dimension, tuple[str, str, float]] = {
     LENGTH: ("mm", "m", 2.0), ANGLE: ("deg", "rad", 6.3), MASS: ("g", "kg", 10.0), TIME: ("s", "ms", 0.0),
     ANGULAR_VELOCITY: ("rpm", "rad/s", 0.0),
 }
-"""Unit in drawings and data sheets, alternative (SI) unit, and the bound below which fractions suggest the SI unit, keyed by dimension."""
+"""By dimension: unit in drawings and data sheets, alternative (SI) unit, and the bound below which fractions suggest the SI unit."""
 
 _SURELY: dict[Dimension, float] = {
     DENSITY: 100.0,
     **dict.fromkeys((FORCE, ACCELERATION, ANGULAR_STIFFNESS, LINEAR_STIFFNESS, ANGULAR_DAMPING, LINEAR_DAMPING), -math.inf),
 }
-"""Dimensions with only one plausible unit for values from this bound [SI]: no material has 100 g/cm^3."""
+"""Dimensions for which values from this bound [SI] have only one plausible unit: no material has 100 g/cm^3."""
 
 
 def shortened(text: str, limit: int = 60) -> str:
-    """Shorten text of a document to one line for a message."""
+    """Shorten the text of a document to one line for a message."""
     flat = " ".join(text.split())
     return flat if len(flat) <= limit else flat[: limit - 3] + "..."

@@ -22,10 +22,10 @@ Limits = Literal["required", "optional", "none", "cone"]
 class JointKind(FrozenStruct):
     """A kind of joint.
 
-    `twists` are the motions of its coordinates, in order, each in the parent mount's frame as moved by those before it: the child's side is
-    at `exp(twist_0 q_0) exp(twist_1 q_1) ...` in the parent's. Without twists it does not move. `limits` applies to `limit.lower` and
-    `limit.upper` of each coordinate. If it `leads`, the document specifies the lead, the advance per turn. With `at_once`, the coordinates
-    are exponential coordinates, a rotation vector about axes through the mount's origin: the child's side is at
+    `twists` are the motions of its coordinates, in order. Each is in the parent mount's frame as moved by the twists before it: the child's
+    side is at `exp(twist_0 q_0) exp(twist_1 q_1) ...` relative to the parent's. A kind without twists does not move. `limits` applies to
+    `limit.lower` and `limit.upper` of each coordinate. If it `leads`, the document specifies the lead, the advance per turn. With
+    `at_once`, the coordinates are exponential coordinates, a rotation vector about axes through the mount's origin: the child's side is at
     `exp(twist_0 q_0 + twist_1 q_1 + ...)`.
     """
 
@@ -46,13 +46,13 @@ class JointKind(FrozenStruct):
         return self.moves and all(one.axis == Z for one in self.twists)
 
     def about(self, axis: Vector, lead: float = 0.0) -> tuple[Twist, ...]:
-        """Return the twists of an `axial` joint about the unit vector `axis` instead of z; `lead` [m] applies if the kind `leads`."""
+        """Return the twists of an `axial` joint about the unit vector `axis` instead of z. `lead` [m] is used if the kind `leads`."""
         twists = self.with_lead(lead) if self.leads else self.twists
         return tuple(Twist(angular=_scaled(axis, one.angular[2]), linear=_scaled(axis, one.linear[2])) for one in twists)
 
     @property
     def moves(self) -> bool:
-        """Whether the joint has a coordinate. If not, its components are one link."""
+        """Whether the joint has a coordinate. If not, the components that it connects are one link."""
         return bool(self.twists)
 
     @property

@@ -1,4 +1,4 @@
-"""The joint kinds, each a sequence of twists, and the kinds of base motions."""
+"""The table of joint kinds, each a sequence of twists, and the motions of bases."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from thingc.base.joints.kind import JointKind, JointType
 from thingc.base.joints.twist import Twist, X, Y, Z
 
 KINDS: Mapping[str, JointKind] = {kind.name: kind for kind in (
-    # Two mounts mated permanently: the joint connects parts into one link.
+    # Permanently mated mounts: the joint connects parts into one link.
     JointKind(name="fixed", twists=(), limits="none"),
-    # A turn about the parent mount's z between two limits, or without end.
+    # Rotation about the parent mount's z, within two limits or unlimited.
     JointKind(name="revolute", twists=(Twist(angular=Z),), limits="required"),
     JointKind(name="continuous", twists=(Twist(angular=Z),), limits="none"),
-    # A slide along the parent mount's z between two limits.
+    # Translation along the parent mount's z within two limits.
     JointKind(name="prismatic", twists=(Twist(linear=Z),), limits="required"),
-    # A turn about the parent mount's z and an independent slide along it.
+    # Rotation about the parent mount's z and an independent translation along it.
     JointKind(name="cylindrical", twists=(Twist(angular=Z), Twist(linear=Z)), limits="optional"),
-    # A turn about the parent mount's x, then one about the y axis that it has turned.
+    # Rotation about the parent mount's x, then about the y axis that it has rotated.
     JointKind(name="universal", twists=(Twist(angular=X), Twist(angular=Y)), limits="optional"),
-    # Any turn about the parent mount's origin. q is a rotation vector: the axis times the angle.
+    # Any rotation about the parent mount's origin. q is a rotation vector: the axis times the angle.
     JointKind(name="ball", twists=(Twist(angular=X), Twist(angular=Y), Twist(angular=Z)), limits="cone", at_once=True),
-    # Slides along the parent mount's x and y, then a turn about z.
+    # Translations along the parent mount's x and y, then a rotation about z.
     JointKind(name="planar", twists=(Twist(linear=X), Twist(linear=Y), Twist(angular=Z)), limits="optional"),
-    # A turn about the parent mount's z that also slides along it by `lead` in every turn. q is the turn.
+    # Rotation about the parent mount's z with a translation along it by `lead` per turn. q is the angle.
     JointKind(name="screw", twists=(Twist(angular=Z),), limits="optional", leads=True),
 )}
 """All kinds, keyed by `type:`, in the order of `JointType`."""
@@ -52,7 +52,7 @@ def moving_as(base: BaseType) -> JointKind | None:
 
 
 def stays(base: BaseType) -> bool:
-    """Return whether the root link keeps the pose of the mode, unless a program moves it at run time."""
+    """Return whether the root link stays at the pose of the mode unless a program moves it at run time."""
     match base:
         case "fixed" | "held":
             return True

@@ -1,7 +1,7 @@
 """Twists: the motion of one coordinate of a joint, and the dimensions of its values.
 
-By Chasles' theorem any rigid motion of one coordinate at a constant rate is a rotation about a line with a translation along it, so
-one type serves revolute, prismatic and screw joints. For the exponential and changes of frame see Lynch and Park, Modern Robotics, 2017,
+By Chasles' theorem any rigid motion of one coordinate at a constant rate is a rotation about a line with a translation along it. One type
+therefore covers revolute, prismatic and screw joints. For the exponential and changes of frame see Lynch and Park, Modern Robotics, 2017,
 sections 3.3.2 and 3.3.3.
 """
 
@@ -64,7 +64,7 @@ class Twist(FrozenStruct, kw_only=False):
 
     @property
     def core(self) -> Literal["hinge", "slide"]:
-        """The type of joint in targets: about an axis, or along it."""
+        """The type of joint in targets: `hinge` about an axis, or `slide` along it."""
         return "hinge" if self.angular != NONE else "slide"
 
     @property
@@ -74,7 +74,7 @@ class Twist(FrozenStruct, kw_only=False):
 
     @property
     def axis(self) -> Vector:
-        """Unit vector of the rotation axis, or of the direction of translation."""
+        """The unit vector of the rotation axis or of the direction of translation."""
         return self.angular if self.turns else self.linear
 
     @property
@@ -135,8 +135,8 @@ _PLAIN = {X: turned_x, Y: turned_y, Z: turned_z}
 def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = False) -> Pose:
     """Return the pose of a frame moved by twists with coordinates `q` (one per twist).
 
-    Twists are applied in sequence, each in the frame that those before it have moved; or, with `at_once`, as exponential coordinates:
-    rotations about axes through one point, by the rotation vector that they add up to.
+    Twists are applied in sequence, each in the frame that the twists before it have moved. With `at_once`, they are exponential
+    coordinates: their sum is a rotation vector about an axis through their common point.
     """
     if at_once:
         vector = rotation_vector(twists, q)
@@ -152,9 +152,9 @@ def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = Fa
 
 
 def velocities(twists: tuple[Twist, ...], q: tuple[float, ...], pose: Pose, *, at_once: bool = False) -> Iterator[tuple[int, Twist]]:
-    """Yield the index and the twist of the motion of every coordinate at `q`, the last first.
+    """Yield the index and the twist of the motion of every coordinate at `q`, from the last to the first.
 
-    Twists are in the frame of `pose` (the pose of the frame that the twists move). With `at_once`, the angular part is not a unit vector.
+    Twists are in the frame of `pose`, which is the pose of the frame that they move. With `at_once`, the angular part is not a unit vector.
     """
     if at_once:
         turned = rotation_vector(twists, q)
@@ -199,4 +199,4 @@ def _right_jacobian(w: Vector, v: Vector) -> Vector:
 
 
 def _negated(v: Vector) -> Vector:
-    return (0.0 - v[0], 0.0 - v[1], 0.0 - v[2])  # 0 - 0 is 0, where -0.0 would be written as such
+    return (0.0 - v[0], 0.0 - v[1], 0.0 - v[2])  # 0 - 0 is 0, but negation would give -0.0, which would be written as such
