@@ -34,7 +34,7 @@ from thingc.model.resolve.tests import tests
 from thingc.model.resolve.types import AssemblyDefinition, Component, LinkName
 
 MAX_DEFINITIONS = 2000
-"""Maximum number of resolved documents. Thirty levels of documents that nest the next one twice would make 2^30."""
+"""Maximum number of resolved documents. Thirty levels of documents, each nesting the next one twice, would give 2^30."""
 
 
 def resolved(

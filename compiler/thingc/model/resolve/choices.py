@@ -1,7 +1,7 @@
 """Choices of `--set`: texts for paths such as `components.foot.part`. (For other values, see `set_values`.)
 
 The path of a choice refers to a component (`components.leg.components.foot.part`), or to a default for components
-(`defaults.component.material`). A choice replaces the value in the document, and is part of the identity of every definition that contains
+(`defaults.component.material`). A choice replaces the value in the document. It is part of the identity of every definition that contains
 it. Files and documents are relative to the compiled document.
 """
 
@@ -58,7 +58,7 @@ def _written(context: ResolveRun, relative: str, spec: AssemblySpec, path: str, 
 
 
 def _place(context: ResolveRun, relative: str, text: str) -> str:
-    """Return the path in the workspace of a file that a document refers to as `text`."""
+    """Return the path in the workspace of the file that `text` refers to in a document."""
     import posixpath
 
     return posixpath.normpath(posixpath.join(posixpath.dirname(relative), text))
@@ -80,7 +80,7 @@ def values(choices: Choices) -> dict[str, str]:
 
 
 def own(choices: Choices, *names: str) -> dict[str, str]:
-    """Return the choices for a component itself, by key; `names` as in `below`."""
+    """Return the choices for a component itself, by key. `names` are as in `below`."""
     by_key: dict[str, str] = {}
     for name in names:
         by_key.update({key: text for key in KEYS for path, text in choices if path == f"components.{name}.{key}"})
@@ -188,7 +188,7 @@ def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: 
 
 
 def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str]]:
-    """Return the documents and parts selected by choices, which must be loaded first. Documents are named as in the top document."""
+    """Return the documents and parts selected by choices, which must be loaded first. Document names are relative to the top document."""
     return _choice_names(choices, "assembly"), _choice_names(choices, "part")
 
 

@@ -47,7 +47,7 @@ def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[Co
             node.unsound = True
         added = node.table.occurrences if node.table is not None else 1
         if table.occurrences + added > MAX_OCCURRENCES:
-            if not context.overfull:  # report once: enclosing documents exceed the limit, too
+            if not context.overfull:  # report once, because enclosing documents exceed the limit as well
                 context.overfull = True
                 node.scope.error(
                     Code.TOO_MANY, f"with `{node.name}`, this assembly has {table.occurrences + added} occurrences; "

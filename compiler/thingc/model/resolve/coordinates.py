@@ -25,7 +25,7 @@ class Limit(OneLineRepr, FrozenStruct):
 
     @property
     def bounded(self) -> bool:
-        """Whether q has a bound."""
+        """Whether q has a lower or an upper limit."""
         return (self.lower, self.upper, self.cone) != (None, None, None)
 
 
@@ -42,7 +42,7 @@ class Dynamics(OneLineRepr, FrozenStruct):
     rest: float | None = None
 
     def sprung(self, q: float) -> float:
-        """Return the force of its spring [N m or N] at `q` [rad or m], along positive q."""
+        """Return the force of the spring [N m or N] at `q` [rad or m], along positive q."""
         return 0.0 if self.stiffness is None else self.stiffness * ((self.rest or 0.0) - q)
 
     @property

@@ -1,5 +1,5 @@
-"""State of resolving a document: the definition, and the names of invalid elements, to report an error once and not at every reference.
-"""
+"""State of resolving a document: its definition, and the names of invalid elements, so that an error is reported only once and not at
+every reference."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Answer = TypeVar("Answer")
 
 @dataclass(slots=True, kw_only=True)
 class ComponentScope:
-    """A component while its document is resolved. `table` is that of the nested document, None for parts and frames.
+    """A component while its document is resolved. `table` belongs to the nested document; it is None for parts and frames.
 
     `unsound` means that a value needed by later passes is invalid, `unplaced` that only the placement is invalid, and `doubtful` that
     validation omitted entries. `chosen` are the keys with values from `choices`.
@@ -68,10 +68,11 @@ class ComponentScope:
 
 @dataclass(slots=True, kw_only=True)
 class DocumentScope:
-    """One document with one set of parameters. In `exports`, `joints` and `poses`, None stands for invalid elements.
+    """A document with a set of parameters. In `exports`, `joints` and `poses`, None represents an invalid element.
 
-    `parameters` include the `choices` inside it (see `thingc.model.resolve.choices`). `unbuilt` and `unbuilt_joints` are the prefixes
-    (`leg_`) of repeats that could not be unrolled. `occurrences` is the number of its parts, links and frames. `base` is the name of the
+    `parameters` include the `choices` inside the document (see `thingc.model.resolve.choices`). `unbuilt` and `unbuilt_joints` are the
+    prefixes (`leg_`) of repeats that could not be unrolled. `occurrences` is the number of its parts, links and frames. `base` is the name
+    of the
     base component. `loose` contains the valid references of elements that were omitted because another reference is invalid. `images`
     contains the mirror images of its definition, keyed by axis.
     """
@@ -146,8 +147,9 @@ class ResolveRun:
     """One run of `resolve`: its inputs, its results, and the reported errors.
 
     `tables` is keyed by document and canonical parameters, so equal definitions are one object. `nesting` contains the documents being
-    resolved, outermost first, and `route` the components that nest them. `said` is shared by all scopes. `overfull` means that too many
-    occurrences have been reported. `digest` returns the SHA-256 of a file. `quantities` are from the `Settings`.
+    resolved, outermost first, and `route` the components that nest them. `said` contains the reported errors and is shared by all scopes.
+    `overfull` means that too many occurrences have been reported. `digest` returns the SHA-256 of a file. `quantities` are from the
+    `Settings`.
     """
 
     documents: Documents
@@ -199,14 +201,14 @@ class ResolveRun:
         return tuple(scope.names.get(name) for name in names)
 
     def there(self, table: DocumentScope) -> list[tuple[object, ...]]:
-        """Return the properties of components in a document that affect references."""
+        """Return the properties of a document's components that affect references."""
         return [
             (node.name, node.spec, node.unsound, node.unplaced, node.definition if node.table is not None else node.definition is None)
             for node in table.nodes.values()
         ]
 
     def around(self, table: DocumentScope) -> tuple[object, ...]:
-        """Return the elements of other sections that a valid section can refer to, without numbers."""
+        """Return the elements of other sections that a valid section can refer to, without their numbers."""
         return (
             self.there(table),
             [

@@ -281,7 +281,7 @@ def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
         )
         return None
     axis = _direction(scope, spec.axis, place, f"the axis of joint `{name}`", Code.OUT_OF_RANGE)
-    return next((one for one in IDENTITY if one == axis), axis)  # exact vectors, detected by `Twist`, also on a tape
+    return next((one for one in IDENTITY if one == axis), axis)  # exact vectors, which `Twist` detects, also for recorded numbers
 
 
 def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> float | None:

@@ -28,9 +28,9 @@ NAMED = 3
 class LinkShape(OneLineRepr):
     """A shape of a link, in its frame.
 
-    `drawn` and `touches` enable display and collision. `pose` is the pose of a mesh file; primitives contain their own. `material`, `color`
-    (`#rrggbb`) and `friction` (sliding, torsional, rolling) override the values of the link and its material, unless they are None. `name`
-    is its name in files.
+    `drawn` and `touches` enable display and collision. `pose` is the pose of a mesh file; primitives contain their own pose. `material`,
+    `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) override the values of the link and its material, unless they are None.
+    `name` is its name in files.
     """
 
     solid: Primitive | MeshFile
@@ -65,7 +65,7 @@ class LinkShape(OneLineRepr):
 
 
 class LinkDefinition(OneLineRepr, FrozenStruct):
-    """The shapes of a link; equal definitions are one node of the HAG.
+    """The shapes of a link. Equal definitions are one node of the HAG.
 
     `text` is `link-` and 12 hex digits of the SHA-256 of the list (`link` if it is empty), `label` the display name. For a mirror image,
     `mirror` is the axis in its frame, and `plain` the original definition.
@@ -87,7 +87,7 @@ class LinkDefinition(OneLineRepr, FrozenStruct):
 
 
 def mesh_files_of(definition: object) -> tuple[MeshFile, ...]:
-    """Return the mesh files that a link lists; empty for other definitions."""
+    """Return the mesh files that a link lists; an empty tuple for other definitions."""
     shapes = definition.shapes if isinstance(definition, LinkDefinition) else ()
     return tuple(dict.fromkeys(shape.solid for shape in shapes if isinstance(shape.solid, MeshFile)))
 

@@ -5,10 +5,10 @@ relative pose of components mated by mounts A and B becomes
 
     X'_PC = S X_PC S = (S X_PA D) (D Rz(turn) Tz(gap) X_J(q + offset) M D) inv(S X_CB D)
 
-and the middle is `Rz(pi - turn) Tz(gap) Rx(pi) X_J'(q + offset) Rx(pi) M`, where X_J' is X_J with negated slides. Rotations are therefore
-unchanged, about the axes of an inverted frame, and a joint with the same q is the mirror image. (Coincident mounts are mated without M. The
-middle is then the same motion about -D axis, with slides along D axis.) Limits, poses, drives, mimics and loops are unchanged. A component
-`at` X in a frame moves to `D X D`.
+The factor in the middle is `Rz(pi - turn) Tz(gap) Rx(pi) X_J'(q + offset) Rx(pi) M`, where X_J' is X_J with negated slides. Rotations about
+the axes of an inverted frame are therefore unchanged, and a joint with the same q is the mirror image. (Coincident mounts are mated without
+M. The middle factor is then the same motion about -D axis, with slides along D axis.) Limits, poses, drives, mimics and loops are
+unchanged. A component that is placed `at` X in a frame is then at `D X D`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ AT_MOUNT = Mirror("y")
 def mirrored(definition: AssemblyDefinition, axis: str) -> AssemblyDefinition:
     """Return the mirror image of an assembly along `axis` of its frame. For a mirror image along this axis, return the original.
 
-    Nothing in the assembly may be mirrored along another axis (see `other_axis`).
+    No component in the assembly may be mirrored along another axis (see `other_axis`).
     """
     return _mirrored(definition, axis, {})
 

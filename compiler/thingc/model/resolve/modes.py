@@ -1,6 +1,6 @@
-"""Resolve modes: merge `extends`, resolve names, convert numbers to SI; holds, cuts and feet.
+"""Resolve modes: merge `extends`, resolve names, convert numbers to SI, and resolve holds, cuts and feet.
 
-`model/assembly/modes.py` finds the link of a root.
+The link of a root is determined in `model/assembly/modes.py`.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Ho
 def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut, ...]:
     """Return the joints at which a mode should cut loops, in written order. A fixed joint must close a loop.
 
-    Invalid ones are reported and left out.
+    Report and omit invalid joints.
     """
     said = layers.pick("cut")
     if said is None:
@@ -247,7 +247,7 @@ def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: Base
 
 
 def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
-    """Return the placement of the root, and whether its height is computed (`on: floor`, unless a more specific `xyz` has a height)."""
+    """Return the placement of the root, and whether its height is computed (by `on: floor`, unless a more specific `xyz` sets a height)."""
     at = layers.sub("at")
     if not at:
         return NO_POSE, False
@@ -273,7 +273,7 @@ def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
 
 
 def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: Sequence[Hold]) -> None:
-    """Report a hold with a position in a mode `on: floor`, because it specifies the height as well."""
+    """Report a hold with a position in a mode with `on: floor`, because the hold also determines the height."""
     on = layers.sub("at").pick("on")
     for hold in held:
         if hold.pose is not None and on is not None:

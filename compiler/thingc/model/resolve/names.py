@@ -1,4 +1,4 @@
-"""Names in files of elements of a document: `names:`."""
+"""Resolve `names:`, the names of a document's elements in files."""
 
 from __future__ import annotations
 

@@ -61,9 +61,9 @@ def worked_out(
 
     def work_out(name: str) -> None:
         raw, path = own(name)
-        names: Mapping[str, ExpressionValue] = values  # every parameter that it uses has been computed, or is invalid
+        names: Mapping[str, ExpressionValue] = values  # all parameters that it uses have been computed or are invalid
         if isinstance(raw, Expression) and any(use.name not in spec.parameters for use in raw.names):
-            names = {other: values.get(other, False) for other in spec.parameters if other != name}  # to be suggested for the unknown name
+            names = {other: values.get(other, False) for other in spec.parameters if other != name}  # suggestions for the unknown name
         scope = Scope(document=document, report=report, names=names, broken=broken, doubts=doubts)
         value = scope.value(raw, path)
         if value is None:
@@ -117,7 +117,7 @@ def fitting(
     context: ResolveRun, document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue], what: str, complain: Complain,
     names: Collection[str] = (),
 ) -> dict[str, ExpressionValue]:
-    """Return the valid values in `given`: those of known parameters, with the right dimension, and within the bounds.
+    """Return the valid values in `given`: the parameters are known, and the values have the right dimension and are within bounds.
 
     `names` are the names available to expressions at the location where the values are set.
     """
@@ -168,7 +168,7 @@ class AssemblyParameters:
         return {name: value for name, value in values.items() if name in sound or name not in texts}
 
     def fitting(self, name: str, value: ExpressionValue, complain: Complain) -> ExpressionValue | None:
-        """Return a value for a parameter. Return None if it (reported by `complain`) or the assembly's own value is invalid."""
+        """Return a value for a parameter; None if it (reported by `complain`) or the assembly's own value is invalid."""
         return fitting(self._context, self._context.documents.root, self._spec, {name: value}, f"`{self.name}`", complain).get(name)
 
 
@@ -297,7 +297,7 @@ def from_command_line(
     report = context.report
 
     def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: object = ()) -> None:
-        del code  # all errors of -p have the same code, which determines the exit status
+        del code  # all errors of -p have the same code, because it determines the exit status
         report.add(Code.PARAMETER_OPTION, message, None, help=help, path=f"-p {name}", notes=notes)  # type: ignore[arg-type]
 
     given, expressions = _as_written(context, document, spec, texts, complain)

@@ -59,7 +59,7 @@ def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDe
             values[parameter.name] = value
     key = (reference, tuple(sorted(values.items())))
     definition = context.parts.get(key)
-    # 1, 1.0 and True are equal keys; their texts are not.
+    # 1, 1.0 and True are equal as keys, but their texts differ
     if definition is None or definition.text != definition_text(reference, values, defaults):
         definition = context.parts[key] = schema.definition(values)
     return definition
@@ -250,7 +250,7 @@ def _reference_hint(context: ResolveRun, text: str) -> str:
 
 
 def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> str:
-    """Return a hint for an unknown part: the class with this name in another module, otherwise a similar name in the same module."""
+    """Return a hint for an unknown part: the class with the same name in another module, or a similar name in the same module."""
     classes = [one for one in failure.candidates if ":" in one]
     namesakes = [one for one in classes if one.partition(":")[2] == reference.rpartition(":")[2]]
     if namesakes:
@@ -281,7 +281,7 @@ FEWEST_FACES = 4
 
 
 def of_file(context: ResolveRun, node: ComponentScope, text: str) -> PartDefinition | None:
-    """Return the definition of a component with `file:`, including its `faces`, and its unit if this is not mm.
+    """Return the definition of a component with `file:`, including its `faces`, and its unit if it is not mm.
 
     Return None if the file cannot be used. `load` reports this, unless the file was set by a choice.
     """

@@ -14,7 +14,7 @@ from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, R
 from thingc.model.resolve.types import At, Attach, Joint
 
 Places = dict[str, list[tuple[str, Span]]]
-"""Placements (`` `attach` ``, `` joint `yaw` ``) and their locations, keyed by component name."""
+"""Placements (`` `attach` ``, `` joint `yaw` ``) and their locations, by component name."""
 
 
 def own_placements(context: ResolveRun, table: DocumentScope, places: Places) -> dict[str, Attach | At | None]:
@@ -98,8 +98,7 @@ def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
     """Find the base. Report components that are placed twice, and missing or multiple bases.
 
     Components that are placed twice, and additional bases, become unplaced. Components with a doubtful placement are not reported. `unsure`
-    means that the child of some joint could not be read. Missing placements are then not reported, because this joint may place any
-    component.
+    means that the child of some joint could not be read. As this joint may place any component, missing placements are then not reported.
     """
     vague = {
         node.name for node in table.nodes.values()

@@ -23,7 +23,7 @@ from thingc.model.resolve.types import Joint, NamedPose
 
 Joints = dict[CoordinateName, Joint | None]
 Settings = dict[str, tuple[float, Origin]]
-"""q and its location, keyed by joint path (with `/`)."""
+"""q and its location, by joint path (with `/`)."""
 
 
 def poses(table: DocumentScope, scope: Scope) -> None:

@@ -1,6 +1,4 @@
-"""Raw attributes, which are passed to one target unchanged, and raw elements, which are added to MuJoCo's model (`raw: {mjcf: {add:
-...}}`).
-"""
+"""Raw attributes, which one target gets unchanged, and raw elements, which are added to MuJoCo models (`raw: {mjcf: {add: ...}}`)."""
 
 from __future__ import annotations
 
@@ -44,7 +42,7 @@ _EXAMPLE = "`- fixed: {name: grip, in: [{joint: {joint: left, coef: 1}}]}`"
 
 
 def added(scope: Scope, written: Mapping[str, Any]) -> tuple[RawElement, ...]:
-    """Return every element under `raw: mjcf: add:`, section by section. Report anything else."""
+    """Return every element under `raw: mjcf: add:`, section by section. Report all other entries."""
     under = written.get("mjcf")
     sections = under.get(ADD) if isinstance(under, Mapping) else None
     if sections is None:
@@ -120,7 +118,7 @@ EXAMPLES = {
 """Targets that accept raw attributes, each with an example attribute of a joint."""
 
 IN_PLACE = {"ros": "write them under `urdf`: the URDF in the ROS package contains them, too", "mjz": "write them under `mjcf`"}
-"""Hints for targets that contain files of other targets."""
+"""Hints for targets whose output contains files of other targets."""
 
 
 def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:

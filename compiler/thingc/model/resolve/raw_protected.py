@@ -81,9 +81,10 @@ BEGINNINGS_IN_USD: Mapping[str, str] = {
 
 
 def fixed_in_all(target: str, path: tuple[str, ...]) -> tuple[str, str] | None:
-    """Return why `raw` cannot set an attribute of URDF, SDF or USD: the robot would differ between formats. See `fixed`.
+    """Return why `raw` cannot set an attribute of URDF, SDF or USD, and what to use instead. Return None if it can.
 
-    In SDF, an `axis` also contains non-geometric values. In USD, a type may precede the name.
+    Setting the attribute would make the robot differ between formats. In SDF, an `axis` also contains non-geometric values. In USD, a type
+    may precede the name.
     """
     for key in path[-1:] if target == "usd" else path[2:]:
         name = key.rpartition(" ")[2]

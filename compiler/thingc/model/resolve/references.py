@@ -21,14 +21,14 @@ ORIGIN = "origin"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _INDEX = re.compile(r"\$(?:\{([A-Za-z][A-Za-z0-9_]*)\}|([A-Za-z][A-Za-z0-9_]*))", re.ASCII)
 GLOB = re.compile(r"[*?\[]")
-"""A character that makes a name a pattern."""
+"""A character that occurs only in patterns."""
 
 MAX_SUGGESTED = 1000
-"""Maximum number of names that a misspelled one is compared with."""
+"""Maximum number of names that are compared with a misspelled name."""
 
 
 def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | None:
-    """Replace `$i` (or `${i}`) of the enclosing `repeat`; return None if the text uses another index (reported)."""
+    """Replace `$i` (or `${i}`) of the enclosing `repeat`. Return None if the text uses another index (reported)."""
     if "$" not in text:
         return text
     unknown: list[str] = []
@@ -61,7 +61,7 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
 def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
     """Return the origin of the enclosing `repeat`'s count, if the text uses its index.
 
-    Empty for the first item, which always exists.
+    Return an empty origin for the first item, which always exists.
     """
     text = str(path[-1]) if key else scope.written(path) or ""
     if scope.index is None or scope.index[1] == "0" or "$" not in text:
@@ -70,7 +70,7 @@ def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
 
 
 def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[str, ...] | None:
-    """Return the words of a reference that must not be a pattern; None if it is invalid (reported)."""
+    """Return the words of a reference, which must not be a pattern. Return None if it is invalid (reported)."""
     filled = indexed(scope, text, path, key=key)
     if filled is None:
         return None
@@ -96,7 +96,7 @@ def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[st
 
 
 def mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """Return the reference to a mount, `component.mount`; None if it is invalid (reported now or before)."""
+    """Return the reference to a mount, `component.mount`. Return None if it is invalid (reported now or before)."""
     parts = words(scope, text, path, key=key)
     if parts is None:
         return None
@@ -109,7 +109,7 @@ def mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: boo
 
 
 def shown_mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """Return the reference to a mount, or to an exported mount of this document; None if it is invalid (reported now or before)."""
+    """Return the reference to a mount or to an exported mount of this document. Return None if it is invalid (reported now or before)."""
     if text not in table.exports:
         if "." not in text and table.doubts.lacks("mounts"):
             return None
@@ -141,7 +141,7 @@ def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key:
 
 
 def component(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[Reference, ComponentScope] | None:
-    """Return the reference to a component; None if it is invalid (reported now or before)."""
+    """Return the reference to a component. Return None if it is invalid (reported now or before)."""
     parts = words(scope, text, path, key=key)
     if parts is None:
         return None
@@ -154,7 +154,7 @@ def component(table: DocumentScope, scope: Scope, text: str, path: Path, *, key:
 def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
     """Return the reference to a component, a mount of a component, or an exported mount of this document.
 
-    None if it is invalid (reported now or before).
+    Return None if it is invalid (reported now or before).
     """
     parts = words(scope, text, path, key=key)
     if parts is None:
@@ -255,7 +255,7 @@ def _descend(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: P
 
 
 def _mount_below(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> bool:
-    """Return whether `component...mount` exists, as far as this is known from documents. Report errors."""
+    """Return whether `component...mount` exists, as far as documents determine this. Report errors."""
     node = table.nodes.get(parts[0])
     if node is None:
         _report_component(table, table, scope, parts, 0, path, key)
@@ -389,7 +389,7 @@ def _report_component(
 
 
 def _shows(node: ComponentScope, mount: str) -> bool:
-    """Return whether a component has a mount with this name, as far as this is known from documents. Mounts of parts are not known."""
+    """Return whether a component has a mount with this name, as far as documents determine this. Mounts of parts are not known."""
     return mount in node.mounts or (node.table is not None and mount in node.table.exports)
 
 

@@ -1,6 +1,6 @@
-"""The pass from validated documents to the model: parameters, expressions, units, references, defaults, repeats, patterns.
+"""The pass that converts validated documents to the model: parameters, expressions, units, references, defaults, repeats, patterns.
 
-`Settings` and `Sources` are its inputs.
+Its inputs are `Settings` and `Sources`.
 """
 
 from __future__ import annotations
@@ -35,8 +35,9 @@ class Settings(FrozenStruct):
 
 
 class Sources(FrozenStruct):
-    """Documents, their models (or the valid entries) by path in the workspace, the schemas of referenced parts, and a function that returns
-    the SHA-256 of a file.
+    """Inputs of `resolve`: documents, their models (or the valid entries) by path in the workspace, and schemas of referenced parts.
+
+    They also include a function that returns the SHA-256 of a file.
     """
 
     workspace: Workspace
@@ -49,7 +50,7 @@ class Sources(FrozenStruct):
 def resolve(
     sources: Sources, settings: Settings, report: Report, memo: Memo | None = None, of_any_text: Memo | None = None,
 ) -> AssemblyDefinition | None:
-    """Resolve the root document of `sources` with these settings; `sources` must include the documents and parts of choices.
+    """Resolve the root document of `sources` with these settings. `sources` must include the documents and parts of choices.
 
     All errors are reported. Elements that depend on invalid ones are omitted from the model. Return None if the root document is invalid as
     a whole. `memo` caches results for these documents. `of_any_text` caches results of unchanged nested documents.

@@ -31,15 +31,15 @@ _EXPRESSION_CODES = {"dimension": Code.DIMENSION, "unit": Code.DIMENSION, "value
 
 
 class TooManyErrors(Exception):
-    """The maximum number of errors has been reported: the pass is aborted."""
+    """The maximum number of errors has been reported, and the pass is aborted."""
 
 
 class Scope(FrozenStruct):
     """The names available to expressions of a document (or of an item of a `repeat`), and the report.
 
     `broken` contains invalid names that have been reported. Expressions with these names are invalid, without another message. `index` is
-    the name of the repeat's index and its value in references (`$i`). `said`, shared by a whole run, prevents reporting the same error for
-    every item of a repeat and every use of a nested document. `doubts` are locations of errors reported by validation.
+    the name of the repeat's index and its value in references (`$i`). `said`, which a whole run shares, prevents reporting the same error
+    for every item of a repeat and every use of a nested document. `doubts` are locations of errors reported by validation.
     """
 
     document: Document
@@ -97,7 +97,7 @@ class Scope(FrozenStruct):
     # --- values ---------------------------------------------------------------------------------------------------
 
     def value(self, raw: Any, path: Path) -> ExpressionValue | None:
-        """Evaluate the value of a field; None if it is invalid (reported now or before)."""
+        """Evaluate the value of a field. Return None if it is invalid (reported now or before)."""
         if isinstance(raw, Quantity):
             return raw
         if isinstance(raw, Expression):
@@ -136,10 +136,10 @@ class Scope(FrozenStruct):
         self, raw: Any, path: Path, dimension: Dimension | tuple[Dimension, ...], what: str, *,
         above: float | None = None, least: float | None = None, most: float | None = None, notes: Iterable[Note] = (),
     ) -> float | None:
-        """Return the SI value of a field with one of these dimensions and within bounds; None if it is invalid (reported).
+        """Return the SI value of a field with one of these dimensions and within bounds. Return None if it is invalid (reported).
 
-        `what` names the field in messages, with its article or name: "the mass", "`limit.lower` of joint `yaw`"; `notes`
-        show why this dimension is required.
+        `what` names the field in messages, with its article or name: "the mass", "`limit.lower` of joint `yaw`". `notes`
+        explain why this dimension is required.
         """
         quantity = self.value(raw, path)
         if quantity is None:
@@ -180,13 +180,13 @@ class Scope(FrozenStruct):
         return None if x is None or y is None or z is None else (x, y, z)
 
     def pose(self, spec: PoseSpec, path: Path) -> Pose | None:
-        """Return the pose at `path`; None if it is invalid (reported)."""
+        """Return the pose at `path`. Return None if it is invalid (reported)."""
         translation = self.vector(spec.xyz, (*path, "xyz"), LENGTH, "`xyz`")
         rotation = self.rotation(spec, path)
         return None if translation is None or rotation is None else Pose(rotation=rotation, translation=translation)
 
     def rotation(self, spec: PoseSpec | TurnSpec, path: Path) -> Matrix | None:
-        """Return the rotation of the `quat` or `rpy` at `path`; None if it is invalid (reported)."""
+        """Return the rotation of the `quat` or `rpy` at `path`. Return None if it is invalid (reported)."""
         if isinstance(spec, TurnSpec) or spec.quat is None:
             angles = self.vector(spec.rpy, (*path, "rpy"), ANGLE, "`rpy`")
             return None if angles is None else placed((0.0, 0.0, 0.0), angles).rotation
@@ -220,7 +220,7 @@ class Scope(FrozenStruct):
 def dimension_message(
     value: ExpressionValue, expected: tuple[Dimension, ...], what: str, written: str | None, names: Collection[str] = (),
 ) -> tuple[str, str | None]:
-    """Return the message and the help for a value of the wrong dimension. `names` are the names available to an expression there."""
+    """Return the message and the help for a value of the wrong dimension. `names` are the names that an expression can use there."""
     wanted = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
     text = shortened((written if written is not None else words_of(value)).strip())
     help: str | None = expression_hint(value, names) if isinstance(value, str) else None
@@ -235,9 +235,9 @@ def dimension_message(
 
 
 def _converted(text: str, found: Dimension, wanted: Dimension) -> str | None:
-    """Return the help for an expression with a dimension that differs from the expected one by a unit.
+    """Return the help for an expression whose dimension differs from the expected one by a unit.
 
-    For example `=pinion / 1 rad`, `=count * 1 mm`, `=width / 1 mm`.
+    Examples are `=pinion / 1 rad`, `=count * 1 mm` and `=width / 1 mm`.
     """
     body = text.removeprefix("=")
     term = f"({body})" if re.search(r"[-+<>=]", body) else body

@@ -23,7 +23,7 @@ from thingc.model.resolve.shapes import primitive
 from thingc.model.resolve.types import Joint, Reference, Sensor, Tendon
 
 FOVY = numeric.radians(45.0)
-"""Default field of view [rad] of a camera, that of MuJoCo."""
+"""Default field of view [rad] of a camera, as in MuJoCo."""
 
 
 def sensors(table: DocumentScope, scope: Scope, tendons: Sequence[Tendon]) -> Iterator[Sensor]:
@@ -44,7 +44,7 @@ class _Reader:
         self.sound = True
 
     def sensor(self, tendons: Mapping[str, Tendon]) -> Sensor | None:
-        """Return the sensor; None if it is invalid."""
+        """Return the sensor, or None if it is invalid."""
         spec = self.spec
         joint = self._joint() if spec.joint is not None or spec.type == "joint" else None
         tendon = self._tendon(spec.tendon, tendons) if spec.tendon is not None else None
@@ -93,7 +93,7 @@ class _Reader:
         return () if named is None else (named[0],)
 
     def _numbers(self, key: Literal["noise", "cutoff"], written: Any, of: Dimension | None) -> dict[str, float]:
-        """Return noise or cutoff [SI] keyed by reading. A single value requires that only one reading accepts it."""
+        """Return noise or cutoff [SI] by reading. A single value requires that only one reading accepts it."""
         if written is None:
             return {}
         able: dict[ReadingName, Dimension] = {}

@@ -1,7 +1,7 @@
 """Insert values set by path (`joints.elbow.limit.upper` and a text) into a document.
 
-The text is parsed as if it were in the document; it may be a mapping or a list on one line (`{on: floor}`). The resulting tree is validated
-again, so the rules of documents apply. The location of the value is the option (`source.option_span`). Errors of this and later passes
+The text is parsed as if it were in the document. It may be a mapping or a list on one line (`{on: floor}`). The resulting tree is validated
+again, so the rules of documents apply. The location of the value is the option (`source.option_span`); errors of this and later passes
 therefore refer to the option and not to the document.
 """
 
@@ -32,11 +32,11 @@ FIXED = {
     "name": "the name of a robot is fixed",
     "parameters": "set a parameter by its name: `-p 'NAME=VALUE'`, or `NAME: ...` in a variants document",
 }
-"""Keys of an assembly that cannot be set, and why."""
+"""Keys of an assembly that cannot be set, with the reasons."""
 
 
 class PathNotFound(FrozenStruct, kw_only=False):
-    """The reason why a text cannot be set at a path, and the help."""
+    """The reason why a text cannot be set at a path, and a help text."""
 
     message: str
     help: str | None
@@ -94,7 +94,7 @@ def _parse_setting(path: str, text: str, place: Span) -> Node | PathNotFound:
 
 
 def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
-    """Return a tree like `node` with `leaf` at `keys`; missing mappings are created."""
+    """Return a tree like `node` with `leaf` at `keys`. Missing mappings are created."""
     if not keys:
         return leaf
     if isinstance(node, SequenceNode):
@@ -110,7 +110,7 @@ def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
 def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, whole: Callable[[str], str]) -> PathNotFound | None:
     """Return an error with the nearest valid path if a path does not exist in an assembly or, for named elements, in `tree`.
 
-    None if it leads to a value, or if `text` is a mapping or list. `whole` converts paths to those from the top document.
+    Return None if it leads to a value, or if `text` is a mapping or list. `whole` converts paths to paths from the top document.
     """
     if keys[0] in FIXED:
         return PathNotFound(f"`{keys[0]}` cannot be set by a path", FIXED[keys[0]])
@@ -138,7 +138,7 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
             shape = shape_of(named.members[0])
             if shape.kind in ("model", "dict") and key not in written:
                 return _no_such(document, keys, depth, written, whole)
-        elif keys[0] == "raw":  # whatever its target takes
+        elif keys[0] == "raw":  # accepts everything that its target accepts
             return None
         elif any(branch.model is not None for branch in branches):
             there = [key for one in branches if one.model is not None for key in model_keys(one.model)]

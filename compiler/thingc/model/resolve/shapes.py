@@ -26,7 +26,7 @@ from thingc.model.resolve.scope import DefaultLayers, Scope
 
 
 def of_link(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> LinkDefinition | None:
-    """Return the definition of a component that is a `link`; None if one of its shapes is invalid (reported)."""
+    """Return the definition of a component that is a `link`. Return None if one of its shapes is invalid (reported)."""
     shapes = [_shape(context, table, node.scope, spec, (*node.path, "shapes", index)) for index, spec in enumerate(node.spec.shapes)]
     sound = tuple(shape for shape in shapes if shape is not None)
     return link_of(sound) if len(sound) == len(shapes) else None
@@ -45,7 +45,7 @@ def _shape(context: ResolveRun, table: DocumentScope, scope: Scope, spec: ShapeS
 
 
 def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> MeshFile | None:
-    """Return a mesh file with its scale; None if it is invalid (reported), or cannot be used (reported by `load`)."""
+    """Return a mesh file with its scale. Return None if it is invalid (reported) or cannot be used (reported by `load`)."""
     scale = _scale(scope, spec, path)
     absolute, workspace = named(spec.mesh or "", scope.document.path), context.workspace
     if scale is None or absolute is None or os.path.isabs(spec.mesh or "") or not workspace.contains(absolute):
@@ -69,12 +69,12 @@ def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> Mes
 
 
 def _file(scale: Vector, digest: Callable[[str], str], absolute: str, path: str, _state: tuple[int, ...]) -> MeshFile:
-    """Return the mesh file; the memo compares its state."""
+    """Return the mesh file. The unused argument is its state, which the memo compares."""
     return mesh_file(absolute, path, scale, digest)
 
 
 def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
-    """Return the factors to metres; None if one is invalid (reported)."""
+    """Return the factors to metres. Return None if one is invalid (reported)."""
     at: Path = (*path, "scale")
     if isinstance(spec.scale, list):
         factors = [scope.number(factor, (*at, k), NUMBER, "a factor of `scale`") for k, factor in enumerate(spec.scale)]

@@ -84,7 +84,7 @@ def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bo
 def _terms(
     table: DocumentScope, scope: Scope, name: str, spec: TendonSpec, path: Path,
 ) -> tuple[Dimension, tuple[tuple[CoordinateName, float], ...]] | None:
-    """Return the dimension of the length, taken from the first term, and the factors keyed by coordinate."""
+    """Return the dimension of the length, taken from the first term, and the factors by coordinate."""
     moves: list[tuple[CoordinateName, float]] = []
     length: Dimension | None = None
     for text, raw in (spec.joints or {}).items():

@@ -1,4 +1,4 @@
-"""Resolve tests of documents: names, units and ranges. `model/assembly/modes.py` finds the mounts of parts."""
+"""Resolve tests of documents: names, units and ranges. Mounts of parts are resolved in `model/assembly/modes.py`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from thingc.model.resolve.types import Joint, JointRange, Mode, Reference, Test
 ALL = "all"
 
 Key = str | Path
-"""Location in a test: a key or a path."""
+"""Location in a test: a key or a path of keys."""
 
 
 def tests(context: ResolveRun, table: DocumentScope, scope: Scope, modes: Sequence[Mode]) -> Iterator[Test]:
@@ -41,7 +41,7 @@ def tests(context: ResolveRun, table: DocumentScope, scope: Scope, modes: Sequen
 
 
 def _test(table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], name: str, written: TestSpec) -> Test | None:
-    """Return a test; None if it is invalid (reported)."""
+    """Return a test, or None if it is invalid (reported)."""
     path: Path = ("tests", name, written.kind)
     reader = Reader(table, scope, modes, path)
     reader.choose(written.stated)
@@ -109,7 +109,7 @@ class Reader:
         return value
 
     def vector(self, raw: Any, key: str, dimension: Dimension) -> Vector | None:
-        """Return three SI values; None if one is invalid (reported)."""
+        """Return three SI values. Return None if one is invalid (reported)."""
         vector = self.scope.vector(raw, self.at(key), dimension, f"`{key}`")
         self.sound = self.sound and vector is not None
         return vector
@@ -125,7 +125,7 @@ class Reader:
         return low, high
 
     def bounds(self, low: Any, high: Any, dimension: Dimension, what: str) -> tuple[float | None, float | None]:
-        """Return `min` and `max`, if specified."""
+        """Return `min` and `max`, or None for each that is not specified."""
         least = None if low is None else self.number(low, "min", dimension, f"`min` of {what}", least=0.0)
         most = None if high is None else self.number(high, "max", dimension, f"`max` of {what}", least=0.0)
         if least is not None and most is not None and least > most:
@@ -199,7 +199,7 @@ class Reader:
         return tuple(name for name in known if name in names)
 
     def ranges(self, said: dict[str, Any], key: str) -> Iterator[JointRange]:
-        """Yield the joints of a sweep with their ranges; an exact name takes precedence over a pattern."""
+        """Yield the joints of a sweep with their ranges. An exact name takes precedence over a pattern."""
         joints = dict(self.table.all_joints())
         movable = {name: joint for name, joint in joints.items() if joint is not None and _movable(joint)}
         chosen: dict[CoordinateName, tuple[Any, Path]] = {}
@@ -250,7 +250,7 @@ class Reader:
 
 
 def _each(said: str | list[str], path: Path) -> list[tuple[str, Path]]:
-    """Yield one text or the texts of a list, with their locations."""
+    """Return one text or the texts of a list, with their locations."""
     return [(said, path)] if isinstance(said, str) else [(text, (*path, index)) for index, text in enumerate(said)]
 
 

@@ -1,6 +1,6 @@
 """The resolved model: documents with all names, units and expressions resolved, in SI.
 
-Mounts of parts depend on geometry: references contain their names, which `model/assembly` checks.
+Mounts of parts depend on geometry. References contain only their names, which `model/assembly` checks.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from thingc.model.resolve.coordinates import Coordinate, CoordinateName, Dynamic
 from thingc.model.resolve.link_definition import LinkDefinition
 
 COUNTED = "the reference is repeated this often"
-"""The note on the count of a `repeat` whose indexed reference is invalid."""
+"""Text of the note at the count of a `repeat` whose indexed reference is invalid."""
 
 
 class Reference(OneLineRepr, FrozenStruct):
     """A reference such as `hand.cap.pen`: `path` are the component names from this document down, `mount` is the last word.
 
-    `mount` None means the component itself (`links`, `drive`, a mode's root). A mount may be one that a nested
-    assembly exports (then `path` ends at that assembly) or a part's own. `repeat_origin` is where the items of the enclosing
-    `repeat` are counted, if the reference uses the index of an item after the first.
+    If `mount` is None, it refers to the component itself (`links`, `drive`, a mode's root). A mount may be exported by a nested assembly
+    (then `path` ends at that assembly) or belong to a part. `repeat_origin` is the place of the enclosing `repeat`'s count, if the
+    reference uses the index of an item after the first.
     """
 
     path: tuple[str, ...]
@@ -43,10 +43,10 @@ class Reference(OneLineRepr, FrozenStruct):
 
 
 class Process(OneLineRepr, FrozenStruct):
-    """How a part is made. `kind` is for example `fdm`; widths and layer are in [m]; infill and overlap 0..1, bridge flow a ratio.
+    """Manufacturing process of a part. `kind` is for example `fdm`. Widths and layer are in [m], infill and overlap from 0 to 1.
 
-    `estimate` is the method for the mass of a part with an infill, `layers | skin` (None: by kind). `origins` are where the keys are
-    written; those in `wrong` are invalid (reported).
+    `bridge_flow` is a ratio. `estimate` is the method for the mass of a part with infill, `layers | skin` (None: by kind). `origins` are
+    the places of the keys in the document; the keys in `wrong` are invalid (reported).
     """
 
     kind: str | None = None
@@ -66,8 +66,8 @@ class Process(OneLineRepr, FrozenStruct):
 class Material(OneLineRepr, FrozenStruct):
     """A material in scope.
 
-    `density` [kg/m^3]; `color` `#rrggbb` or `#rrggbbaa`; `slide` is the sliding friction (likewise torsional and rolling); `process_origin`
-    is where its `process` is written (empty if it is not), `density_origin` where its density is.
+    `density` is in [kg/m^3], `color` is `#rrggbb` or `#rrggbbaa`, and `slide` is the sliding friction (likewise torsional and rolling).
+    `process_origin` is the place of its `process` in the document (empty if it has none), `density_origin` the place of its density.
     """
 
     name: str
@@ -83,9 +83,9 @@ class Material(OneLineRepr, FrozenStruct):
 
 
 class StatedValue(OneLineRepr, FrozenStruct):
-    """A value in a document (mass [kg], com [m], inertia [kg m^2] as ixx iyy izz ixy ixz iyz), its source and place.
+    """A value in a document (mass [kg], com [m], inertia [kg m^2] as ixx iyy izz ixy ixz iyz) with its source and its place.
 
-    A `stand_in` replaces an invalid one (reported).
+    A `stand_in` replaces an invalid value (reported).
     """
 
     value: tuple[float, ...]
@@ -95,7 +95,7 @@ class StatedValue(OneLineRepr, FrozenStruct):
 
 
 class ExtraMount(OneLineRepr, FrozenStruct):
-    """A mount that the document adds to a component."""
+    """A mount that a document adds to a component."""
 
     pose: Pose
     interface: str | None
@@ -103,7 +103,7 @@ class ExtraMount(OneLineRepr, FrozenStruct):
 
 
 class Overrides(OneLineRepr, FrozenStruct):
-    """Overrides of a component in a document; None: not overridden.
+    """Overrides of a component in a document. None means that a value is not overridden.
 
     `up` is the direction away from the bed of a printer, a unit vector in the component's axes.
     """
@@ -127,7 +127,7 @@ class BomEntry(OneLineRepr, FrozenStruct):
 
 
 class Attach(OneLineRepr, FrozenStruct):
-    """A rigid mate: this component's `mount` onto `to`; `turn` [rad] and `gap` [m] are along the other mount's z.
+    """A rigid mate of this component's `mount` to the mount `to`. `turn` [rad] and `gap` [m] are about and along the z of `to`.
 
     `mount` is a reference whose path starts with this component's own name.
     """
@@ -140,7 +140,7 @@ class Attach(OneLineRepr, FrozenStruct):
 
 
 class At(OneLineRepr, FrozenStruct):
-    """Direct placement: this component's frame at `pose` in the frame `to`."""
+    """Direct placement of this component's frame at `pose` in the frame `to`."""
 
     to: Reference
     pose: Pose
@@ -150,12 +150,11 @@ class At(OneLineRepr, FrozenStruct):
 class Component(OneLineRepr, FrozenStruct):
     """A component of an assembly.
 
-    Either `definition` is a part, a link or a nested assembly, or `frame` is True. If neither, the component is invalid
-    (reported); later passes skip it. `placement` is None for
-    the base and for components that a joint places. `material` is that in the document (None: the Thing's default, looked up
-    in the assembly's `materials`). In the mirror image of a document, `image_of` is the original component;
-    if the part equals its mirror image, `mounts_mirrored` is the axis along which its mounts are mirrored. `key` is the
-    name in the document, which the items of a `repeat` share.
+    Either `definition` is a part, a link or a nested assembly, or `frame` is True. If neither is the case, the component is invalid
+    (reported), and later passes skip it. `placement` is None for the base and for components that a joint places. `material` is the
+    material in the document; if it is None, the Thing's default is looked up in the assembly's `materials`. In the mirror image of a
+    document, `image_of` is the original component. If the part equals its mirror image, `mounts_mirrored` is the axis along which its
+    mounts are mirrored. `key` is the name in the document, which the items of a `repeat` share.
     """
 
     name: str
@@ -180,7 +179,7 @@ class Component(OneLineRepr, FrozenStruct):
 class Drive(OneLineRepr, FrozenStruct):
     """A drive of a joint: a `component` whose Thing declares an actuator, or an inline drive (`component` None).
 
-    For a ball, `axis` is a unit vector fixed in the child, in the parent mount's axes at q = 0.
+    For a ball joint, `axis` is a unit vector that is fixed in the child, in the parent mount's axes at q = 0.
     """
 
     component: Reference | None
@@ -195,13 +194,13 @@ class Drive(OneLineRepr, FrozenStruct):
 
 
 class Joint(Coordinate):
-    """A joint: it places the component that `child` belongs to, unless it closes a `loop`.
+    """A joint. It places the component that `child` belongs to, unless it closes a `loop`.
 
-    A joint with several coordinates is a sequence of these: `name` is that of the coordinate (`wrist[0]`), `twist` its motion
-    in the parent mount's frame as moved by the preceding coordinates (None for a `fixed` joint).
-    `spans` contains places within the joint by dotted key (`limit.lower`), `written` the values there, for diagnostics. With
-    an `axis` (a unit vector in the parent mount's frame), the mounts coincide at q = 0 instead of facing each other. Otherwise, if it is
-    `mirrored`, it moves in the parent mount's frame turned by pi about x.
+    A joint with several coordinates is a sequence of these objects: `name` is the name of the coordinate (`wrist[0]`), `twist` its motion
+    in the parent mount's frame as moved by the preceding coordinates (None for a `fixed` joint). `spans` contains places within the joint
+    by dotted key (`limit.lower`), `written` the values there, for diagnostics. With an `axis` (a unit vector in the parent mount's frame),
+    the mounts coincide at q = 0 instead of facing each other. Otherwise, if it is `mirrored`, it moves in the parent mount's frame turned
+    by pi about x.
     """
 
     twist: Twist | None
@@ -220,8 +219,8 @@ class Joint(Coordinate):
 class Wrap(OneLineRepr, FrozenStruct):
     """A step of the path of a tendon: through a `mount`, around a `shape`, or over a pulley.
 
-    With a `shape` of a `radius` [m], it goes around that, on the side of the mount `side`, if any. Without a mount it is a pulley, after
-    which lengths are divided by `divisor`.
+    A `shape` with a `radius` [m] is passed on the side of the mount `side`, if any. A step without a mount is a pulley, after which lengths
+    are divided by `divisor`.
     """
 
     shape: Literal["sphere", "cylinder"] | None = None
@@ -231,17 +230,17 @@ class Wrap(OneLineRepr, FrozenStruct):
 
 
 class PathStep(Wrap):
-    """A step of a path, with mounts as in the document."""
+    """A step of a path with mounts as in the document."""
 
     mount: Reference | None = None
     side: Reference | None = None
 
 
 class Tendon(OneLineRepr, FrozenStruct):
-    """A tendon whose length is a sum of coordinates, or that of a path. Limit, dynamics and drive act along it.
+    """A tendon. Its length is a sum of coordinates or the length of a path. Limit, dynamics and drive act along it.
 
-    `moves` has the factor of each coordinate [by the units of q]; if it `turns`, the length is an angle [rad], otherwise it is in [m]. A
-    tendon along a `path` is drawn with a `width` [m].
+    `moves` has the factor of each coordinate [per unit of q]. If it `turns`, the length is an angle [rad], otherwise it is in [m]. A tendon
+    along a `path` is drawn with a `width` [m].
     """
 
     name: str
@@ -269,7 +268,7 @@ NamedKind = Literal["components", "mounts", "joints", "tendons", "actuators", "e
 class NameInFiles(OneLineRepr, FrozenStruct):
     """`names: {joints: {joint_1: "1"}}`: the name of an element in files.
 
-    `own` is its name in the document, for coordinates that in files (`wrist_0`).
+    `own` is its name in the document; for a coordinate, the name in files (`wrist_0`).
     """
 
     kind: NamedKind
@@ -279,9 +278,9 @@ class NameInFiles(OneLineRepr, FrozenStruct):
 
 
 class NamedPose(OneLineRepr, FrozenStruct):
-    """A pose with patterns and nested poses resolved: joint path (`hand/finger`) to q [rad or m], and where each value is written.
+    """A pose with patterns and nested poses resolved: joint path (`hand/finger`) to q [rad or m] and the place of each value.
 
-    Other joints are at 0.
+    Joints that are not in it are at 0.
     """
 
     name: PoseName
@@ -291,10 +290,10 @@ class NamedPose(OneLineRepr, FrozenStruct):
 
 
 class Sensor(Measurement):
-    """A sensor of some kind, `at` a mount, and relative to another one (`seen_from`).
+    """A sensor `at` a mount; it may measure relative to another mount (`seen_from`).
 
-    `joint` is the path of the measured or driven joint (`leg/knee`), `tendon` the name of such a tendon; `touching` are the component whose
-    contacts are measured, and the other component of the contact, if specified.
+    `joint` is the path of the measured or driven joint (`leg/knee`), `tendon` the name of the measured or driven tendon. `touching` are the
+    component whose contacts are measured and, if specified, the other component of the contact.
     """
 
     name: str
@@ -310,8 +309,8 @@ class Hold(OneLineRepr, FrozenStruct):
 
     It is mated to the world frame moved to `pose`, as a root is mated to `at`.
 
-    `pose` None means `here`, its place in the mode's own pose. `mount.mount` None means a component, whose origin is at `pose`. With
-    `turns`, the hold carries only force: the origin is held, and the link may rotate about it.
+    If `pose` is None, it is `here`, the mount's place in the mode's own pose. If `mount.mount` is None, the hold is on a component, whose
+    origin is at `pose`. With `turns`, the hold carries only force: the origin is held, and the link may rotate about it.
     """
 
     mount: Reference
@@ -321,9 +320,9 @@ class Hold(OneLineRepr, FrozenStruct):
 
 
 class Standing(OneLineRepr, FrozenStruct):
-    """The mounts that a mode with a free base stands on: points that the floor pushes and does not pull.
+    """The mounts on which a mode with a free base stands: points where the floor can push but not pull.
 
-    `friction` None: that of their materials.
+    If `friction` is None, the friction of their materials is used.
     """
 
     mounts: tuple[Reference, ...]
@@ -339,11 +338,11 @@ class Cut(OneLineRepr, FrozenStruct):
 
 
 class ModeSettings(OneLineRepr, FrozenStruct):
-    """Settings of a mode that need no references.
+    """Settings of a mode that do not contain references.
 
-    `at` is the pose of the world side of the root (without its height if `on_floor`), `at_in` that in some poses; `gravity` [m/s^2] is in
-    the world frame; `poses` are in keyframe order, the mode's own `pose` first; `actuators` are joint paths, None for all. The mode of a
-    document without modes is not `stated`.
+    `at` is the pose of the root in the world (without its height if `on_floor`), `at_in` is the same for some poses. `gravity` [m/s^2] is
+    in the world frame. `poses` are in keyframe order, with the mode's own `pose` first. `actuators` are joint paths, or None for all.
+    `stated` is False for the default mode of a document without modes.
     """
 
     name: str
@@ -362,10 +361,10 @@ class ModeSettings(OneLineRepr, FrozenStruct):
 
 
 class Mode(ModeSettings):
-    """A mode, with `extends` merged. `root.mount` None means a component.
+    """A mode with `extends` merged. If `root.mount` is None, the root is a component.
 
-    `exclude` are pairs of component references; `adhesion` [N] is per mount. `step_origin` and `gravity_origin` are where its own
-    `timestep` and numeric gravity are written, else empty. `worked_out` modes contain expressions, and depend on parameters.
+    `exclude` are pairs of component references; `adhesion` [N] is per mount. `step_origin` and `gravity_origin` are the places of its own
+    `timestep` and numeric gravity, else empty. `worked_out` means that the mode contains expressions and depends on parameters.
     """
 
     root: Reference
@@ -379,11 +378,10 @@ class Mode(ModeSettings):
 
 
 class RawAttribute(OneLineRepr, FrozenStruct):
-    """`raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`: the target, the keys, and the value as text (for `usd`, which has typed
-    attributes, as JSON).
+    """A raw attribute, such as `raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`: the target, the keys, and the value as text.
 
-    For this example `target` is `mjcf`, `path` is `("joint", "yaw", "solreflimit")`; `origin` is the value's place, `keys` are
-    the places of the keys.
+    For this example `target` is `mjcf` and `path` is `("joint", "yaw", "solreflimit")`. Values for `usd`, which has typed attributes, are
+    JSON. `origin` is the place of the value, `keys` are the places of the keys.
     """
 
     target: str
@@ -394,7 +392,7 @@ class RawAttribute(OneLineRepr, FrozenStruct):
 
     @property
     def dotted(self) -> str:
-        """`raw.mjcf.joint.yaw.solreflimit`."""
+        """The path with dots: `raw.mjcf.joint.yaw.solreflimit`."""
         return ".".join(("raw", self.target, *self.path))
 
     def at_key(self, index: int) -> Origin:
@@ -413,7 +411,7 @@ class RawElement(OneLineRepr, FrozenStruct):
 
     @property
     def dotted(self) -> str:
-        """`raw.mjcf.add.tendon.grip`; with its tag if it has no name."""
+        """The path with dots: `raw.mjcf.add.tendon.grip`. An element without a name has its tag instead."""
         return ".".join(("raw.mjcf.add", self.section, self.attributes.get("name", self.tag)))
 
     @property
@@ -432,12 +430,11 @@ class JointRange(OneLineRepr, FrozenStruct):
 
 
 class Test(OneLineRepr, FrozenStruct):
-    """A test of a document, to run in each of its `modes` (none: it does not depend on the mode) and `poses`.
+    """A test of a document. It runs in each of its `modes` (empty: it does not depend on the mode) and `poses`.
 
-    `kind` is the key in the document. In `poses`, None is the initial pose of the mode; `every_pose` requests all keyframes of the mode
-    (`poses` is then empty, as for tests that do not depend on the pose). `check` is the specification, a frozen
-    struct in SI; references in it are found by type. `spans` are the places of values in the test by
-    dotted key (`within.x`), for diagnostics.
+    `kind` is the key in the document. In `poses`, None is the initial pose of the mode. `every_pose` requests all keyframes of the mode;
+    `poses` is then empty, as for tests that do not depend on the pose. `check` is the specification, a frozen struct in SI; references in
+    it are found by type. `spans` are the places of values in the test by dotted key (`within.x`), for diagnostics.
     """
 
     name: str
@@ -451,16 +448,16 @@ class Test(OneLineRepr, FrozenStruct):
 
 
 class AssemblyDefinition(OneLineRepr, FrozenStruct):
-    """A document with its parameters resolved; equal definitions are one node of the HAG.
+    """A document with its parameters resolved. Equal definitions are one node of the HAG.
 
-    `document` is its path in the workspace, `parameters` are the complete canonical ones; `text` contains those that differ
-    from the document's own values (`end_effector(pen_diameter=0.02)`), and `label` is its display form
-    (`end_effector(pen_diameter=20 mm)`). `materials` is its scope by name. Poses are those of
-    this document, with relative paths. `modes`, `simulation` and `tests` are only used for the top document. `materials_known`
-    is False if a document of materials could not be read: unknown materials are then not reported. `whole` is
-    False if validation left something out of the document; `loose` are valid references of elements that were left out because of another,
-    invalid one. `step_origin` is where its `timestep` is written. A mirror image is a separate definition (`leg(mirror=y)`):
-    `mirror` is the axis of its frame along which it is mirrored, `plain` the original definition.
+    `document` is its path in the workspace, `parameters` are all its parameters in canonical form. `text` contains the parameters that
+    differ from the document's own values (`end_effector(pen_diameter=0.02)`), and `label` is its display form
+    (`end_effector(pen_diameter=20 mm)`). `materials` are the materials in scope by name. Poses are those of this document, with relative
+    paths. `modes`, `simulation` and `tests` are only used for the top document. `materials_known` is False if a document of materials could
+    not be read; unknown materials are then not reported. `whole` is False if validation removed something from the document. `loose` are
+    valid references of elements that were omitted because another reference is invalid. `step_origin` is the place of its `timestep`. A
+    mirror image is a separate definition (`leg(mirror=y)`): `mirror` is the axis of its frame along which it is mirrored, and `plain` is
+    the original definition.
     """
 
     document: str

@@ -1,1 +1,1 @@
-"""Spanning trees: one robot per mode. Coordinates have the same meaning for every root."""
+"""Spanning trees: one robot per mode. Coordinates have the same meaning whichever link is the root."""

@@ -1,6 +1,6 @@
 """Compute the height of modes with `on: floor`, so that their lowest point touches z = 0 of the world.
 
-The lowest point is that of the collision shapes, so that a simulation starts with the robot touching the floor without
+The lowest point of the collision shapes is used, so that a simulation starts with the robot touching the floor without
 penetration. The height of a mode is computed for its start pose. If the base is `free`, each keyframe has its own height.
 """
 
@@ -28,7 +28,7 @@ MeshVertices = Callable[[Mesh], Sequence[Vector]]
 """Returns the vertices [m] of a mesh in the store."""
 
 DECIMALS = 7
-"""Decimals of heights [m]. Vertices of meshes have single precision, so 0.05825 would become 0.05825000014901161."""
+"""Number of decimals of heights [m]. Vertices of meshes have single precision, so 0.05825 would become 0.05825000014901161."""
 
 ROUNDING = 1e-6
 """Tolerance [m] by which a mesh may exceed its part's box because of rounding."""
@@ -37,7 +37,7 @@ ROUNDING = 1e-6
 def stand(assembly: Assembly, mesh_vertices: MeshVertices | None, report: Report, memo: Memo | None = None) -> Assembly:
     """Return the assembly with computed heights in `at` and `at_in` of modes with `on: floor`.
 
-    Without `mesh_vertices`, bounding boxes of parts are used, which is accurate enough where meshes are not needed. A robot without
+    Without `mesh_vertices`, bounding boxes of parts are used, which are accurate enough if meshes are not needed. A robot without
     collision shapes is reported. `memo` caches results.
     """
     if not any(mode.on_floor for mode in assembly.modes):
@@ -70,7 +70,7 @@ def _raised(at: Pose, height: float) -> Pose:
 
 
 def _height(assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_vertices: MeshVertices | None, memo: Memo) -> float | None:
-    """Return the z [m] of the mode's `at` for a pose (None: all joints at 0). Return None without collision shapes."""
+    """Return the z [m] of the mode's `at` for a pose (None: all joints at 0). Return None if there are no collision shapes."""
     start = assembly.link_of[mode.root.occurrence]
     on_plane = root_pose(assembly, replace(mode, at=_raised(mode.at, 0.0)))
     bodies = bodies_from(assembly, start, spanning(assembly, mode), on_plane, memo)
@@ -123,11 +123,11 @@ def vertices_of(mesh_vertices: MeshVertices, mesh: Mesh, sha256: str) -> Sequenc
 
 
 def of_points(points: Sequence[Vector], down: Vector) -> float:
-    """Return the minimum of `down` times x [m] over points x."""
+    """Return the minimum of the dot product of `down` and x [m] over points x."""
     x, y, z = down
     return minimum(x * a + y * b + z * c for a, b, c in points)
 
 
 def of_box(box: tuple[Vector, Vector], down: Vector) -> float:
-    """Return the minimum of `down` times x [m] over the points of a box."""
+    """Return the minimum of the dot product of `down` and x [m] over the points x of a box."""
     return sum_of(minimum(component * low, component * high) for component, low, high in zip(down, *box, strict=True))

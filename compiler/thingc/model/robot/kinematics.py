@@ -1,5 +1,4 @@
-"""Kinematics of a robot with a root: poses of bodies and parts, mass properties, and paths of tendons at given coordinates.
-"""
+"""Kinematics of a robot with a root at given coordinates: poses of bodies and parts, mass properties, and paths of tendons."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ from thingc.model.robot.types import Body, Robot, TreeJoint
 
 
 def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
-    """Return the pose of a body, given the pose `parent` of its tree parent and `q` [rad or m] of every joint by path."""
+    """Return the pose of a body, given the pose `parent` of its tree parent and `q` [rad or m] of all joints by path."""
     pose = parent @ body.X_PL
     if body.at_once:
         return pose @ moved(body.twists, tuple(q[joint.path] for joint in body.joints), at_once=True)
@@ -29,7 +28,7 @@ def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
 def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[TreeJoint, Twist]]:
     """Yield the coordinates of a body in reverse order, with their twists in the world (or the frame of `pose`).
 
-    `q` contains the coordinates [rad or m] of every joint by path.
+    `q` contains the coordinates [rad or m] of all joints by path.
     """
     values = tuple(q[joint.path] for joint in body.joints)
     for number, twist in velocities(body.twists, values, pose, at_once=body.at_once):
@@ -46,7 +45,7 @@ def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -
 
 
 def placed_bodies(bodies: Sequence[Body], q: Mapping[str, float], root: Pose) -> tuple[Pose, ...]:
-    """Return the pose of every body of a tree in the world, with the root at `root`; `q` [rad or m] of every joint by path."""
+    """Return the pose of every body of a tree in the world, with the root at `root` and `q` [rad or m] of all joints by path."""
     poses: list[Pose] = []
     for body in bodies:
         poses.append(root if body.parent is None else carried(body, poses[body.parent], q))
@@ -54,7 +53,7 @@ def placed_bodies(bodies: Sequence[Body], q: Mapping[str, float], root: Pose) ->
 
 
 def occurrence_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:
-    """Return the pose of every occurrence in the world, in document order; arguments as for `body_poses`."""
+    """Return the pose of every occurrence in the world, in document order. The arguments are as for `body_poses`."""
     at = {body.link: pose for body, pose in zip(robot.bodies, body_poses(robot, q, root))}
     assembly = robot.assembly
     return tuple(at[link] @ pose for link, pose in zip(assembly.link_of, in_link(assembly)))
@@ -82,7 +81,7 @@ def rates(robot: Robot, tendon: LinkedTendon, q: Mapping[str, float], bodies: Se
     """Return the derivative of a tendon's length [m/rad or 1] by each coordinate of the tree at `q` (all joints by path).
 
     `bodies` are the poses of bodies in the world. For a tendon over joints, the derivatives are its factors. For a tendon along a path,
-    they are sums over its straight segments. The tendon slides on shapes, so it pulls there with the force of its adjacent segments.
+    they are sums over its straight segments. The tendon slides on shapes, so it pulls there with the force of the adjacent segments.
     """
     if not tendon.steps:
         return dict(tendon.moves)

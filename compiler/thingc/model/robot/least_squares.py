@@ -9,10 +9,10 @@ from thingc.base.numeric import sqrt, sum_of
 
 
 def solve(columns: Sequence[Sequence[float]], error: Sequence[float], damping: float) -> list[float] | None:
-    """Return the x that minimizes |error + J x|^2 + lambda |x|^2; None if the matrix is numerically singular.
+    """Return the x that minimizes |error + J x|^2 + lambda |x|^2, or None if the matrix is numerically singular.
 
-    J is given by its `columns` (n columns with m rows); lambda is `damping` times the mean square of its entries along the
-    smaller side, so that it does not depend on units. As lambda goes to 0, x goes to -pinv(J) error. Uses the normal
+    J is given by its `columns` (n columns with m rows). lambda is `damping` times the mean square of its entries along the
+    smaller side, so it does not depend on units. As lambda goes to 0, x goes to -pinv(J) error. Uses the normal
     equations of the smaller side, n x n or, since inv(J'J + l) J' = J' inv(JJ' + l), m x m.
     """
     n, m = len(columns), len(error)
@@ -35,7 +35,7 @@ def solve(columns: Sequence[Sequence[float]], error: Sequence[float], damping: f
 
 
 def _cholesky_solve(matrix: Sequence[Sequence[float]], right: Sequence[float]) -> list[float] | None:
-    """Solve A x = b for a symmetric positive-definite A = L L'; return None if A is not numerically positive-definite."""
+    """Solve A x = b for a symmetric positive-definite A = L L'. Return None if A is not numerically positive-definite."""
     size = len(right)
     lower = [[0.0] * size for _ in range(size)]
     for i in range(size):

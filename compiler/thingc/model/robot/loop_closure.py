@@ -1,4 +1,4 @@
-"""Find the loops of a mode and close them in its poses."""
+"""Find the loops of a mode and close them in the mode's poses."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ MET = 1e-12
 """Poses with loops that are closed within this tolerance [m, rad] are used as written."""
 
 STILL = 1e-9
-"""Joints that move less than this [rad or m] during loop closure count as unmoved."""
+"""Joints that move less than this [rad or m] during loop closure are treated as unmoved."""
 
 FAR = radians(30.0)
-"""Largest movement of a joint during loop closure [rad; proportional for slides] for a pose to keep its name. The mode's start pose always
-keeps its name.
+"""Largest movement of a joint during loop closure [rad; proportional for slides] for which a pose keeps its name. The mode's start pose
+always keeps its name.
 """
 
 STARTS = 8
@@ -97,7 +97,7 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Repo
 
 
 def _target(hold: LinkedHold, where: Mapping[int, Pose] | None, body: int, X_LM: Pose) -> Pose:
-    """Return the target pose of a hold's mount: mated to the hold's pose like a root to `at`, or its current pose (`here`)."""
+    """Return the target pose of a hold's mount: mated to the hold's pose like a root to `at`, or (`here`) its current pose."""
     if hold.pose is not None:
         return hold.pose if hold.mount.of_component else hold.pose @ MATE
     return (where or {})[body] @ X_LM
@@ -110,7 +110,7 @@ def _at_own_pose(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...],
 
 
 def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -> dict[str, float]:
-    """Return q [rad or m] of every joint in a pose (None: all at 0), with joint loops closed as far as possible.
+    """Return q [rad or m] of all joints in a pose (None: all at 0), with joint loops closed as far as possible.
 
     `memo` caches results.
     """
@@ -134,7 +134,7 @@ def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
 def keyframes_of(
     assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], closures: tuple[Closure, ...], report: Report, memo: Memo,
 ) -> tuple[tuple[Keyframe, ...], tuple[Unclosed, ...]] | None:
-    """Return the mode's poses in order, with q of every joint and closed loops, and the poses that do not close.
+    """Return the mode's poses in order, with q of all joints and closed loops, and the poses that do not close.
 
     A free base moves first, then joints that are not in the pose. Joints in the pose move only if this is not enough. Return None if the
     mode's own pose does not close, or if no pose closes (reported). `memo` caches results.
@@ -180,7 +180,7 @@ def keyframes_of(
 
 
 def closest_failure(loops: Loops, failed: tuple[Solution, ...], base_moves: bool) -> Solution | None:
-    """Return the solution with the smallest error; None if the loops can be closed from some state."""
+    """Return the solution with the smallest error. Return None if the loops can be closed from some state."""
     best = failed[0] if failed else None
     for solution in (*failed[1:], *_tried(loops, base_moves)):
         if solution.closed:

@@ -10,7 +10,7 @@ from thingc.model.assembly.types import Assembly, LinkedMode, Mate
 
 
 class CutPriority(NamedTuple):
-    """Sort key of the mates of a loop, most important criterion first; the mate with the smallest key is cut."""
+    """Sort key of the mates of a loop, with the most important criterion first. The mate with the smallest key is cut."""
 
     uncut: int
     driven: bool
@@ -42,7 +42,7 @@ _WORDS: Mapping[str, str] = {
 def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
     """Return the indices of the mates in a mode's tree: all joints, if there are no loops.
 
-    Otherwise, use Kruskal's maximum spanning tree by `CutPriority`, which omits the joint with the lowest priority of each loop.
+    Otherwise, use Kruskal's maximum spanning tree by `CutPriority`, which omits the joint with the lowest priority in each loop.
     """
     worth = dict(worths(assembly, mode))
     groups = DisjointSets(len(assembly.links))

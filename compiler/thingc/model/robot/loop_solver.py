@@ -1,14 +1,14 @@
 """Close loops by Newton's method: find joint coordinates for which all closures of a tree of bodies are satisfied.
 
-The residual of a closure is a position p [m] and a rotation vector w [rad] in world axes: with A the frame on the parent, moved
-by the joint that was cut, and B the frame on the child,
+The residual of a closure is a position p [m] and a rotation vector w [rad] in world axes. A is the frame on the parent, moved by the joint
+that was cut, and B is the frame on the child:
 
     p = p_B - p_A,    w = R_A log(inv(R_A) R_B)
 
-Steps are those of Levenberg and Marquardt (Marquardt, "An algorithm for least-squares estimation of nonlinear parameters",
-1963): for underdetermined closures the shortest step, for overdetermined or unsolvable ones the
-least-squares step. A coordinate that would exceed a limit is set to it, and the step is repeated with the others.
-Pure Python, because importing numpy would slow `check` down; there are only a few equations.
+Steps are computed by the method of Levenberg and Marquardt (Marquardt, "An algorithm for least-squares estimation of nonlinear parameters",
+1963): the shortest step for underdetermined closures, the least-squares step for overdetermined or unsolvable ones. A coordinate that would
+exceed a limit is set to it, and the step is repeated with the other coordinates.
+The module is pure Python, because importing numpy would slow down `check` and there are only a few equations.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from thingc.model.robot.types import Body, Closure
 CLOSED, ALIGNED = 1e-7, 1e-6
 """Tolerances [m] and [rad] of a closed loop.
 
-Newton's method usually reaches 1e-15; but for planar linkages nothing can correct rounding of the document's numbers (often 6 or 9 digits)
-perpendicular to the plane.
+Newton's method usually reaches 1e-15. But for planar linkages, rounding of the document's numbers (often 6 or 9 digits) perpendicular to
+the plane cannot be corrected.
 """
 
 FREE = 100.0
-"""In `nearest`, how much farther coordinates without given values move at the same cost as those with given values."""
+"""Factor by which coordinates without given values move farther in `nearest` than those with given values, at the same cost."""
 
 SAMPLES = 50
-"""Number of sampled values of a leader, in either direction, to check the limits of a joint that follows it by a polynomial."""
+"""Number of sampled values of a leader in each direction, to check the limits of a joint that follows it by a polynomial."""
 
 PROJECTION, NEAR, GAIN = 1e-10, 1e-9, 1e-4
 """For `nearest`: damping, convergence threshold of steps [rad], and smallest relative gain of the squared distance."""
@@ -47,31 +47,31 @@ STEPS = 120
 """Maximum number of steps."""
 
 REACH = 0.5
-"""Longest step of a rotation [rad]; proportional for slides and bases. Beyond it the linear model is inaccurate."""
+"""Longest step of a rotation [rad], proportional for slides and bases. The linear model is inaccurate for longer steps."""
 
 TRUST = 0.25
-"""Steps with a smaller share of the gain that the linear model predicts are too long.
+"""Share of the gain predicted by the linear model below which a step is too long.
 
-Otherwise the method may oscillate across a valley.
+Without this check the method may oscillate across a valley.
 """
 
 ROUNDING = 1e-13
-"""Relative gains below this value count as none.
+"""Relative gain below which a step counts as having no gain.
 
-Such steps are retried with more damping, which turns them towards the steepest descent: if a step takes two joints to their limits,
-possibly only one belongs there.
+Such a step is retried with more damping, which turns it towards the steepest descent: if a step takes two joints to their limits, possibly
+only one of them belongs there.
 """
 
 
 class SolverState(FrozenStruct):
-    """q [rad or m] of every joint by path, and the pose of the root link in the world."""
+    """q [rad or m] of all joints by path, and the pose of the root link in the world."""
 
     q: dict[str, float]
     base: Pose
 
 
 class Solution(FrozenStruct):
-    """Result of the solver: the state, and the residual (|p| [m], |w| [rad]) of every closure."""
+    """The result of the solver: the state, and the residual (|p| [m], |w| [rad]) of every closure."""
 
     state: SolverState
     residuals: tuple[tuple[float, float], ...]
@@ -88,9 +88,9 @@ class Solution(FrozenStruct):
 
 
 class LoopCoordinate(FrozenStruct):
-    """An independent coordinate: one joint and those that follow it, within limits [rad or m] that respect those of all of them.
+    """An independent coordinate: one joint and the joints that follow it. Its limits [rad or m] respect the limits of all of them.
 
-    The joints are by path, with dq / dcoordinate (of polynomials at leaders = 0). `unit` is the length equivalent to a radian [m], 1 for
+    The joints are by path, with dq / dcoordinate (for polynomials at leaders = 0). `unit` is the length equivalent to a radian [m], 1 for
     rotations.
     """
 
@@ -102,7 +102,7 @@ class LoopCoordinate(FrozenStruct):
 
 
 class Loops:
-    """The closures of one tree. `joints` are all joints of the robot, in joint order."""
+    """The closures of a tree. `joints` are all joints of the robot, in joint order."""
 
     def __init__(self, bodies: Sequence[Body], closures: Sequence[Closure], joints: Sequence[JointEdge], base: Pose) -> None:
         self.bodies = bodies
@@ -118,9 +118,9 @@ class Loops:
         self._bent = bent(joints)
 
     def follows(self, q: Mapping[str, float]) -> Mapping[str, tuple[str, float]]:
-        """Return for every joint the coordinate that it is or follows, and the ratio of their speeds at `q`.
+        """Return for every joint its independent coordinate (its own or the one that it follows), and the ratio of their speeds at `q`.
 
-        `q` has the coordinates of every joint by path [rad or m].
+        `q` has the coordinates of all joints by path [rad or m].
         """
         if not self._bent:
             return self._moves
@@ -147,7 +147,7 @@ class Loops:
         return Loops(bodies, self.closures, joints, self.base)
 
     def _above(self, body: int | None) -> tuple[int, ...]:
-        """Return a body and its ancestors, the root last; empty for the world."""
+        """Return a body and its ancestors, with the root last. Return an empty tuple for the world."""
         chain: list[int] = []
         while body is not None:
             chain.append(body)
@@ -176,7 +176,7 @@ class Loops:
         return at
 
     def _frames(self, closure: Closure, at: Mapping[int, Pose], q: Mapping[str, float]) -> tuple[Pose, Pose]:
-        """Return A (moved by its joints) and B in the world."""
+        """Return the frames A (moved by its joints) and B in the world."""
         A = closure.X_PA if closure.parent is None else at[closure.parent] @ closure.X_PA
         if closure.at_once:
             A = A @ moved(closure.twists, tuple(q[joint.path] for joint in closure.joints), at_once=True)
@@ -194,7 +194,7 @@ class Loops:
         return Solution(state=state, residuals=self.residuals(state)).closed
 
     def _errors(self, state: SolverState) -> list[tuple[Vector, Vector]]:
-        """Return p [m] and w [rad] of every closure, in world axes; a ball has no w."""
+        """Return p [m] and w [rad] of every closure, in world axes. A ball has no w."""
         at = self._placed(state)
         errors = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
         return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, errors, strict=True)]
@@ -218,9 +218,9 @@ class Loops:
         ]
 
     def close(self, start: SolverState, movable: Collection[str] | None, *, base_moves: bool) -> Solution:
-        """Return the nearest state to `start` (as reached by the steps) in which the loops are closed; or the best state found.
+        """Return the state near `start`, as reached by the steps, in which the loops are closed, or the best state found.
 
-        `movable` are the joints that can move (None: all), by path; with `base_moves` the root link can move, too.
+        `movable` are the joints that can move (None: all), by path. With `base_moves` the root link can also move.
         """
         chosen = [c for c in self.coordinates if movable is None or c.path in movable]
         state = self._within(start, chosen)
@@ -250,8 +250,8 @@ class Loops:
     def nearest(self, start: SolverState, closed: Solution, given: Collection[str], *, base_moves: bool) -> Solution:
         """Move a closed solution along the closures to the state nearest to `start`.
 
-        The distance is the sum of squares over the coordinates in `given` (paths; rad, slides in lengths of the robot). Uses Gauss-Newton
-        steps for a least-squares problem with constraints; shorter ones are tried if they do not converge.
+        The distance is the sum of squares over the coordinates in `given` (paths; rad, slides in lengths of the robot). The method uses
+        Gauss-Newton steps for a constrained least-squares problem, and tries shorter steps if they do not converge.
         """
         weighted = [c if c.path in given else replace(c, unit=FREE * c.unit) for c in self.coordinates]
         for share in (1.0, 0.3, 0.1):
@@ -335,9 +335,9 @@ class Loops:
         self, state: SolverState, chosen: Sequence[LoopCoordinate], columns: Sequence[Sequence[float]], error: Sequence[float],
         damping: float, back: Sequence[float] | None = None,
     ) -> list[float] | None:
-        """Return the damped step in the units of the coordinates, the least-squares step nearest to `back` (None: the shortest).
+        """Return the damped step in the units of the coordinates: the least-squares step nearest to `back` (None: the shortest one).
 
-        None if the equations are numerically singular.
+        Return None if the equations are numerically singular.
         """
         back = [0.0] * len(columns) if back is None else back
         step = [0.0] * len(columns)
@@ -394,9 +394,9 @@ class Loops:
 
 
 def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCoordinate, ...]:
-    """Return an independent coordinate for every joint that mimics none, in joint order.
+    """Return an independent coordinate for every joint that does not mimic another one, in joint order.
 
-    Their limits respect those of followers.
+    The limits of a coordinate respect the limits of its followers.
     """
     followers: dict[str, list[tuple[str, float, float]]] = {}
     for path, (leader, multiplier, offset) in leaders(joints.values()).items():
@@ -434,7 +434,7 @@ def _chain(joints: Mapping[str, JointEdge], path: str) -> Iterator[JointEdge]:
 def _reach(joints: Mapping[str, JointEdge], leader: str, follower: str, low: float, high: float) -> tuple[float, float]:
     """Return the range of a leader [rad or m] around 0 in which a follower is between `low` and `high`.
 
-    It is within the leader's own limits. Infinite if the leader has none, or if the follower is outside at the start.
+    It is within the leader's own limits, and infinite if the leader has none, or if the follower is outside its range at the start.
     """
     limit = joints[leader].limit
     if limit.lower is None or limit.upper is None:
@@ -460,19 +460,19 @@ def _reach(joints: Mapping[str, JointEdge], leader: str, follower: str, low: flo
 
 
 def _error(A: Pose, B: Pose) -> tuple[Vector, Vector]:
-    """Return p = p_B - p_A and w = R_A log(inv(R_A) R_B), in the world."""
+    """Return p = p_B - p_A and w = R_A log(inv(R_A) R_B) in the world."""
     p, o = B.translation, A.translation
     w = rotation_vector(multiply(transpose(A.rotation), B.rotation))
     return (p[0] - o[0], p[1] - o[1], p[2] - o[2]), rotate(A.rotation, w)
 
 
 def rotation_vector(r: Matrix) -> Vector:
-    """Return log(R), the axis times the angle [rad] from 0 to pi, by way of the quaternion, which is accurate near 0 and near pi."""
+    """Return log(R), the axis times the angle [rad] from 0 to pi. It is computed from the quaternion, which is accurate near 0 and pi."""
     return turn_of(Pose(rotation=r).quaternion())
 
 
 def _turn(v: Vector) -> Matrix:
-    """Return exp of a rotation vector [rad]."""
+    """Return the rotation matrix of a rotation vector [rad], its exponential."""
     angle = hypot(*v)
     if angle == 0.0:
         return IDENTITY
@@ -481,7 +481,7 @@ def _turn(v: Vector) -> Matrix:
 
 
 def orthonormal(r: Matrix) -> Matrix:
-    """Return the rotation nearest to a product of many rotations (by way of its unit quaternion)."""
+    """Return the rotation nearest to a product of many rotations, computed from its unit quaternion."""
     w, x, y, z = Pose(rotation=r).quaternion()
     return (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),

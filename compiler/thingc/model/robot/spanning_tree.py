@@ -1,4 +1,4 @@
-"""The pass `root`: build the tree of a simulation model from an assembly and a mode."""
+"""The pass `root`, which builds the tree of a simulation model from an assembly and a mode."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from thingc.model.robot.types import Robot, Site
 
 
 def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None = None) -> Robot | None:
-    """Return the robot of `mode`; None if a link cannot be reached from its root, or a loop does not close (reported).
+    """Return the robot of `mode`. Return None if a link cannot be reached from its root, or if a loop does not close (reported).
 
     Frames of bodies are the frames of their links and do not depend on the root. The root only determines which end of a joint is the
-    parent. Coordinates keep their meaning: q is the document's child relative to its parent. `memo` caches results.
+    parent. Coordinates keep their meaning: q is the motion of the document's child relative to its parent. `memo` caches results.
     """
     memo = memo or Memo()
     taken = spanning(assembly, mode)
@@ -59,7 +59,7 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
     placed = in_link(assembly)
     named: set[str] = set()
     wanted: list[tuple[LinkedMount, Origin]] = [(mount, mount.origin) for mount in assembly.exported]
-    named_by = {link.frame for link in assembly.links}  # links of shapes that are bodies already have this name
+    named_by = {link.frame for link in assembly.links}  # shape links that are bodies already have this name
     wanted += [
         (LinkedMount(path=o.path, occurrence=o.index, mount="origin"), o.origin) for o in assembly.occurrences
         if o.component.frame or o.listed is not None and o.index not in named_by
@@ -78,10 +78,10 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
 
 
 def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> tuple[tuple[int, int], ...]:
-    """Return the pairs of bodies without collisions.
+    """Return the pairs of bodies that do not collide.
 
-    Pairs of neighbours through a joint (including loop closures) come first, in joint order. The mode's own pairs follow. Bodies in pairs
-    are in link order, which is the same in every mode.
+    Neighbours through a joint (including loop closures) come first, in joint order. The mode's own pairs follow. The bodies of a pair are
+    in link order, which is the same in every mode.
     """
     pairs: dict[tuple[int, int], None] = {}
     for one, other in (*neighbouring_links(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):

@@ -1,4 +1,4 @@
-"""Check the start of a mode: parts below the plane z = 0 of its scene, contact of its feet, and joint limits."""
+"""Check the start of a mode: parts below the plane z = 0 of its scene, ground contact of its feet, and joint limits."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ Box = tuple[Vector, Vector]
 """Two corners [m], the lower one first."""
 
 DEEP = 0.5e-3
-"""[m] Tolerance of the depth below the plane at the start; soles may be slightly lower."""
+"""Tolerated depth [m] below the plane at the start. Soles may be slightly lower."""
 
 MOVED = {True: radians(0.5), False: 0.5e-3}
-"""Largest movement of a given value of a pose by loop closure without a warning: for rotations [rad], for slides [m]."""
+"""Largest movement of a given value of a pose by loop closure without a warning: [rad] for rotations, [m] for slides."""
 
 ROUNDING = 1e-9
-"""[rad, m] Tolerance of 0 exceeding a limit."""
+"""Tolerance [rad, m] by which 0 may exceed a limit."""
 
 
 def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, report: Report, memo: Memo) -> None:
-    """Check where modes start; modes that start in the same way share a warning.
+    """Check the start states of modes. Modes with the same problem share a warning.
 
-    Warn of modes that should stand on the plane and start with a part below it (the root of a `fixed` base may reach into the ground,
-    unless all of it is below). Without `mesh_vertices` (the vertices of a mesh) only bounding boxes are known, and the depth is a lower
-    bound: the part touches every side of its box. Warn also of modes with a part lower than the feet, of modes that start without a pose
-    although 0 is outside the limits of a joint, and of poses that loop closure changes.
+    Warn of modes that should stand on the plane but start with a part below it. (The root of a `fixed` base may reach into the ground,
+    unless all of it is below.) Without `mesh_vertices` (the vertices of a mesh) only bounding boxes are known; the depth is then a lower
+    bound, based on the fact that a part touches every side of its box. Also warn of modes with a part lower than the feet, of modes that
+    start without a pose although 0 is outside the limits of a joint, and of poses that loop closure changes.
     """
     _check_feet(robots, report)
     _check_limits(robots, report)
@@ -58,8 +58,8 @@ def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, re
 def _is_meant_to_stand(robot: Robot) -> bool:
     """Return whether the document places the robot on the plane: by `at`, or by feet.
 
-    A robot that is held, or whose root is at the origin by default (as in most imported files), may be anywhere. With `on: floor` it cannot
-    be too low.
+    A robot that is held, or whose root is at the origin by default (as in most imported files), may be at any height. With `on: floor` it
+    cannot be too low.
     """
     mode = robot.mode
     placed = mode.at.translation != (0.0, 0.0, 0.0) and (robot.base != "held" or mode.at.translation[2] < 0.0)
@@ -110,9 +110,9 @@ def _check_feet(robots: Sequence[Robot], report: Report) -> None:
 
 
 def _under_feet(robot: Robot) -> tuple[int, float] | None:
-    """Return the lowest part of the links without feet, and how much lower [m] it certainly is than all parts of those with feet.
+    """Return the lowest part of the links without feet, and how much lower [m] it certainly is than all parts of links with feet.
 
-    None if this is less than `DEEP`, or unknown.
+    Return None if this is less than `DEEP` or unknown.
     """
     assembly = robot.assembly
     standing = {assembly.link_of[foot.mount.occurrence] for foot in robot.mode.feet}
@@ -129,7 +129,7 @@ def _under_feet(robot: Robot) -> tuple[int, float] | None:
 
 
 def _check_limits(robots: Sequence[Robot], report: Report) -> None:
-    """Warn of each mode that starts without a pose while 0 is outside the limits of a joint, except joints that loops or holds move."""
+    """Warn of each mode that starts without a pose while 0 is outside the limits of a joint. Joints that loops or holds move are exempt."""
     alike: dict[tuple[str, ...], list[Robot]] = {}
     for robot in robots:
         mode = robot.mode
@@ -155,7 +155,7 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
 
 
 def _check_poses(robots: Sequence[Robot], report: Report) -> None:
-    """Warn once of each pose with given values that loop closure changes considerably. (Holds may move joints.)"""
+    """Warn once of each pose whose given values change considerably by loop closure. (Holds may move joints.)"""
     looped = [robot for robot in robots if robot.closures and not any(closure.hold for closure in robot.closures)]
     frames: dict[str, Keyframe | Unclosed] = {}
     for robot in looped:
@@ -177,12 +177,12 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
 
 
 def _at_rest(limit: Limit) -> bool:
-    """Return whether 0 is within these limits, up to rounding."""
+    """Return whether 0 is within these limits, with a tolerance for rounding."""
     return (limit.lower is None or limit.lower <= ROUNDING) and (limit.upper is None or limit.upper >= -ROUNDING)
 
 
 def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices | None, memo: Memo) -> Iterator[tuple[float, int]]:
-    """Yield the lowest z [m] of every part that may be below the plane at the start of the mode, with the part's index."""
+    """Yield the lowest z [m] and the index of every part that may be below the plane at the start of the mode."""
     assembly, name = robot.assembly, robot.mode.pose
     frame = next((frame for frame in robot.keyframes if frame.name == name), None)
     placed = body_poses(robot, frame.q if frame is not None else {}, frame.base if frame is not None else None)
@@ -218,9 +218,9 @@ def _top(box: Box, pose: Pose) -> float:
 
 
 def _certain(box: Box, down: Vector) -> float:
-    """Return a bound of the minimum along `down` for a part that touches every side of its box.
+    """Return an upper bound of the minimum along `down` for a part that touches every side of its box.
 
-    On each side, the point of contact is not higher than the highest point of that side.
+    The point of contact on a side is not higher than the highest point of that side.
     """
     highest = [maximum(component * low, component * high) for component, low, high in zip(down, *box, strict=True)]
     return minimum(sum_of(highest) - highest[axis] + down[axis] * side[axis] for axis in range(3) for side in box)

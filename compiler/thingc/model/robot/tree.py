@@ -1,4 +1,4 @@
-"""The tree of bodies below a root: which joints it contains, which loops it leaves open, and the direction of each joint."""
+"""The tree of bodies below a root: the joints that it contains, the loops that it leaves open, and the direction of each joint."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
 from thingc.model.robot.types import Body, Closure, TreeJoint
 
 BASE = "root"
-"""Name of the joint by which a base moves; joints of documents cannot have it."""
+"""Name of the joint by which a base moves. Joints of documents cannot have this name."""
 
 
 def in_link(assembly: Assembly) -> tuple[Pose, ...]:
@@ -25,7 +25,7 @@ def in_link(assembly: Assembly) -> tuple[Pose, ...]:
 
 
 def placing(assembly: Assembly) -> frozenset[int]:
-    """Return the indices of the mates by which documents place components: a tree that is the same in every mode."""
+    """Return the indices of the mates by which documents place components. They form a tree that is the same in every mode."""
     return frozenset(n for n, mate in enumerate(assembly.mates) if mate.joints and mate.loop is None)
 
 
@@ -60,7 +60,7 @@ def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose
 
 
 def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
-    """Return the pose of the root link in the world: a component root has its origin at `at`, a mount root is mated to it."""
+    """Return the pose of the root link in the world. A component root has its origin at `at`; a mount root is mated to it."""
     choice = mode.root
     X_WO = mode.at
     if not choice.of_component:
@@ -71,7 +71,7 @@ def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
 def base_moves(mode: LinkedMode, root: Pose) -> tuple[TreeJoint, ...]:
     """Return the coordinates of a base that moves like a joint in the frame of `at`: `planar` in its plane, `ball` about its origin.
 
-    `root` is the pose of the root link. Empty for other bases.
+    `root` is the pose of the root link. The result is empty for other bases.
     """
     kind = moving_as(mode.base)
     if kind is None:
@@ -87,7 +87,7 @@ def base_moves(mode: LinkedMode, root: Pose) -> tuple[TreeJoint, ...]:
 
 
 def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection[int]) -> tuple[Closure, ...]:
-    """Return the loops that a tree leaves open: every joint that it does not contain, and `fixed` ones that close a loop."""
+    """Return the loops that a tree leaves open: joints that it does not contain, and `fixed` joints that close a loop."""
     placed = in_link(assembly)
     body_of = {body.link: index for index, body in enumerate(bodies)}
     closures: list[Closure] = []
@@ -119,10 +119,10 @@ def _across(mate: Mate, number: int, parent: int, link: int, reversed_: bool, pl
 
 
 def seen_at_zero(twists: tuple[Twist, ...], offsets: tuple[float, ...], frame: Pose) -> tuple[Twist, ...]:
-    """Return the twists of a sequence in a frame that moves with all of them, and is at `frame` in the last one, with all coordinates at 0.
+    """Return the twists of a sequence in a frame that moves with all of them. In the last twist's frame it is at `frame`.
 
-    At 0 each has moved by its offset: `exp(t_0 (q_0 + o_0)) exp(t_1 (q_1 + o_1)) ... @ inv(frame)` is its value at
-    q = 0 times `exp(s_0 q_0) exp(s_1 q_1) ...`.
+    All coordinates are at 0, where each joint has moved by its offset. The pose `exp(t_0 (q_0 + o_0)) exp(t_1 (q_1 + o_1)) ... @
+    inv(frame)` is its value at q = 0 times `exp(s_0 q_0) exp(s_1 q_1) ...`.
     """
     seen: list[Twist] = []
     for twist, offset in zip(reversed(twists), reversed(offsets), strict=True):
@@ -136,11 +136,11 @@ def _lowered(
 ) -> tuple[Pose, tuple[Twist, ...]]:
     """Return the pose of a joint's child link in its parent link at q = 0, and its twists in the child's frame, in the order of the tree.
 
-    `parent` and `child` are the poses of the mated occurrences in their links. With F the joint's frame in the document's parent link
-    and G the child link in the joint's moving frame, `X_parent_child(q) = F @ exp(t_0 (q_0 + o_0)) ... @ G`; reversed, it is the inverse of
-    that: the inverse sequence, each twist negated and in the frame of the document's parent, which is the tree's child.
+    `parent` and `child` are the poses of the mated occurrences in their links. F is the joint's frame in the document's parent link, and G
+    the child link in the joint's moving frame: `X_parent_child(q) = F @ exp(t_0 (q_0 + o_0)) ... @ G`. A reversed joint is the inverse: the
+    inverse sequence, with each twist negated and in the frame of the document's parent, which is the tree's child.
     """
-    F, G = parent @ X_PJ, X_JC @ child.inverse()  # a ball has no offsets: all its twists are in one frame
+    F, G = parent @ X_PJ, X_JC @ child.inverse()  # a ball has no offsets, because all its twists are in one frame
     at_zero = F @ moved(twists, offsets) @ G
     if not reversed_:
         return at_zero, seen_at_zero(twists, offsets, G.inverse())

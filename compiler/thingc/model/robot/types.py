@@ -1,4 +1,4 @@
-"""A robot with a root: the tree of one mode's simulation model. Targets only use this."""
+"""A robot with a root: the tree of one mode's simulation model. Targets use only these types."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from thingc.model.assembly.types import Assembly, JointEdge, LinkedMode
 
 
 class TreeJoint(JointEdge):
-    """A coordinate of a joint as the tree traverses it: child link relative to its tree parent.
+    """A coordinate of a joint in the direction of the tree: the child link moves relative to its tree parent.
 
-    `twist` is in the child link's frame with the following coordinates of the body at 0, the same at every q of its own and the
-    preceding coordinates. Positive q has the meaning of the document in either direction (`reversed`: the document's child is the
-    tree's parent, and the twist has been negated). Motion is measured from q = 0.
+    `twist` is in the child link's frame with the following coordinates of the body at 0. It is the same at every q of its own and the
+    preceding coordinates. Positive q has the document's meaning in either direction. `reversed` means that the document's child is the
+    tree's parent, and the twist has been negated. Motion is measured from q = 0.
     """
 
     reversed: bool
@@ -30,9 +30,9 @@ class TreeJoint(JointEdge):
 class Body(OneLineRepr, FrozenStruct):
     """A link in the tree.
 
-    `parent` is an index into `Robot.bodies` (None: the world); `X_PL` is the pose of its frame in the parent link's frame at q = 0 (for the
+    `parent` is an index into `Robot.bodies` (None: the world). `X_PL` is the pose of its frame in the parent link's frame at q = 0 (for the
     root: in the world, as placed by the mode's `at`). It moves by its `joints` in sequence, `X_PL @ exp(twist_0 q_0) @ exp(twist_1 q_1)
-    ...`, or, for a ball, by exponential coordinates; the root has none.
+    ...`, or, for a ball, by exponential coordinates. The root has no joints.
     """
 
     link: int
@@ -61,23 +61,23 @@ class Site(OneLineRepr, FrozenStruct):
 
 
 ClosureKind = Literal["weld", "ball", "hinge", "slide", "screw", "universal", "several"]
-"""Motion that a cut loop allows.
+"""The motion that a cut loop allows.
 
-None, rotation about a point, one rotation, one translation, a screw, rotation about two perpendicular axes that meet, or several
-coordinates.
+In this order: no motion, rotation about a point, one rotation, one translation, a screw, rotation about two perpendicular axes that meet,
+or several coordinates.
 """
 
 
 class Closure(OneLineRepr, FrozenStruct):
-    """A loop that the tree leaves open: body `parent` (None: the world) and body `child` meet.
+    """A loop that the tree leaves open, between the body `parent` (None: the world) and the body `child`.
 
-    With A a frame on the parent and B one on the child, it is closed if
+    A is a frame on the parent and B a frame on the child. The loop is closed if
 
         X_W,parent @ X_PA @ exp(twist_0 q_0) @ exp(twist_1 q_1) ... == X_W,child @ X_CB
 
-    over the `joints` that were cut, their `twists` in A with the following coordinates at 0 and their offsets in `X_PA`. Without
-    joints it is a weld; if it `turns`, only the origins of A and B meet. With `hold`, the world holds a mount: `path` is that of the mount,
-    and B its frame; otherwise `path` is that of the joint. `name` is that of its equality in files, if specified.
+    over the `joints` that were cut. Their `twists` are in A with the following coordinates at 0, and their offsets are in `X_PA`. A closure
+    without joints is a weld; if it `turns`, only the origins of A and B meet. With `hold`, the world holds a mount: `path` is the mount's
+    path and B its frame. Otherwise `path` is the joint's path. `name` is the name of its equality in files, if specified.
     """
 
     path: JointPath | SitePath
@@ -99,7 +99,7 @@ class Closure(OneLineRepr, FrozenStruct):
 
     @property
     def kind(self) -> ClosureKind:
-        """The motion that it allows."""
+        """The motion that the cut loop allows."""
         if self.turns or self.at_once:
             return "ball"
         if not self.twists:
@@ -116,12 +116,11 @@ def residual_words(residual: tuple[float, float]) -> str:
 
 
 class Keyframe(OneLineRepr, FrozenStruct):
-    """A pose of this mode: q of every joint by path [rad or m], including those that mimic and those that were cut.
+    """A pose of this mode: q of all joints by path [rad or m], including joints that mimic and joints that were cut.
 
-    In a mode with closures it is the named pose with closed loops: `moved` is how far [rad or m] each joint had to
-    leave the pose (without joints on loops that the pose does not name), `residual` the largest
-    loop error [m, rad]. `base` is the pose of the root link in the world (None: that of the mode; otherwise that of a free
-    base that closures or the floor have moved).
+    In a mode with closures it is the named pose with closed loops. `moved` is how far [rad or m] each joint had to leave the pose (without
+    joints on loops that the pose does not name), `residual` the largest loop error [m, rad]. `base` is the pose of the root link in the
+    world, if closures or the floor have moved a free base (None: as in the mode).
     """
 
     name: PoseName
@@ -136,7 +135,7 @@ class Unclosed(OneLineRepr, FrozenStruct):
     """A pose without a keyframe, because its loops do not close within the limits of the joints, or close too far away.
 
     If they do not close, `path` names the closure with the largest error, and `residual` is the smallest error found [m, rad]. If they
-    close so far from the pose that it would be another one, `moved` is that of this keyframe.
+    close too far from the pose, `moved` is the movement in that state.
     """
 
     name: PoseName
@@ -147,14 +146,13 @@ class Unclosed(OneLineRepr, FrozenStruct):
 
 
 class Robot(OneLineRepr, FrozenStruct):
-    """The robot of one mode. `bodies` are in depth-first order, root first, parents before children, children in document order.
+    """The robot of one mode. `bodies` are in depth-first order, with parents before children and children in document order.
 
-    `base` is `fixed | held | free | planar | ball`, `moves` are the coordinates of the last two (0 in every
-    pose). `excluded` are pairs of body indices without collisions (neighbours through a joint, the same links in
-    every mode, plus the mode's own); a link that a hold fixes to the world is a neighbour of the world, in this mode alone.
-    `closures` are holds, then joints that were cut; `keyframes` are the poses that close, `unclosed` the others. `adhesion` is the
-    control in this mode per adhesion path [N] (0 by default). `present` are the joints whose actuators exist in this mode,
-    in joint order.
+    `base` is `fixed | held | free | planar | ball`; `moves` are the coordinates of the last two (0 in every pose). `excluded` are pairs of
+    body indices without collisions: neighbours through a joint, which are the same links in every mode, and the mode's own pairs. A link
+    that a hold fixes to the world is a neighbour of the world in this mode. `closures` are holds, then joints that were cut. `keyframes`
+    are the poses that close, `unclosed` the other poses. `adhesion` is the control in this mode by adhesion path [N] (0 by default).
+    `present` are the joints whose actuators exist in this mode, in joint order.
     """
 
     name: str
@@ -174,7 +172,7 @@ class Robot(OneLineRepr, FrozenStruct):
 
     @property
     def pulled(self) -> tuple[str, ...]:
-        """The tendons whose drives exist in this mode: all, unless the mode selects its actuators."""
+        """The tendons whose drives exist in this mode: all tendons, unless the mode selects its actuators."""
         return () if self.mode.actuators is not None else tuple(one.path for one in self.assembly.tendons if one.actuator is not None)
 
     @property
@@ -184,5 +182,5 @@ class Robot(OneLineRepr, FrozenStruct):
 
     @property
     def carried(self) -> bool:
-        """Whether the base is free and supported by what the mode stands on or holds."""
+        """Whether the base is free and is supported by feet or holds."""
         return self.base == "free" and (bool(self.mode.feet) or any(closure.hold for closure in self.closures))
