@@ -20,7 +20,7 @@ _INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`driv
 
 
 def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
-    """Return the joint edge with the values of the document only, without those of its drive."""
+    """Return the joint edge with values from the document only, without the values of its drive."""
     mimic = None if joint.mimic is None else replace(joint.mimic, joint=_named(instance, joint.mimic.joint))
     return JointEdge(
         name=_named(instance, joint.name), kind=joint.kind, twist=twist, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset,
@@ -29,12 +29,12 @@ def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
 
 
 def _named(instance: Instance, name: CoordinateName) -> CoordinateName:
-    """Return the name of a coordinate of the document at `instance` in the top document."""
+    """Return the name in the top document of a coordinate of the document at `instance`."""
     return CoordinateName(f"{instance.path.replace('/', '.')}.{name}") if instance.path else name
 
 
 def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findings: LinkReport) -> JointEdge:
-    """Return the joint edge. Effort, velocity and armature come from the drive unless the joint states them."""
+    """Return the joint edge. Effort, velocity and armature come from the drive unless the joint specifies them."""
     origin = joint.origin + instance.origin
     path = instance.within(joint.path)
     limit, dynamics = joint.limit, joint.dynamics
@@ -76,9 +76,9 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
 
 
 def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: Drive, findings: LinkReport) -> Drive | None:
-    """Fill in a drive from the actuator of its Thing; inline values take precedence.
+    """Complete a drive with the values of its Thing's actuator. Inline values take precedence.
 
-    Return None if it is invalid or the part is not exact.
+    Return None if the drive is invalid or the part is not exact.
     """
     if drive.component is None:
         return drive
@@ -96,7 +96,7 @@ def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: D
 
 
 def _drive_notes(tree: Tree, instance: Instance, drive: Drive) -> tuple[Note, ...]:
-    """Return a note with the location of a drive's Thing. Empty for an inline drive."""
+    """Return a note with the location of a drive's Thing. The result is empty for an inline drive."""
     named = tree.component(instance, drive.component) if drive.component is not None else None
     if named is None or named.part is None or named.part.record is None:
         return ()

@@ -111,7 +111,7 @@ class _Names:
     """Nodes by definition.
 
     Edges refer to definitions by text. If two definitions have the same text (two documents, or an assembly and a frame), the reference is
-    appended to the later one in brackets.
+    appended in brackets to the later one.
     """
 
     def __init__(self) -> None:
@@ -130,7 +130,7 @@ class _Names:
 
 
 def _mounts(component: Component, joint: Joint | None) -> str:
-    """Describe how a component is placed: `back -> plate.servo_seat`, `in bracket.board` for `at`, empty for the base."""
+    """Describe how a component is placed: `back -> plate.servo_seat`, `in bracket.board` for `at`, or "" for the base."""
     placement = component.placement
     if isinstance(placement, Attach):
         return f"{_own(component, placement.mount)} -> {_reference_text(placement.to)}"

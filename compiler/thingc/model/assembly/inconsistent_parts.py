@@ -21,11 +21,11 @@ _HELP = (
 )
 
 Show = Callable[[Any, int], str]
-"""Format a value with a number of significant digits."""
+"""Formats a value with a number of significant digits."""
 
 
 class RecordDifference(FrozenStruct, kw_only=False):
-    """A difference between two records: the property (`volume`), and a description (`its volume is 1.2 cm^3 and 1.3 cm^3`)."""
+    """A difference between two records: the property (`volume`) and a description (`its volume is 1.2 cm^3 and 1.3 cm^3`)."""
 
     name: str
     words: str
@@ -48,7 +48,7 @@ def _text(value: Any, digits: int) -> str:
 
 
 class _Field(FrozenStruct, kw_only=False):
-    """Display name and formatter of a field of a record. Without the formatter `show`, differences are reported without values."""
+    """Display name and formatter of a field of a record. Without `show`, differences are reported without values."""
 
     name: str
     show: Show | None = None
@@ -94,12 +94,12 @@ FIELDS: Mapping[str, _Field] = {
     "up": _Field("print orientation"), "apart": _Field("number or volume of its solids"),
     "meshes": _Field("meshes"), "pieces": _Field("collision geometry"), "fits": _Field("smallest enclosing shapes"),
 }
-"""Compared fields of a record, most informative first."""
+"""The compared fields of a record, most informative first."""
 
 LEFT_OUT = frozenset({"text", "code", "own_image", "warnings", "convex", "slices", "exact", "brep"})
 """Fields that are not compared, because they do not affect the part or are derived from its meshes.
 
-The B-rep has numerical noise of the kernel (see `modelling.DECIMALS`).
+The B-rep contains numerical noise of the kernel (see `build_part.DECIMALS`).
 """
 
 
@@ -116,7 +116,7 @@ def definitions_of(assembly: Assembly) -> tuple[PartDefinition, ...]:
 
 
 def compare(assembly: Assembly, again: Mapping[str, PartRecord | PartFailure], report: Report) -> None:
-    """Report each part whose record differs between the assembly and `again` (keyed by text), at its first occurrence."""
+    """Report each part whose record in the assembly differs from its record in `again` (by text), at its first occurrence."""
     waiting = dict(again)
     for occurrence in assembly.occurrences:
         second = waiting.pop(occurrence.definition.text, None)

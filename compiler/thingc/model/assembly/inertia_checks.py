@@ -92,7 +92,7 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
 
 
 def _light(mass: float, least: float) -> str | None:
-    """Describe why the mass or smallest principal moment [kg m^2] of a moving link is too small for MuJoCo; None if it is not."""
+    """Describe why the mass or smallest principal moment [kg m^2] of a moving link is too small for MuJoCo. Return None if it is not."""
     if mass <= LEAST_MASS:
         return f"its mass is {mass_words(mass)}, but must be more than {mass_words(LEAST_MASS)}"
     if least < LEAST_MOMENT * (1.0 + _ROOM):

@@ -25,7 +25,7 @@ class Instance:
     """A node of the tree. `path` is like `hand/cap` (empty for the top), `origin` the chain of spans that created it.
 
     Either `assembly` or `part` is set. If the component is invalid (already reported), neither is set.
-    `index` counts occurrences in document order. For an assembly it is the index of `base`, the component that is not placed; None if
+    `index` counts occurrences in document order. For an assembly it is the index of `base`, the component that is not placed, or None if
     there is no base.
     """
 
@@ -59,7 +59,7 @@ class FoundMount(MountAt):
 
 
 class _Fault(FrozenStruct):
-    """Why a name could not be resolved. `silent`: the cause is reported elsewhere."""
+    """The reason why a name could not be resolved. `silent` means that the cause is reported elsewhere."""
 
     code: Code = Code.INCOMPLETE
     message: str = ""
@@ -72,7 +72,7 @@ _SILENT = _Fault(silent=True)
 
 
 def unplaced(definition: AssemblyDefinition) -> list[str]:
-    """Return the names of components that are not placed; in a valid document only the base."""
+    """Return the names of components that are not placed. In a valid document this is only the base."""
     placed = {joint.child.path[0] for joint in definition.joints if joint.child.path and not joint.loop}
     return [c.name for c in definition.components if c.placement is None and c.name not in placed]
 
@@ -81,7 +81,7 @@ class Tree:
     """The tree of instances of a model.
 
     `assemblies` lists parents before children. `occurrences` is in document order and includes nested assemblies. `added` contains the
-    mounts added to nested assemblies by documents, keyed by the occurrence of the assembly's base.
+    mounts added to nested assemblies by documents, by the occurrence of the assembly's base.
     """
 
     def __init__(self, model: AssemblyDefinition, instances: PartInstances, findings: LinkReport) -> None:
@@ -120,7 +120,7 @@ class Tree:
                     self.occurrences.append(instance)
 
     def _find_bases(self) -> None:
-        for instance, definition in reversed(self.assemblies):  # children first: the base may itself be an assembly
+        for instance, definition in reversed(self.assemblies):  # children first, because the base may itself be an assembly
             bases = unplaced(definition)
             if len(bases) != 1:
                 self._findings.leave_out()
@@ -155,7 +155,7 @@ class Tree:
         return None
 
     def shown(self, instance: Instance, name: str) -> FoundMount | None:
-        """Return the mount `name` that a component exports; None if it has no such mount."""
+        """Return the exported mount `name` of a component, or None if it has no such mount."""
         mount = self._mount(instance, name, "", self.top)
         return mount if isinstance(mount, FoundMount) else None
 
@@ -169,7 +169,7 @@ class Tree:
 
     def _say(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
         self._findings.leave_out()
-        # One line of a document may contain many references (a `repeat`, a nested document used twice): report it once.
+        # One line of a document may create many references (a `repeat`, a nested document used twice), but is reported once.
         place = (fault.code, re.sub(r"\d+", "#", reference.text), reference.origin[:1])
         if not fault.silent and place not in self._said:
             self._said.add(place)
@@ -195,8 +195,8 @@ class Tree:
     def _mount(self, instance: Instance, name: str, shown: str, document: Instance) -> FoundMount | _Fault:
         """Find a mount by name: of a part, of an assembly (exported or added), or `origin`.
 
-        `shown` is the name of the instance in `document`, for messages. An invalid exported mount is reported where it is exported, not
-        where it is used.
+        `shown` is the name of the instance in `document`, for messages. An invalid exported mount is reported at the export, not at its
+        use.
         """
         met: set[tuple[str, str]] = set()
         exported, within = False, document.assembly
@@ -231,14 +231,14 @@ class Tree:
                     help=_mount_help(name, [*definition.mounts, *added, "origin"], document), notes=_shown_by(definition),
                 )
         if instance.part is not None and instance.index is not None and name in instance.part.mounts:
-            mirror = within.mirror if within is not None and name == "origin" else None  # the mirror image of a frame is another mount
+            mirror = within.mirror if within is not None and name == "origin" else None  # a mirrored frame is a different mount
             pose = Mirror(mirror).origin if mirror else instance.part.mounts[name].pose
             return FoundMount(occurrence=instance.index, mount=name, pose=pose)
         return _SILENT if exported else _no_mount(instance, name, shown, document)
 
 
 def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> _Fault:
-    """Return the fault for a part without a mount of this name."""
+    """Return the fault for a part that has no mount with this name."""
     part = instance.part
     if part is None or instance.index is None:
         return _SILENT

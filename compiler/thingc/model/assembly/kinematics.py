@@ -12,7 +12,7 @@ from thingc.model.assembly.types import Assembly, JointEdge, Mate
 
 
 def joints_of(assembly: Assembly) -> tuple[JointEdge, ...]:
-    """Return the coordinates of all joints: those of a document in written order, then those of its nested documents."""
+    """Return the coordinates of all joints. Joints of a document precede joints of its nested documents."""
     return tuple(joint for mate in assembly.mates for joint in mate.joints)
 
 
@@ -41,7 +41,7 @@ def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dic
 
 
 def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -> dict[str, tuple[str, float, float]]:
-    """Return the leader, multiplier and offset [rad or m] of each joint. The leader of a joint without a mimic is itself.
+    """Return the leader, multiplier and offset [rad or m] of each joint. A joint that does not mimic another is its own leader.
 
     q = offset + multiplier q(leader). Chains of mimics are followed to the end. The result is keyed by path, in the order of `joints`.
     Polynomials are linearized at `q`, which contains all joints by path [rad or m] (by default, all leaders are 0).
@@ -70,7 +70,7 @@ def bent(joints: Iterable[JointEdge]) -> bool:
 
 
 def across(mate: Mate, q: Mapping[str, float]) -> Pose:
-    """Return `X_PC(q)`, the pose of the child occurrence in the parent occurrence. `q` [rad or m] is keyed by joint path (default 0)."""
+    """Return `X_PC(q)`, the pose of the child occurrence in the parent occurrence. `q` [rad or m] is by joint path (default 0)."""
     if not mate.joints:
         return mate.X_PJ @ mate.X_JC
     values = tuple(q.get(joint.path, 0.0) + joint.offset for joint in mate.joints)
@@ -78,7 +78,7 @@ def across(mate: Mate, q: Mapping[str, float]) -> Pose:
 
 
 def balls(joints: Iterable[JointEdge]) -> Iterator[tuple[JointEdge, ...]]:
-    """Yield the three coordinates of every ball joint; `joints` are in joint order."""
+    """Yield the three coordinates of every ball joint. `joints` are in joint order."""
     for _, own in groupby((joint for joint in joints if joint.kind.at_once), key=lambda joint: joint.name.joint):
         yield tuple(own)
 
@@ -95,7 +95,7 @@ def in_cones(balls: Iterable[tuple[JointEdge, ...]], q: Mapping[str, float]) -> 
 
 
 def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
-    """Return the mate indices of each occurrence. Mates that close loops are omitted, so the others form a tree."""
+    """Return the mate indices of each occurrence. Mates that close loops are omitted, so that the remaining mates form a tree."""
     neighbours: list[list[int]] = [[] for _ in range(count)]
     for number, mate in enumerate(mates):
         if mate.loop is not None:
@@ -145,7 +145,7 @@ def forward_kinematics(
 ) -> dict[int, Pose]:
     """Return the poses of all occurrences connected to `start`, which has the pose `base`.
 
-    `q` [rad or m] is keyed by joint path (default 0). If `rigid`, only mates without a joint are followed. Poses are in the frame of
+    `q` [rad or m] is by joint path (default 0). If `rigid`, only mates without a joint are followed. Poses are in the frame of
     `base`. The time is linear in the number of connected occurrences.
     """
     at = {start: base}
@@ -166,7 +166,7 @@ def forward_kinematics(
 def poses(assembly: Assembly, q: Mapping[str, float], base: Pose = NO_POSE) -> tuple[Pose, ...]:
     """Return the pose of every occurrence, in document order, with the assembly's base occurrence at `base`.
 
-    `q` [rad or m] is keyed by joint path. Missing values are computed from mimics, or are 0.
+    `q` [rad or m] is by joint path. Missing values are computed from mimics, or are 0.
     """
     full = coordinates(joints_of(assembly), q)
     count = len(assembly.occurrences)

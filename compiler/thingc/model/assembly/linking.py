@@ -1,4 +1,4 @@
-"""The pass `link`: build an assembly from the resolved model and the part records. No root is chosen yet."""
+"""The pass `link`, which builds an assembly from the resolved model and the part records. No root is chosen yet."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ABSENT = {
     "decompose": "it has no convex decomposition", "part": "its part class has no `collision()`", "hull": "it has no hull",
     "mesh": "it has no mesh",
 }
-"""Reasons for a missing collision shape, keyed by the value of `collision`."""
+"""Reasons for a missing collision shape, by the value of `collision`."""
 
 
 def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
@@ -55,9 +55,10 @@ def link(
 ) -> Assembly | None:
     """Link the model. Return None if there are errors (in `report`).
 
-    `records` contains the result of every part definition of `model`, by text. With `unmodelled`, parts are not modelled: only errors of
+    `records` contains the result for every part definition of `model`, by text. With `unmodelled`, parts are not built: only errors of
     the documents are reported, and the result is None. `meshes` are the known records of mesh files of links. Elements that depend on
-    invalid ones are skipped without another message. The time is linear in the number of occurrences. `memo` caches intermediate results.
+    invalid elements are skipped without another message. The time is linear in the number of occurrences. `memo` caches intermediate
+    results.
     """
     memo = memo or Memo()
     findings = LinkReport(report)
@@ -113,14 +114,14 @@ def _check(robot: Connected, laid: Collection[int], findings: LinkReport) -> Non
     check_contacts(robot.occurrences, findings)
     faulty = check_stated(robot, findings)
     if not findings.incomplete:
-        # Only for complete assemblies: a component that was left out may have the mass, or be on the mount.
+        # Only for complete assemblies: an omitted component might have the mass or be on the mount.
         faulty += [occurrence.index for occurrence in robot.occurrences if not occurrence.sound]
         check_links(robot, faulty, findings)
         check_expectations(robot, laid, findings)
 
 
 def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findings: LinkReport) -> None:
-    """Report a component without a pose in `at`, which is not connected to the base, unless a previous error explains it."""
+    """Report a component that is not connected to the base, and has no pose in `at`, unless a previous error explains it."""
     if findings.failed or findings.earlier:
         return
     alone = next((one for k, one in enumerate(tree.occurrences) if k not in at), tree.top)

@@ -1,4 +1,4 @@
-"""Links (sets of rigidly connected occurrences): names, frames, mass properties and neighbours."""
+"""Links, which are sets of rigidly connected occurrences: names, frames, mass properties and neighbours."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from thingc.model.assembly.types import Adhesion, Assembly, Link, LinkedMode, Ma
 
 
 def connected_components(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
-    """Return the link number of each occurrence; links are numbered by their first occurrence in document order.
+    """Return the link number of each occurrence. Links are numbered by their first occurrence in document order.
 
     Union-find with path halving over the mates without a joint.
     """
@@ -43,7 +43,8 @@ class _Naming(FrozenStruct, kw_only=False):
 def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: LinkReport, memo: Memo) -> tuple[Link, ...]:
     """Return the links in order.
 
-    Names and frames are specified in `links:` (the outermost document takes precedence). Otherwise, those of the first occurrence are used.
+    Names and frames are specified in `links:`; the outermost document takes precedence. The default is the name and the frame of the first
+    occurrence.
     """
     link_of = connected_components(len(occurrences), mates)
     members: list[list[int]] = [[] for _ in range(max(link_of, default=-1) + 1)]
@@ -78,7 +79,7 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
 
 
 def _summed(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> MassProperties:
-    """Combine the mass properties of bodies. Each is in its own frame, with the corresponding pose in `poses`."""
+    """Combine the mass properties of bodies. Each body's properties are in its own frame, whose pose is in `poses`."""
     return total(own.seen_from(pose) for own, pose in zip(properties, poses, strict=True))
 
 
@@ -110,7 +111,7 @@ def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[i
 
 
 def _clash(other: Link, link: Link, *, named: bool, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Report two links with the same name: one from `links:`, the other from its first occurrence."""
+    """Report two links with the same name: one is from `links:`, the other from its first occurrence."""
     written, called = (link, other) if named else (other, link)
     first = occurrences[called.members[0]]
     findings.error(
@@ -126,7 +127,7 @@ def links_between(
 ) -> frozenset[int]:
     """Return the indices of massless intermediate links.
 
-    They have no mass, inertia, geometry, hold, foot or adhesion. They have exactly two joints, which are not balls and not on loops.
+    They have no mass, inertia, geometry, hold, foot or adhesion, and exactly two joints, which are not balls and not on loops.
     """
     ends: dict[int, list[Mate]] = {link.index: [] for link in links if link.properties.mass == 0.0 and link.properties.inertia == ZERO}
     busy = [mount.occurrence for mount in adhesions]

@@ -1,7 +1,7 @@
 """Mass, centre of mass and inertia of one component.
 
-In order of precedence: overrides of the component, the Thing's `mass()` and `matrix_of_inertia()`, and density x volume. For a part with an
-infill, the volume is the estimated printed volume.
+In order of precedence: overrides of the component, the Thing's `mass()` and `matrix_of_inertia()`, and density times volume. For a part
+with infill, the volume is the estimated printed volume.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ NOTHING = MassProperties(mass=0.0)
 
 
 class Density(FrozenStruct):
-    """A density [kg/m^3]. If it is `estimated`, masses computed from it are estimates as well."""
+    """A density [kg/m^3]. If it is `estimated`, masses computed from it are also estimates."""
 
     value: float
     estimated: bool = False
@@ -29,7 +29,7 @@ class Density(FrozenStruct):
 class MassResult(FrozenStruct):
     """Mass properties in the component's frame, and their source (`measured | vendor | stated | derived | estimated`).
 
-    `estimate` is the method (`layers | skin`) for a part with an infill, otherwise None.
+    `estimate` is the method (`layers | skin`) for a part with infill, otherwise None.
     """
 
     properties: MassProperties
@@ -38,7 +38,7 @@ class MassResult(FrozenStruct):
 
 
 def merged(over: Process | None, under: Process | None) -> Process | None:
-    """Merge two processes; keys of `over` take precedence."""
+    """Merge two processes. Keys of `over` take precedence."""
     if over is None or under is None:
         return over if over is not None else under
     stated = {name: value for name in Process.__struct_fields__ if (value := getattr(over, name)) is not None}
@@ -64,7 +64,7 @@ def missing_keys(process: Process | None) -> tuple[str, ...]:
 def unsaid_keys(process: Process | None) -> tuple[str, ...]:
     """Return the `missing_keys` to report.
 
-    Invalid keys are left out, because they have already been reported. The result is empty if `kind` or `estimate` is invalid.
+    Invalid keys are omitted, because they have already been reported. The result is empty if `kind` or `estimate` is invalid.
     """
     if process is None or not process.wrong.isdisjoint(("kind", "estimate")):
         return ()
@@ -131,7 +131,7 @@ def component_mass(record: PartRecord | None, density: Density | None, process: 
 def weigh_link(matter: MassProperties, overrides: Overrides) -> MassResult:
     """Return the mass properties of a link, from the document or from `matter`, the mass properties of its shapes.
 
-    If only the mass is stated, `matter` is scaled to it.
+    If only the mass is specified, `matter` is scaled to it.
     """
     if overrides.mass is None:
         return MassResult(properties=_with_overrides(matter, overrides), source="derived")
@@ -139,7 +139,7 @@ def weigh_link(matter: MassProperties, overrides: Overrides) -> MassResult:
 
 
 def is_fully_stated(overrides: Overrides) -> bool:
-    """Return whether a document states mass, centre of mass and inertia."""
+    """Return whether a document specifies mass, centre of mass and inertia."""
     return overrides.mass is not None and overrides.com is not None and overrides.inertia is not None
 
 
@@ -154,7 +154,7 @@ def _with_overrides(properties: MassProperties, overrides: Overrides) -> MassPro
 
 
 def stated_inertia(six: tuple[float, ...]) -> Matrix:
-    """Return the matrix of `ixx iyy izz ixy ixz iyz` [kg m^2]."""
+    """Return the inertia matrix of `ixx iyy izz ixy ixz iyz` [kg m^2]."""
     xx, yy, zz, xy, xz, yz = six
     return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
 
@@ -162,7 +162,7 @@ def stated_inertia(six: tuple[float, ...]) -> Matrix:
 def _matter(record: PartRecord | None, process: Process | None, overrides: Overrides) -> tuple[MassProperties, str | None]:
     """Return the mass properties of a part at density 1 (volume [m^3], centre [m], inertia [m^5]) and the estimation method.
 
-    They are exact for a part without an infill. The method `layers` uses the sliced part. The method `skin` uses `V_s + infill * (V - V_s)`
+    They are exact for a part without infill. The method `layers` uses the sliced part. The method `skin` uses `V_s + infill * (V - V_s)`
     for a solid with volume V and area A, where `V_s = min(V, A * walls * line_width)`.
     """
     if record is None or record.volume <= 0.0:
@@ -179,7 +179,7 @@ def _matter(record: PartRecord | None, process: Process | None, overrides: Overr
 
 
 def _natural(matter: MassProperties, density: Density | None, estimate: str | None) -> MassResult | None:
-    """Return density x matter. The result is zero without matter, and None without a density."""
+    """Return the mass properties for a density: zero without matter, None without a density."""
     if matter.mass <= 0.0:
         return MassResult(properties=NOTHING, source="derived")
     if density is None:

@@ -1,9 +1,9 @@
-"""Edges of the mate graph from `attach`, `at` and joints. Child mount B of C on parent mount A of P is
+"""Edges of the mate graph from `attach`, `at` and joints. The mount B of the child C is mated to the mount A of the parent P:
 
     X_PC = X_PA @ Rz(turn) @ Tz(gap) @ X_J(q + offset) @ MATE @ inv(X_CB)
 
-For a mirrored joint, X_J is between two half turns about x. For a joint with an `axis`, Rz, Tz and X_J are about this axis, without MATE.
-`at` places a component's frame directly: `X_PC = X_P,in @ X(xyz, rpy)`.
+For a mirrored joint, X_J is between two half turns about x. For a joint with an `axis`, Rz, Tz and X_J are about this axis, and MATE is
+omitted. `at` places a component's frame directly: `X_PC = X_P,in @ X(xyz, rpy)`.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from thingc.model.assembly.types import JointEdge, Link, Mate
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Reference
 
 UPSIDE_DOWN = turned_x(math.pi)
-"""Motion frame of a mirrored joint relative to its mounts. It is its own inverse."""
+"""The motion frame of a mirrored joint relative to its mounts. It is its own inverse."""
 
 
 def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
     """Return all edges and the indices of the edges from `at`, which do not connect mounts.
 
     The order for each assembly is: `attach` and `at` in component order, joints in written order, then nested assemblies.
-    Edges with an invalid reference are left out.
+    Edges with an invalid reference are omitted.
     """
     mates: list[Mate] = []
     laid: set[int] = set()
@@ -43,7 +43,7 @@ def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, 
             _check_circles(instance, definition, findings)
             _check_bases(instance, definition, findings)
         for reference in definition.loose:
-            tree.find(instance, reference)  # reports an invalid reference, as well as that of the other end
+            tree.find(instance, reference)  # also reports an invalid reference at the other end
         for component in definition.components:
             if isinstance(component.placement, Attach):
                 mates.extend(_attached(tree, instance, component.placement, memo))
@@ -77,7 +77,7 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findi
     child, parent = tree.find(instance, joint.child), tree.find(instance, joint.parent)
     if child is None or parent is None:
         return
-    if joint.child.path[:1] == joint.parent.path[:1] and not joint.loop:  # a loop may close between two parts of one nested assembly
+    if joint.child.path[:1] == joint.parent.path[:1] and not joint.loop:  # a loop may connect two parts of one nested assembly
         findings.leave_out()
         findings.error(
             Code.PLACED_ON_ITSELF,
@@ -93,7 +93,7 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findi
 
 
 def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, ...]:
-    """Return `joints` and the joints of parts with unknown mounts, because their limits are known from documents."""
+    """Return `joints` and the joints of parts with unknown mounts. The limits of the latter are known from documents."""
     edges = {joint.path: joint for joint in joints}
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
@@ -104,7 +104,7 @@ def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, .
 
 
 def loops_in(tree: Tree) -> Iterator[Joint]:
-    """Return the joints that close loops."""
+    """Yield the joints that close loops."""
     return (joint for _, definition in tree.assemblies for joint in definition.joints if joint.loop)
 
 
@@ -158,7 +158,7 @@ def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
 def _check_circles(instance: Instance, definition: AssemblyDefinition, findings: LinkReport) -> None:
     """Report each cycle of components that are placed on each other, starting at its first component.
 
-    If no base is left, the resolver has already reported it.
+    If there is no base, the resolver has already reported it.
     """
     if findings.earlier and not unplaced(definition):
         findings.leave_out()

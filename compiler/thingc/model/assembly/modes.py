@@ -30,18 +30,18 @@ from thingc.model.resolve.raw_protected import NAMING
 from thingc.model.resolve.types import AssemblyDefinition, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference, Test
 
 _ROUNDING = 1e-9
-"""Relative tolerance for poses at joint limits, because both may be computed by expressions."""
+"""Relative tolerance for poses at joint limits. Both may be results of expressions."""
 
 
 SLIDE = 1.0
 """Default sliding friction of MuJoCo. MuJoCo uses the larger friction of the two sides of a contact.
 
-The friction of a material takes precedence over the friction of the floor, because it is written with a priority.
+The friction of a material takes precedence over the friction of the floor, because it is written to the model with a priority.
 """
 
 
 def exported_of(tree: Tree, findings: LinkReport) -> tuple[ExportedMount, ...]:
-    """Return every exported mount at every level, an assembly before those nested in it."""
+    """Return every exported mount at every level. An assembly precedes the assemblies nested in it."""
     exported: list[ExportedMount] = []
     for instance, definition in tree.assemblies:
         for name, reference in definition.mounts.items():
@@ -54,7 +54,7 @@ def exported_of(tree: Tree, findings: LinkReport) -> tuple[ExportedMount, ...]:
 
 
 def modes_of(tree: Tree, model: AssemblyDefinition, link_of: Sequence[int], findings: LinkReport) -> tuple[LinkedMode, ...]:
-    """Return the modes with a valid root. Pairs of parts of the same link are omitted, because a link does not collide with itself."""
+    """Return the modes with a valid root. Excluded pairs on the same link are omitted, because a link does not collide with itself."""
     linked = (_mode(tree, mode, link_of, findings) for mode in model.modes)
     return tuple(mode for mode in linked if mode is not None)
 
@@ -142,7 +142,7 @@ def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
 
 
 def mount_of(tree: Tree, instance: Instance, reference: Reference) -> LinkedMount | None:
-    """Resolve a reference in the document of `instance` to a mount; None if it is invalid (reported)."""
+    """Resolve a reference in the document of `instance` to a mount. Return None if it is invalid (reported)."""
     mount = tree.find(instance, reference)
     if mount is None:
         return None
@@ -189,7 +189,7 @@ def raw_of(tree: Tree) -> tuple[RawAttribute, ...]:
     for instance, definition in tree.assemblies:
         for raw in definition.raw:
             path = raw.path
-            if len(path) > 2:  # element, name, attribute; `option` and similar elements have no name
+            if len(path) > 2:  # element, name and attribute; `option` and similar elements have no name
                 path = (path[0], instance.within(path[1].replace(".", "/")), *path[2:])
             attributes.append(replace(raw, path=path, origin=raw.origin + instance.origin))
     return tuple(attributes)
@@ -215,7 +215,7 @@ def check_poses(
 ) -> None:
     """Check every pose against the limits of joints.
 
-    If `unset` (no joints were left out), poses used by modes are also checked for joints that mimic others and joints that are 0 by
+    If `unset` (no joints were omitted), poses used by modes are also checked for joints that mimic others and joints that are 0 by
     default. Joints in `loops` are checked only if the pose sets them.
     """
     used = {name for mode in modes for name in mode.poses}

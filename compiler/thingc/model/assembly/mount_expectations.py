@@ -1,4 +1,4 @@
-"""Warn of mounts with another component than the part was designed for."""
+"""Warn of mounts that have another component than the part was designed for."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NUMBER = re.compile(r"\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+")
 
 
 def check_expectations(robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
-    """Warn of each mount without the component that its geometry was designed for.
+    """Warn of each mount that does not have the component for which its geometry was designed.
 
     `laid` are the indices of mates from `at`, which do not connect mounts. Empty mounts are accepted if the top document exports them,
     because a parent assembly may use them.
@@ -44,7 +44,7 @@ def check_expectations(robot: Connected, laid: Collection[int], findings: LinkRe
 def _is(other: Occurrence, expected: MountExpectation, owner: Occurrence) -> bool:
     """Return whether `other` is the expected part.
 
-    If the owner is mirrored, the mirror image is expected. A symmetric part is its own mirror image.
+    For a mirrored owner, the mirror image is expected. A symmetric part is its own mirror image.
     """
     plain = other.definition.plain if owner.definition.mirror is not None else None
     texts = (other.definition.text,) if plain is None else (other.definition.text, plain.text)
@@ -52,7 +52,7 @@ def _is(other: Occurrence, expected: MountExpectation, owner: Occurrence) -> boo
 
 
 def _rounded(definition: str) -> str:
-    """Round the numbers of a definition to 12 digits: conversion to millimetres may change the last digits."""
+    """Round the numbers of a definition to 12 digits, because conversion to millimetres may change the last digits."""
     return _NUMBER.sub(lambda number: f"{float(number[0]):.12g}", definition)
 
 
@@ -60,7 +60,7 @@ def _warn(owner: Occurrence, one: MountExpectation, others: Sequence[tuple[Occur
     name, wanted = owner.component.name, one.label
     other, mount = next(((o, m) for o, m in others if _is(o, one, owner)), others[0] if others else (None, ""))
     found = other.definition.label if other is not None else ""
-    if other is not None and found == wanted:  # labels are equal; the difference is in digits that they do not show
+    if other is not None and found == wanted:  # equal labels, which do not show the digits that differ
         wanted, found = one.text, other.definition.text
     cut = f"`{name}.{one.mount}` is cut for `{wanted}`"
     help = f"attach `{wanted}` there by its mount `{one.child_mount}`; {allow_hint(Code.EXPECTATION)}"

@@ -13,11 +13,11 @@ from thingc.model.assembly.types import Connected, FileNames, JointEdge, LinkedT
 from thingc.model.resolve.types import NamedKind, NamedPose, NameInFiles, Reference
 
 Named = dict[NamedKind, dict[str, tuple[str, Origin]]]
-"""Names in files and their locations, keyed by the kind and path of the element."""
+"""Names in files and their locations, by the kind and path of the element."""
 
 
 def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings: LinkReport) -> FileNames | None:
-    """Return the names in files, prefixed with the path of nested documents; None if there are none. Report duplicates."""
+    """Return the names in files, prefixed with the path of nested documents. Return None if there are none. Report duplicates."""
     named: Named = {}
     for instance, definition in tree.assemblies:
         for one in definition.names:
@@ -34,14 +34,14 @@ def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings:
         "joints": [*((mate.name, mate.origin) for mate in robot.mates if mate.name is not None), *((one, ()) for one in TAKEN["joints"])],
         "tendons": ((tendon.path, tendon.origin) for tendon in robot.tendons),
         "actuators": ((one.path, one.actuator.origin) for one in driven if one.actuator is not None),
-        "equalities": (),  # MuJoCo reports two of one name
+        "equalities": (),  # MuJoCo reports duplicate names
         "sensors": ((sensor.path, sensor.origin) for sensor in robot.sensors),
         "poses": ((pose.name, pose.origin) for pose in poses),
     }
     whole = named.get("joints", {})
     for kind, those in things.items():
         given = named.get(kind, {})
-        if kind == "actuators":  # the default name of an actuator is that of its joint or tendon
+        if kind == "actuators":  # by default an actuator has the name of its joint or tendon
             given = {joint.path: whole[joint.name.joint.replace(".", "/")] for joint in joints if joint.path in whole} | given
             given = named.get("tendons", {}) | given
         if given:

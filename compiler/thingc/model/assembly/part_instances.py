@@ -1,4 +1,4 @@
-"""Instances of parts and frames, computed once per component."""
+"""Instances of parts and frames. Each is computed once per component."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _FAILED: Mapping[FailureKind, tuple[Code, str, str]] = {
     "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and commit the file that it writes"),
     "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and commit the file that it writes"),
 }
-"""Diagnostic code, phrase after the part's name, and help, keyed by the kind of failure."""
+"""Diagnostic code, phrase after the part's name, and help, by the kind of failure."""
 _INSTEAD: Mapping[ImpureInputs, str] = {
     ImpureInputs.ENVIRONMENT: "pass it as a parameter, or in a file that the part reads with `asset(...)`",
     ImpureInputs.CLOCK: "pass it as a parameter",
@@ -65,7 +65,7 @@ _SHOWN_PLACES = 8
 
 
 class PartInstances:
-    """Cached part instances, keyed by component. If a definition is used twice, its components are computed once.
+    """Cached part instances by component. If a definition is used twice, its components are computed once.
 
     `unknown` is set if the properties of a part are not known exactly (see `PartRecord.exact`). The caller reports this.
     """
@@ -83,7 +83,7 @@ class PartInstances:
         self.unknown = False
 
     def of(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
-        """Return the instance of `component` in the assembly `scope`, first used at `path`; None if its part failed."""
+        """Return the instance of `component` in the assembly `scope`, first used at `path`. Return None if its part failed."""
         key = id(component)
         if key not in self._known:
             self._known[key] = self._remembered(component, scope, path, origin)
@@ -105,7 +105,7 @@ class PartInstances:
         return instance
 
     def report_materials(self) -> None:
-        """Report each default material that is missing in a document: at the first component that needs it, with notes for the others."""
+        """Report each default material that is missing in a document, at the first component that needs it, with notes for the others."""
         for (_, name, needed), users in self._unknown.items():
             component, record, scope, path, origin = users[0]
             hint = did_you_mean(name, scope.materials, what="materials")
@@ -127,7 +127,7 @@ class PartInstances:
             )
 
     def report_failures(self) -> None:
-        """Report each definition that could not be modelled: at its first component, with notes for the others."""
+        """Report each definition that could not be built, at its first component, with notes for the others."""
         for text, users in self._failures.items():
             failure = self._records[text]
             component, path, origin = users[0]
@@ -164,7 +164,7 @@ class PartInstances:
             if answer is None:
                 return None
             record = answer
-            if not record.exact:  # its values are those of a similar part: report nothing that depends on them
+            if not record.exact:  # values are those of a similar part, so nothing that depends on them is reported
                 self._findings.leave_out()
                 self.unknown = True
             self._warn(component, record, path, origin)
@@ -200,7 +200,7 @@ class PartInstances:
                 self._warned.add(key)
         asked: dict[tuple[ImpureInputs, str], list[PartWarning]] = {}
         for warning in record.warnings:
-            # a line outside of classes affects every part of its module
+            # a line outside of classes affects all parts of the module
             if warning.asked is not None and (_line(warning) or record.text, warning.message) not in self._warned:
                 asked.setdefault((warning.asked, warning.message), []).append(warning)
         for (what, message), where in asked.items():
@@ -291,7 +291,7 @@ class PartInstances:
         try:
             return weigh_shapes(definition, material, self._meshes, component.overrides)
         except MissingDensity as why:
-            if not str(why):  # the file has not been read, or its error has been reported
+            if not str(why):  # the file was not read, or its error has been reported
                 self._findings.leave_out()
                 self.unknown = True
                 return None
@@ -340,7 +340,7 @@ class PartInstances:
             self._warned.add(key)
 
     def _high_layers(self, component: Component, material: Material | None, process: Process, path: str, origin: Origin) -> None:
-        """Report a layer height above the line width: once per material that specifies it, otherwise once per component."""
+        """Report a layer height above the line width, once per material that specifies it, otherwise once per component."""
         of_material = material is not None and material.process is not None and layers_too_high(material.process)
         self._findings.error(
             Code.HIGH_LAYERS, f"`layer` is {1e3 * (process.layer or 0.0):g} mm, and `line_width` only "
@@ -364,7 +364,7 @@ class PartInstances:
         )
 
     def _incomplete(self, component: Component, material: Material | None, missing: tuple[str, ...], path: str, origin: Origin) -> None:
-        """Report keys that are missing for the estimate: once per material without them, otherwise once per component."""
+        """Report keys that are missing for the estimate, once per material without them, otherwise once per component."""
         of_material = material.process if material is not None and unsaid_keys(material.process) else None
         keys = unsaid_keys(of_material) or missing
         listed = " and ".join(filter(None, (", ".join(f"`{key}`" for key in keys[:-1]), f"`{keys[-1]}`")))
@@ -436,7 +436,7 @@ def _bom(component: Component, record: PartRecord | None) -> BomEntry:
 
 
 def _density(record: PartRecord | None, material: Material | None) -> Density | None:
-    """Return the density of the Thing, or of its material if the Thing has none."""
+    """Return the density of the Thing or, if it has none, of its material."""
     if record is not None and record.density is not None:
         return Density(value=float(record.density.value), estimated=record.density.source == "estimated")
     return Density(value=material.density) if material is not None and material.density is not None else None

@@ -1,6 +1,6 @@
-"""Warnings about suspicious values: each names the value and its likely cause.
+"""Warnings about suspicious values. Each shows the value and its likely cause.
 
-They need only numbers, so `check` can report them. Checks of the geometry are part of `build`.
+These checks need only numbers, so `check` can run them. Checks of the geometry are part of `build`.
 """
 
 from __future__ import annotations
@@ -61,8 +61,7 @@ def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
 def _turn_between(assembly: Assembly, one: Mate, other: Mate) -> int:
     """Return the turn [deg] about the mount's z axis that makes two children at q = 0 mirror images of each other.
 
-    Return 0 if there is no such turn, or if they are mirror images already. Return 0 also if the mounts are not mirror images of each
-    other.
+    Return 0 if there is no such turn, if they are already mirror images, or if the mounts are not mirror images of each other.
     """
     axes = [axis for mate in (one, other) if (axis := assembly.occurrences[mate.child].definition.mirror) is not None]
     if len(axes) != 1 or dist(one.X_PJ.translation, other.X_PJ.translation) < CLOSE:
@@ -81,19 +80,19 @@ def _turn_between(assembly: Assembly, one: Mate, other: Mate) -> int:
 
 
 TURNS = 2.0
-"""Hinge limits beyond this number of turns are suspicious. Joints without limits are `continuous`."""
+"""Number of turns beyond which hinge limits are suspicious. Joints without limits are `continuous`."""
 FAR = 10.0
-"""Suspicious offsets and travels relative to the diagonal of the largest part, and of roots relative to the robot's reach."""
+"""Ratio of offsets and travels to the diagonal of the largest part, and of roots to the robot's reach, from which they are suspicious."""
 FEATHER, ELEPHANT = 1e-3, 1e4
 """Range of plausible masses of robots [kg]."""
 DRAG = 0.5
-"""Suspicious dry friction of a joint relative to the effort of its drive. Typical gears are at about 0.1."""
+"""Dry friction of a joint relative to the effort of its drive from which it is suspicious. Typical gears have about 0.1."""
 SLOW = 0.05
-"""Suspicious speed of a damped joint, relative to the no-load speed of its drive."""
+"""Speed of a damped joint, relative to the no-load speed of its drive, below which it is suspicious."""
 SPREAD, COMPACT = 3.0, 200.0
 """Plausible radii of gyration: at most `SPREAD` times the diagonal of the part, and at least the diagonal divided by `COMPACT`."""
 BURDEN = 10.0
-"""Suspicious mass of a component without a shape, relative to the mass of the rest of the robot."""
+"""Mass of a component without a shape, relative to the mass of the rest of the robot, from which it is suspicious."""
 
 _PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
 
@@ -153,7 +152,7 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> boo
 
 
 def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Warn of specified centres of mass and inertias that do not match the shape of the part. Computed values always match."""
+    """Warn of specified centres of mass and inertias that do not match the shape of the part. (Computed values always match.)"""
     said: set[Origin] = set()
     for one in occurrences:
         doubt = _stated_doubt(one)
@@ -227,7 +226,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
         return
     ends = {key: value for key, value in (("lower", joint.limit.lower), ("upper", joint.limit.upper)) if value is not None}
     path, here = instance.within(joint.path), joint.origin + instance.origin
-    wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * pi and not twist.pitch]  # screws make many turns
+    wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * pi and not twist.pitch]  # screws may turn more often
     for key in wide:
         text, number, unit = _written_value(joint, key)
         cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "the value has a digit too many"
@@ -239,7 +238,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
     if wide or len(ends) < 2 or not all(ends.values()):
         return
     (lower, _, low_unit), (upper, _, high_unit) = _written_value(joint, "lower"), _written_value(joint, "upper")
-    by_option = any(_origin_of(joint, f"limit.{key}", here)[0].option for key in ends)  # an option may set only one of them
+    by_option = any(_origin_of(joint, f"limit.{key}", here)[0].option for key in ends)  # an option may set only one limit
     if {low_unit, high_unit} == {"rad", "deg"} and not by_option:
         key, value = ("upper", upper) if high_unit == "rad" else ("lower", lower)
         findings.warn(
@@ -251,7 +250,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
 
 
 def _written_value(joint: Joint, key: str) -> tuple[str, str, str]:
-    """Return a limit as written, with its number and unit. Both are empty if the limit is not a plain quantity."""
+    """Return a limit as written, with its number and unit, which are empty if the limit is not a plain quantity."""
     text = joint.written.get(f"limit.{key}", "").strip()
     plain = _PLAIN.fullmatch(text)
     return (text, plain[1], plain[2]) if plain is not None else (text, "", "")
@@ -264,7 +263,7 @@ def _origin_of(joint: Joint, key: str, here: Origin) -> Origin:
 
 
 def _elsewhere(joint: Joint, key: str) -> tuple[Note, ...]:
-    """Return a note with the location of the joint. Empty if its value is on the same line."""
+    """Return a note with the location of the joint. The result is empty if its value is on the same line."""
     span = joint.spans.get(key)
     return noted(f"joint `{joint.name}` is here", joint.origin) if span is not None and span.line != joint.origin[0].line else ()
 
@@ -303,8 +302,8 @@ def _check_actuators(
 ) -> None:
     """Warn of parts with an unused actuator.
 
-    Parts in `shown` are skipped. Their mounts are exported by the top document, so a parent assembly may use the actuator. Parts on a joint
-    with an inline drive are skipped as well.
+    Parts in `shown` are skipped, because the top document exports their mounts and a parent assembly may use the actuator. Parts on a joint
+    with an inline drive are also skipped.
     """
     driving: set[int] = set()
     inline: set[str] = set()
@@ -339,7 +338,7 @@ def _check_actuators(
 
 
 def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> None:
-    """Warn of exported mounts with the name of another mount of the same component, unless a mate uses that mount."""
+    """Warn of exported mounts that have the name of another mount of the same component, unless a mate uses that mount."""
     used = {(end, mount) for mate in mates for end, mount in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount))}
     for instance, definition in tree.assemblies:
         for name, reference in definition.mounts.items():
@@ -400,7 +399,7 @@ def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
 
 
 def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
-    """Yield the offset at q = 0 and the travel of a joint. For a screw, yield the lead instead of the travel if it exceeds `bound` [m]."""
+    """Yield the offset at q = 0 and the travel of a joint. For a screw, the lead is yielded instead if it exceeds `bound` [m]."""
     per_unit, turns = (hypot(*joint.twist.linear), joint.twist.turns) if joint.twist is not None else (0.0, False)
     moved = maximum(abs(joint.gap), abs(joint.offset) * per_unit)
     yield _Offset(words=f"joint `{joint.name}` is moved by", length=moved, path=joint.name, origin=joint.origin)
@@ -421,7 +420,7 @@ def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
 
 
 def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport) -> None:
-    """Warn of roots far from the world origin, relative to `reach` [m], the sum of the diagonals of the largest part of each link."""
+    """Warn of roots far from the world origin, compared with `reach` [m], the sum over links of the diagonal of their largest part."""
     for mode in modes:
         offset = _length(mode.at)
         if offset > FAR * reach:
@@ -453,7 +452,7 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
                     path=one.path, help=f"check the unit (`g`, `kg`); {allow_hint(Code.BARE_MASS)}",
                 )
             elif boxes and not findings.has_said(Code.FAR):
-                # include the origin of the link: a joint may be there, with the parts far along the link
+                # include the origin of the link, because a joint may be there although the parts are far away
                 _check_place(one, pose.apply(one.properties.centre), [*boxes, (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), NO_POSE)], findings)
 
 

@@ -15,13 +15,13 @@ from thingc.model.resolve.types import AssemblyDefinition, Mode
 WEAK, STRONG = 0.1, 1000.0
 """Range of plausible forces of a magnet, relative to the weight of the robot."""
 LONG_STEP = 10e-3
-"""[s] Smallest suspicious time step. Contacts in MuJoCo need about a fifth of it."""
+"""Time step [s] from which it is suspicious. Contacts in MuJoCo need about a fifth of it."""
 GRAVITY = 9.81
-"""[m/s^2] Used for weights, independent of the gravity of a mode."""
+"""Gravity [m/s^2] for weights, independent of the gravity of a mode."""
 
 
 def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: LinkReport) -> None:
-    """Warn of settings in `simulation` of nested documents that are specified neither by the top document nor by its modes."""
+    """Warn of settings in `simulation` of nested documents that neither the top document nor its modes specify."""
     stated = {*top.simulation, *(key for mode in top.modes for key in mode.simulation)}
     nested = {definition.document: (definition, instance) for instance, definition in tree.assemblies if instance is not tree.top}
     for definition, instance in nested.values():
@@ -61,7 +61,7 @@ def _check_steps(top: AssemblyDefinition, findings: LinkReport) -> None:
 
 
 def _check_gravity(modes: Sequence[Mode], findings: LinkReport) -> None:
-    """Warn of numeric gravity that points straight up. Probably the sign is missing, because there is a keyword for ceilings."""
+    """Warn of numeric gravity that points straight up. Probably the sign is missing, because ceilings have a keyword."""
     for mode in modes:
         x, y, z = mode.gravity
         if mode.gravity_origin and x == y == 0.0 < z:
@@ -93,7 +93,7 @@ def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: f
 
 
 def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], findings: LinkReport) -> None:
-    """Warn of modes that are held at an inactive magnet, if another magnet is active without being held."""
+    """Warn of modes that are held at an inactive magnet while another active magnet is not held."""
     places = {magnet.path: (magnet.occurrence, magnet.mount) for magnet in magnets}
     written = {mode.name: {reference.text: reference.origin for reference, _ in mode.adhesion} for mode in top.modes}
     for mode in modes:

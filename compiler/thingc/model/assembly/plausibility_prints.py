@@ -19,14 +19,14 @@ WIDTHS, HEIGHTS = (0.05e-3, 3e-3), (0.01e-3, 1.5e-3)
 USUAL_WIDTHS, USUAL_HEIGHTS = (0.2e-3, 1.2e-3), (0.05e-3, 0.6e-3)
 """Usual line widths and layer heights [m], to suggest a fix for a wrong unit."""
 SKINS, USUAL_SKINS = (0.05e-3, 30e-3), (1e-3, 10e-3)
-"""Supported and usual ranges of the wall thickness [m], specified as `line_width` in processes without lines."""
+"""Supported and usual ranges of the wall thickness [m], which processes without lines specify as `line_width`."""
 WALLS, LIDS = 50, 100
-"""Largest plausible number of walls, and of top or bottom layers. With more, a part is solid."""
+"""Largest plausible number of walls, and of top or bottom layers. A part with more is solid."""
 LEAST_SHARE = 0.01
 """Smallest plausible infill or overlap. A smaller value suggests a wrong unit (`0.15 %`)."""
 
 _SLIPS = (1e-1, 1e-2, 1e-3, 1e1, 1e2, 1e3)
-"""Factors of common unit errors, for values that are too large and for values that are too small. The smallest errors come first."""
+"""Factors of common unit errors, for too large values and for too small values. The smallest errors come first."""
 
 
 class _Doubt(FrozenStruct):

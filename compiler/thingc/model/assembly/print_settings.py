@@ -24,7 +24,7 @@ def process_of(component: Component, material: Material | None) -> Process | Non
 
 
 def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> dict[str, set[Slicing]]:
-    """Return the slicings of the parts of a model, keyed by the text of their definition. A part may be printed in several ways."""
+    """Return the slicings of the parts of a model by the text of their definition. A part may be printed in several ways."""
     slicings: dict[str, set[Slicing]] = {}
     for definition, component, scope in _parts(model):
         record = records.get(definition.text)
@@ -38,7 +38,7 @@ def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | Pa
 
 
 def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema | PartFailure]) -> dict[str, set[LikelySlicing]]:
-    """Predict `slicings_of` before parts are modelled, for parts with a material specified by their class."""
+    """Predict `slicings_of` before parts are built, for parts whose class specifies a material."""
     likely: dict[str, set[LikelySlicing]] = {}
     for definition, component, scope in _parts(model):
         schema, material, up = schemas.get(definition.reference), component.material, component.overrides.up

@@ -1,4 +1,4 @@
-"""Diagnostics of linking, without duplicates. Also records whether elements were left out."""
+"""Diagnostics of linking without duplicates, and a record of whether elements were omitted."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class LinkReport:
     """A `Report` for `link`.
 
     If a definition is used several times, its errors are reported once, at the first use, with the chain of documents.
-    `failed` is set if linking found an error, and `earlier` if an earlier pass found one. `incomplete` is set if an element was left out
+    `failed` is set if linking found an error, and `earlier` if an earlier pass found one. `incomplete` is set if an element was omitted
     because of an error in this or an earlier pass.
     """
 
@@ -59,7 +59,7 @@ class LinkReport:
         self.incomplete = True
 
     def _may_say(self, key: _Key) -> bool:
-        """Return whether a diagnostic is new and within the limit; report once that the limit is exceeded."""
+        """Return whether a diagnostic is new and within the limit. If the limit is exceeded, report this once."""
         if len(self._said) == MAX_FAULTS and key not in self._said:
             self._said.add(key)
             self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors; the rest is not shown", None)
@@ -67,10 +67,10 @@ class LinkReport:
 
 
 def _key(code: Code, message: str, origin: Origin) -> _Key:
-    """Return the key by which duplicates are detected."""
+    """Return the key for detecting duplicates."""
     return code, message, origin[0] if origin else None
 
 
 def written_at(what: str, code: tuple[str, int] | None) -> tuple[Note, ...]:
-    """Return the note "`arm:Pen` is written here". Empty if the location is unknown (parts from files, built-ins)."""
+    """Return the note "`arm:Pen` is written here". The result is empty if the location is unknown (parts from files, built-ins)."""
     return (Note(message=f"{what} is defined here", span=line_of(*code)),) if code is not None else ()

@@ -22,7 +22,7 @@ Meshes = Mapping[MeshFile, MeshRecord]
 
 
 def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> Listed:
-    """Return the geometry of a link of this material. Mesh files without a record are left out."""
+    """Return the geometry of a link of this material. Mesh files without a record are omitted."""
     boxes = [_box(shape, meshes) for shape in definition.shapes if isinstance(shape.solid, MeshFile) or shape.solid.shape != "plane"]
     return Listed(
         drawn=tuple(surface for shape in definition.shapes if shape.drawn for surface in _drawn(shape, material, meshes)),
@@ -33,7 +33,7 @@ def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes
 
 
 def _box(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
-    """Return the box around a shape in the link's frame; None if its mesh file has not been read."""
+    """Return the box around a shape in the link's frame, or None if its mesh file has not been read."""
     if not isinstance(shape.solid, MeshFile):
         return shape.solid.box
     record = meshes.get(shape.solid)
@@ -41,7 +41,7 @@ def _box(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
 
 
 def _drawn(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
-    """Yield the surfaces of a shape with their colours. They are a primitive or the pieces of a mesh file."""
+    """Yield the surfaces of a shape with their colours: a primitive, or the pieces of a mesh file."""
     own, solid = shape.material or material, shape.solid
     otherwise = own.color if own is not None else None
     if not isinstance(solid, MeshFile):
@@ -84,7 +84,7 @@ def _whole(shape: LinkShape, file: MeshFile, record: MeshRecord, material: Mater
 
 
 def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | None:
-    """Return the bounding box of boxes; None if there are none."""
+    """Return the bounding box of several boxes, or None if there are none."""
     corners = [corner for box in boxes for corner in box]
     if not corners:
         return None
@@ -129,7 +129,7 @@ def matter_of(definition: LinkDefinition, meshes: Meshes) -> MassProperties:
 
 
 def weight_of(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> MassProperties:
-    """Return the mass [kg], centre [m] and inertia [kg m^2] of a link from the densities of its materials; zero without densities.
+    """Return the mass [kg], centre [m] and inertia [kg m^2] of a link from the densities of its materials. Zero without densities.
 
     Raises `MissingDensity`, also if only some shapes have a density.
     """

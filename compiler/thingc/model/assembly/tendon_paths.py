@@ -1,7 +1,7 @@
 """The path of a tendon through mounts, around spheres and cylinders, and over pulleys: its length, and its straight segments.
 
 Between two mounts, the tendon is straight or follows the shortest path around a shape, on the side of its `side` mount. Lengths are
-divided by the divisor of the preceding pulley. This is MuJoCo's `spatial` tendon (Computation, "Tendon"; `mju_wrap` of its engine),
+divided by the divisor of the preceding pulley. The model is MuJoCo's `spatial` tendon (Computation, "Tendon"; `mju_wrap` of its engine),
 computed in the frame of the given poses.
 """
 
@@ -17,11 +17,11 @@ from thingc.model.assembly.types import LinkedMount, TendonStep
 
 Point = tuple[float, float]
 TINY = 1e-15
-"""Lengths [m] below this value count as 0: MuJoCo's `mjMINVAL`."""
+"""Lengths [m] below this value count as 0, as MuJoCo's `mjMINVAL`."""
 
 
 class TendonSpan(OneLineRepr, FrozenStruct):
-    """A straight segment between points on the parts of two mounts. Its contribution is divided by `divisor`."""
+    """A straight segment between points on the parts of two mounts. Its length is divided by `divisor`."""
 
     ends: tuple[LinkedMount, LinkedMount]
     points: tuple[Vector, Vector]
@@ -29,7 +29,7 @@ class TendonSpan(OneLineRepr, FrozenStruct):
 
     @property
     def length(self) -> float:
-        """Length [m], before division."""
+        """The length [m] before the division."""
         return dist(*self.points)
 
 
@@ -71,7 +71,7 @@ def course(steps: Sequence[TendonStep], at: Mapping[str, Pose]) -> TendonCourse:
 
 
 def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector) -> tuple[float, Vector, Vector] | None:
-    """Return the length on the shape [m] and the points of contact; None if the tendon does not touch the shape."""
+    """Return the length on the shape [m] and the points of contact. Return None if the tendon does not touch the shape."""
     assert step.mount is not None and step.radius is not None
     shape, radius = at[step.mount.path], step.radius
     inverse = shape.inverse()
@@ -82,7 +82,7 @@ def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector
     else:
         x = _unit(p)
         normal = cross(p, q)
-        if sqrt(dot(normal, normal)) < TINY:  # collinear with the centre: any plane through them will do
+        if sqrt(dot(normal, normal)) < TINY:  # collinear with the centre: use any plane that contains them
             largest = max(range(3), key=lambda k: abs(x[k]))
             normal = cross(x, (float(largest != 0), float(largest != 1), float(largest != 2)))
         y = _unit(cross(_unit(normal), x))
@@ -101,7 +101,7 @@ def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector
         return (on[0], on[1], height) if step.shape == "cylinder" else on
 
     low = high = 0.0
-    if step.shape == "cylinder":  # a helix: it rises as far in each length of its projection
+    if step.shape == "cylinder":  # a helix: its rise is proportional to the length of its projection
         before, after = dist(flat(p), a), dist(flat(q), b)
         slope = (q[2] - p[2]) / (before + curve + after)
         low, high = p[2] + slope * before, p[2] + slope * (before + curve)
@@ -114,8 +114,8 @@ def _circle(p: Point, q: Point, side: Point | None, radius: float) -> tuple[floa
 
     Return None if the string does not touch the circle.
 
-    With `side`, a point on the circle, the arc is on this side. Without it, the string touches only if the line from p to q intersects the
-    circle, and the arc is the shorter one.
+    With `side`, a point on the circle, the arc is on this side. Without it, the string touches the circle only if the line from p to q
+    intersects it, and the arc is the shorter one.
     """
     pp, qq, square = p[0] ** 2 + p[1] ** 2, q[0] ** 2 + q[1] ** 2, radius**2
     if pp < square or qq < square:

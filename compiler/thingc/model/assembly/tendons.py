@@ -1,4 +1,4 @@
-"""Link tendons: resolve their references."""
+"""Link tendons by resolving their references."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tupl
 
 
 def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
-    """Return a step of a path in the document of `instance`; None if its references are invalid (reported)."""
+    """Return a step of a path in the document of `instance`. Return None if its references are invalid (reported)."""
     named = {one: mount_of(tree, instance, one) for one in (step.mount, step.side) if one is not None}
     if None in named.values():
         return None
@@ -60,7 +60,7 @@ def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> b
 
 
 def rested(tendon: LinkedTendon, occurrences: Sequence[Occurrence], rest: Mapping[int, Pose], findings: LinkReport) -> LinkedTendon:
-    """Return the tendon with the rest length of its spring, by default its length at q = 0. `rest` are the poses of occurrences.
+    """Return the tendon with the rest length of its spring (default: its length at q = 0). `rest` are the poses of occurrences.
 
     Report a path with a mount inside a shape that it wraps.
     """

@@ -43,8 +43,8 @@ class MountFrame(OneLineRepr, FrozenStruct):
 class Surface(OneLineRepr, FrozenStruct):
     """A shape of an occurrence for display or collision: `solid` at `pose` in the occurrence's frame, with material and colour.
 
-    `color` is `#rrggbb` or `#rrggbbaa`, or None for that of the mesh. For meshes that a link lists, `name` is the base of the file name,
-    `volume` [m^3] that of the mesh, and `scale` the factors if MuJoCo reads the original file. `title` is the name of a listed
+    `color` is `#rrggbb` or `#rrggbbaa`, or None for the colour of the mesh. For meshes that a link lists, `name` is the base of the file
+    name, `volume` [m^3] the volume of the mesh, and `scale` the factors if MuJoCo reads the original file. `title` is the name of a listed
     shape in files, without the path of nested documents.
     """
 
@@ -62,8 +62,8 @@ class Surface(OneLineRepr, FrozenStruct):
 class Listed(OneLineRepr, FrozenStruct):
     """The geometry of a link that lists its shapes, in the link's frame.
 
-    It contains the shapes for display, for collision, and for the mass (`solids`). `box` is the bounding box (two corners [m]). It is None
-    without shapes, or if a mesh file has not been read.
+    It contains the shapes for display, for collision, and for the mass (`solids`). `box` is the bounding box (two corners [m]), or None if
+    there are no shapes or if a mesh file has not been read.
     """
 
     drawn: tuple[Surface, ...]
@@ -75,8 +75,8 @@ class Listed(OneLineRepr, FrozenStruct):
 class PartInstance(OneLineRepr, FrozenStruct):
     """A component that is a part, a link or a frame. `record` is set for a part, and `listed` for a link.
 
-    `properties` and `mounts` (with `origin`) are in its own frame; `mass_source` is `measured | vendor | stated | derived | estimated`,
-    `estimate` is the method for an infill (`layers | skin`), else None. `sound` is False if its mass is invalid (reported).
+    `properties` and `mounts` (with `origin`) are in its own frame. `mass_source` is `measured | vendor | stated | derived | estimated`.
+    `estimate` is the method for infill (`layers | skin`), else None. `sound` is False if its mass is invalid (reported).
     `color` is `#rrggbb`.
     """
 
@@ -103,12 +103,12 @@ class Occurrence(PartInstance):
     origin: Origin
 
     def name_in_files(self, surface: Surface) -> str | None:
-        """Return the name of one of its shapes in files, with the path of the document; None if the document specifies none."""
+        """Return the name of one of its shapes in files, with the path of the document, or None if the document does not specify one."""
         return None if surface.title is None else self.path[: self.path.rfind("/") + 1] + surface.title
 
     @property
     def drawn(self) -> tuple[Surface, ...]:
-        """The shapes for display, in its own frame; empty without geometry, and if the document disables them."""
+        """The shapes for display, in its own frame. Empty if there is no geometry or the document disables display."""
         if self.listed is not None:
             return self.listed.drawn
         mesh = self.record.meshes.get("visual") if self.record is not None and self.overrides.visual else None
@@ -118,7 +118,7 @@ class Occurrence(PartInstance):
     def touching(self) -> tuple[Surface, ...]:
         """The collision shapes, in its own frame. For a part, `collision` selects them. For a mesh, it is the convex hull.
 
-        Empty for `none`, without geometry, and if the part has no such shape.
+        The result is empty for `none`, if there is no geometry, and if the part has no such shape.
         """
         if self.listed is not None:
             return self.listed.touching
@@ -134,14 +134,14 @@ class Occurrence(PartInstance):
 
     @property
     def collides(self) -> bool:
-        """Whether it may collide, as far as this is known without meshes."""
+        """Whether the occurrence may collide, as far as this is known without meshes."""
         return bool(self.listed.touching) if self.listed is not None else self.overrides.collision != "none"
 
     @property
     def solids(self) -> tuple[Surface, ...]:
         """The shapes that determine its volume, in its own frame.
 
-        For a part, it is the mesh. For a link, these are the collision shapes, or the display shapes if there are none.
+        For a part, this is the mesh. For a link, these are the collision shapes, or the display shapes if there are none.
         """
         if self.listed is not None:
             return self.listed.solids
@@ -154,15 +154,15 @@ class Occurrence(PartInstance):
 
     @property
     def box(self) -> tuple[Vector, Vector] | None:
-        """Bounding box in its own frame (two corners [m]). None without geometry, or if it is not known exactly."""
+        """The bounding box in its own frame (two corners [m]), or None if there is no geometry or the box is not known exactly."""
         return self.listed.box if self.listed is not None else self.record.box if self.record is not None else None
 
 
 class ActuatorModel(OneLineRepr, FrozenStruct):
     """A drive in SI units, including defaults from the Thing's actuator. `effort` is the force limit.
 
-    For a drive of a ball joint, `axis` is a unit vector fixed in the child, in the parent mount's axes at q = 0. `name` is the name in
-    files if it differs from the joint's name.
+    For a drive of a ball joint, `axis` is a unit vector that is fixed in the child, in the parent mount's axes at q = 0. `name` is the name
+    in files if it differs from the joint's name.
     """
 
     kind: DriveType
@@ -190,9 +190,8 @@ class Mate(OneLineRepr, FrozenStruct):
     """An edge of the mate graph between occurrences `parent` and `child` (indices).
 
     `X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ X_JC` over its `joints`; rigid without joints.
-    `name` is the path of the joint (None if rigid).
-    `parent_mount` and `child_mount` are the names of the mated mounts (`origin` for `at`). `loop` is the path of a joint that
-    closes a loop: it places nothing, and is not an edge of the tree of placements.
+    `name` is the path of the joint (None if rigid). `parent_mount` and `child_mount` are the names of the mated mounts (`origin` for `at`).
+    `loop` is the path of a joint that closes a loop. Such a mate does not place its child and is not an edge of the tree of placements.
     """
 
     parent: int
@@ -208,10 +207,10 @@ class Mate(OneLineRepr, FrozenStruct):
 
 
 class Link(OneLineRepr, FrozenStruct):
-    """Rigidly connected occurrences: one body in every simulator.
+    """Rigidly connected occurrences, which are one body in every simulator.
 
-    `frame` is the index of the occurrence whose frame is the link's; `poses[k]` is the pose of `members[k]` in it;
-    `properties` are the combined mass properties, in the link's frame.
+    `frame` is the index of the occurrence whose frame is the link's frame. `poses[k]` is the pose of `members[k]` in it.
+    `properties` are the combined mass properties in the link's frame.
     """
 
     name: LinkPath
@@ -237,9 +236,9 @@ class LinkedMount(MountAt):
 
     @property
     def of_component(self) -> bool:
-        """Whether the reference is a component, not a mount. A component's origin is placed at a pose; a mount is mated to it.
+        """Whether the reference is to a component, not to a mount. A component's origin is placed at a pose; a mount is mated to it.
 
-        `mount` does not show this, because a mount of an assembly may be the origin of one of its components.
+        This cannot be derived from `mount`, because a mount of an assembly may be the origin of one of its components.
         """
         return self.path.rpartition("/")[2] == "origin"
 
@@ -257,7 +256,7 @@ class Adhesion(LinkedMount):
 
 
 class LinkedHold(OneLineRepr, FrozenStruct):
-    """A hold of a mode. `mount` is mated to the frame `pose` in the world (None: where it is in the mode's own pose).
+    """A hold of a mode. `mount` is mated to the frame `pose` in the world (None: its place in the mode's own pose).
 
     If it `turns`, only its origin is fixed.
     """
@@ -292,12 +291,12 @@ class LinkedSensor(Measurement):
 
     @property
     def mounts(self) -> tuple[LinkedMount, ...]:
-        """The mounts that it refers to."""
+        """The mounts that the sensor refers to."""
         return tuple(one for one in (self.at, self.seen_from) if one is not None)
 
     @property
     def site(self) -> str | None:
-        """Path of the sensor's mount."""
+        """The path of the sensor's mount."""
         return None if self.at is None else self.at.path
 
     def part(self, reading: str) -> str:
@@ -315,9 +314,8 @@ class TendonStep(Wrap):
 class LinkedTendon(OneLineRepr, FrozenStruct):
     """A tendon with its path (`hand/grip`).
 
-    `moves` maps joint paths to the change of its length per unit of q. The length is in [rad] if it `turns`, otherwise in [m].
-
-    A spatial tendon has `steps`, and a `width` [m] if specified. The default rest length of its spring is its length at q = 0.
+    `moves` maps joint paths to the change of its length per unit of q. The length is in [rad] if it `turns`, otherwise in [m]. A spatial
+    tendon has `steps`, and a `width` [m] if specified. The default rest length of its spring is its length at q = 0.
     """
 
     path: TendonPath
@@ -332,20 +330,20 @@ class LinkedTendon(OneLineRepr, FrozenStruct):
 
     @property
     def mounts(self) -> tuple[LinkedMount, ...]:
-        """The mounts that it refers to."""
+        """The mounts that the tendon refers to."""
         return tuple(one for step in self.steps for one in (step.mount, step.side) if one is not None)
 
     def length(self, q: Mapping[str, float]) -> float:
-        """Return the length of a tendon over joints at `q` (every joint by path, rad or m)."""
+        """Return the length of a tendon over joints at `q` (all joints by path, rad or m)."""
         return sum_of(factor * q[path] for path, factor in self.moves.items())
 
 
 class LinkedMode(ModeSettings):
-    """A mode of the top document with resolved references; `exclude` are pairs of link indices, `adhesion` is by path.
+    """A mode of the top document with resolved references. `exclude` are pairs of link indices, `adhesion` is by path.
 
-    `pose` is the mode's own pose, the first of `poses`; `cut` are the joints (by path) at which loops should be cut. For a mode that is
-    `on_floor`, the height of `at` is 0 until the pass `stand` computes it; that pass also adds the placements in other poses to `at_in`,
-    which otherwise contains those that the document states.
+    `pose` is the mode's own pose, the first of `poses`. `cut` are the joints (by path) at which loops should be cut. For a mode that is
+    `on_floor`, the height of `at` is 0 until the pass `stand` computes it. That pass also adds the placements in other poses to `at_in`,
+    which otherwise contains the placements that the document specifies.
     """
 
     root: LinkedMount
@@ -356,9 +354,10 @@ class LinkedMode(ModeSettings):
 
 
 class FileNames(OneLineRepr, FrozenStruct):
-    """Names in files that differ from the path: of components (also used for links), exported mounts, whole joints,
-    tendons, drives by their coordinate or tendon, equalities by the joint that mimics or closes a loop, sensors (or a
-    reading, `imu:gyro`) and poses.
+    """Names in files that differ from the path.
+
+    They are names of components (also used for links), exported mounts, whole joints, tendons, drives by their coordinate or tendon,
+    equalities by the joint that mimics or closes a loop, sensors (or a reading, `imu:gyro`) and poses.
     """
 
     components: dict[str, str] = {}
@@ -382,8 +381,8 @@ class LinkedTest(OneLineRepr, FrozenStruct):
 class Connected(OneLineRepr, FrozenStruct):
     """The linked robot, before poses are computed.
 
-    `link_of[i]` is the link of occurrence i. `between` contains the indices of massless intermediate links. They are between exactly two
-    joints, and have neither mass nor shapes.
+    `link_of[i]` is the link of occurrence i. `between` contains the indices of massless intermediate links, which have exactly two joints
+    and neither mass nor shapes.
     """
 
     occurrences: tuple[Occurrence, ...]
@@ -401,7 +400,7 @@ class Connected(OneLineRepr, FrozenStruct):
 class Assembly(Connected):
     """The output of `link`: all properties of the robot that do not depend on a root.
 
-    `base` is the occurrence that defines the assembly's frame. `rest[i]` is the pose of occurrence i in this frame at q = 0. Not counting
+    `base` is the occurrence that defines the assembly's frame. `rest[i]` is the pose of occurrence i in this frame at q = 0. Except for
     mates that close loops, there is one mate fewer than there are occurrences. `names` is None if all names in files are paths. In `raw`,
     names of joints and bodies of nested documents are prefixed with their path.
     """
@@ -419,16 +418,16 @@ class Assembly(Connected):
 
     @property
     def hag(self) -> Hag:
-        """The hierarchical assembly graph, computed on access."""
+        """The hierarchical assembly graph, which is computed on access."""
         return hag_of(self.definition)
 
     @property
     def drives(self) -> dict[str, str]:
-        """Names of drives in files, by the paths of their coordinates and tendons."""
+        """The names of drives in files, by the paths of their coordinates and tendons."""
         driven: list[JointEdge | LinkedTendon] = [*(joint for mate in self.mates for joint in mate.joints), *self.tendons]
         return {one.path: one.actuator.name or one.path for one in driven if one.actuator is not None}
 
     @property
     def properties(self) -> MassProperties:
-        """Mass properties of the whole robot at q = 0, in the base component's frame."""
+        """The mass properties of the whole robot at q = 0, in the base component's frame."""
         return total(o.properties.seen_from(self.rest[o.index]) for o in self.occurrences)

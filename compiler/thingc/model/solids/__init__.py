@@ -1,1 +1,1 @@
-"""Exact shapes of parts as closed meshes, and their overlaps."""
+"""Exact shapes of parts as closed meshes, and the overlaps of these shapes."""

@@ -1,4 +1,4 @@
-"""Find parts that overlap: duplicates, parts on a wrong mount, or without room in a bracket."""
+"""Find parts that overlap, such as duplicates, parts on a wrong mount, or parts that do not fit into a bracket."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Occurrence, Surface
 
 SHARE = 0.2
-"""Largest overlap of two equal links of shapes, relative to the smaller one."""
+"""Largest accepted overlap of two equal links of shapes, relative to the smaller one."""
 
 DIGITS = 12
-"""Decimals [m] of the relative poses of parts; further digits are rounding errors."""
+"""Number of decimals [m] of the relative poses of parts. Further digits are rounding errors."""
 
 KIND = "overlaps"
-"""Kind of documents in the store: intersections of two parts in a relative pose."""
+"""Kind of documents in the store for the intersections of two parts in a relative pose."""
 
 
 class PartPair(FrozenStruct, kw_only=False):
-    """Two occurrences in document order, and the pose of the `other` in the frame of the `one`."""
+    """Two occurrences in document order, and the pose of `other` in the frame of `one`."""
 
     one: Occurrence
     other: Occurrence
@@ -37,8 +37,8 @@ class PartPair(FrozenStruct, kw_only=False):
 class Overlaps:
     """Intersections of parts, cached in memory and in the store.
 
-    An intersection counts if its mean thickness is more than `deep` [m], because each surface may be off by the `tolerance` [m] of the
-    meshes.
+    An intersection counts if its mean thickness exceeds `deep` [m]. Thinner ones may be caused by the `tolerance` [m] of the meshes, which
+    applies to each surface.
     """
 
     def __init__(self, store: Store, tolerance: float, memo: Memo) -> None:
@@ -46,7 +46,7 @@ class Overlaps:
         self._store, self._memo = store, memo
 
     def pairs(self, parts: Sequence[Occurrence], poses: Sequence[Pose]) -> list[PartPair]:
-        """Return the pairs of parts at poses whose bounding boxes overlap deep enough, in document order."""
+        """Return the pairs of parts, at these poses, whose bounding boxes overlap deeply enough, in document order."""
         placed = sorted(
             ((pose.around(part.box), part, pose) for part, pose in zip(parts, poses, strict=True) if part.box is not None),
             key=lambda one: one[0][0][0],
@@ -63,7 +63,7 @@ class Overlaps:
         return sorted(found, key=lambda pair: (pair.one.index, pair.other.index))
 
     def shared(self, pair: PartPair, *, keep: bool = True) -> tuple[float, float] | None:
-        """Return the volume [m^3] and the mean thickness [m] of an intersection; None if it does not count.
+        """Return the volume [m^3] and the mean thickness [m] of an intersection. Return None if it does not count.
 
         `keep` also caches it in the store.
         """
@@ -94,9 +94,9 @@ class Overlaps:
 
 
 def check_overlaps(assembly: Assembly, poses: Sequence[Pose], overlaps: Overlaps, report: Report) -> None:
-    """Warn of every two parts that overlap at `poses`; once per place in documents, even if it is used several times.
+    """Warn of every two parts that overlap at `poses`, once per place in documents, even if the place is used several times.
 
-    Shapes of links are approximate: only equal ones of the same body are compared.
+    Shapes of links are approximate: only equal shapes of the same body are compared.
     """
     link_of = assembly.link_of
     reported: set[tuple[object, object]] = set()
@@ -111,7 +111,7 @@ def check_overlaps(assembly: Assembly, poses: Sequence[Pose], overlaps: Overlaps
 
 
 def reason_to_skip(one: Occurrence, other: Occurrence) -> str:
-    """Return why two parts that touch by design cannot be compared; empty if they can."""
+    """Return why two parts that touch by design cannot be compared. Return "" if they can be compared."""
     if one.definition != other.definition and (one.listed or other.listed):
         return "shapes of links are approximate"
     for part in (one, other):
@@ -121,7 +121,7 @@ def reason_to_skip(one: Occurrence, other: Occurrence) -> str:
 
 
 def contact_places(assembly: Assembly, one: Occurrence, other: Occurrence) -> list[Note]:
-    """Return the places at which a document can allow the overlap of two parts, besides that of `other`."""
+    """Return the places in documents, in addition to the place of `other`, at which the overlap of two parts can be allowed."""
     links = {assembly.link_of[one.index], assembly.link_of[other.index]}
     return [*(Note(message=f"`{one.path}` is here", span=span) for span in one.origin[:1]), *(
         Note(message=f"joint `{mate.name or mate.loop}` connects them", span=mate.origin[0]) for mate in assembly.mates
@@ -149,16 +149,16 @@ def _cubic(volume: float) -> str:
 
 
 def _thickness(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> float:
-    """Return the smallest extent [m] of the intersection of two boxes, a bound of the mean thickness of an intersection inside.
+    """Return the smallest extent [m] of the intersection of two boxes, an upper bound of the mean thickness of an intersection inside.
 
-    Not positive if the boxes do not intersect.
+    The result is not positive if the boxes do not intersect.
     """
     lows, highs = map(maximum, one[0], other[0]), map(minimum, one[1], other[1])
     return minimum(high - low for low, high in zip(lows, highs, strict=True))
 
 
 def _rounded(pose: Pose) -> Pose:
-    """Round a pose to `DIGITS`, so that the relative pose of two parts on a third one does not change when that becomes thicker."""
+    """Round a pose to `DIGITS`, so that the relative pose of two parts on a third part is the same if that part becomes thicker."""
     a, b, c = pose.rotation
     return Pose(rotation=(_digits(a), _digits(b), _digits(c)), translation=_digits(pose.translation))
 
@@ -169,7 +169,7 @@ def _digits(vector: Vector) -> Vector:
 
 
 def _volume(part: Occurrence) -> float:
-    """Return the volume [m^3]; for a link the sum over its shapes, even if they overlap."""
+    """Return the volume [m^3] of a part. For a link it is the sum over its shapes, even if they overlap."""
     if part.record is not None:
         return part.record.volume if part.record.exact else 0.0
     return sum_of(one.solid.volume if isinstance(one.solid, Primitive) else one.volume for one in part.solids)
@@ -180,7 +180,7 @@ def _is_closed(surface: Surface) -> bool:
 
 
 def _made_of(part: Occurrence) -> list[tuple[object, ...]]:
-    """Return the inputs of its solid."""
+    """Return the data from which the solid of a part is made."""
     return [
         (one.solid.shape, one.solid.size, one.solid.pose.rotation, one.solid.pose.translation) if isinstance(one.solid, Primitive)
         else (one.solid.sha256, one.pose.rotation, one.pose.translation)

@@ -18,7 +18,7 @@ from thingc.geometry.store.meshes import arrays
 from thingc.model.assembly.types import Occurrence, Surface
 
 FACETS = 128
-"""Number of facets around curved surfaces: the error is less than 0.1 % of the radius."""
+"""Number of facets around curved surfaces. The error is then less than 0.1 % of the radius."""
 THIN = 1e-8
 """Thickness [m] of solids that represent a point or a line, which manifold3d does not support."""
 ENDLESS = 100.0
@@ -26,10 +26,10 @@ ENDLESS = 100.0
 
 
 class Solid(FrozenStruct, kw_only=False):
-    """A solid.
+    """A solid for distances and intersections.
 
-    `whole` is all of it, with facets on curved surfaces. `cores` are solids each with a radius [m]: points nearer to the core belong to it.
-    So gaps to spheres and capsules are exact and quick to compute: their cores are points and lines.
+    `whole` is the whole solid, with facets on curved surfaces. `cores` are solids each with a radius [m]; points nearer to the core than
+    the radius belong to the solid. The cores of spheres and capsules are points and lines, which makes gaps to them exact and fast.
     """
 
     whole: Any
@@ -40,7 +40,7 @@ class Solid(FrozenStruct, kw_only=False):
         return Solid(_at(self.whole, pose), tuple((_at(core, pose), radius) for core, radius in self.cores))
 
     def box(self, pose: Pose) -> NDArray[np.float64]:
-        """Return its bounding box (2 x 3: low, high) [m] along the axes of the world at a pose."""
+        """Return the bounding box (2 x 3: low, high) [m] along the axes of the world for the solid at a pose."""
         bounds = np.array(self.whole.bounding_box(), dtype=np.float64).reshape(2, 3)
         middle, half = (bounds[0] + bounds[1]) / 2.0, (bounds[1] - bounds[0]) / 2.0
         turn = np.array(pose.rotation)
@@ -48,7 +48,7 @@ class Solid(FrozenStruct, kw_only=False):
         return np.stack([centre - reach, centre + reach])
 
     def gap(self, other: Solid, within: float) -> float:
-        """Return the distance [m] to another solid, 0 if they meet; `within` if it is larger."""
+        """Return the distance [m] to another solid: 0 if they intersect, `within` if it is larger than that."""
         return min(
             max(float(one.min_gap(two, within + more + also)) - more - also, 0.0)
             for one, more in self.cores for two, also in other.cores
@@ -57,8 +57,8 @@ class Solid(FrozenStruct, kw_only=False):
     def overlap(self, other: Solid) -> tuple[float, float]:
         """Return the volume [m^3] of the intersection with another solid, and its mean thickness [m].
 
-        The thickness is twice the volume divided by the surface (for a thin layer this is its thickness). Both are 0 if the solids only
-        touch.
+        The thickness is twice the volume divided by the surface area (for a thin layer this is its thickness). Both are 0 if the solids
+        only touch.
         """
         shared = self.whole ^ other.whole
         volume = float(shared.volume())
@@ -66,16 +66,16 @@ class Solid(FrozenStruct, kw_only=False):
 
 
 class Solids:
-    """The solids of parts and links by the texts of their definitions, created on demand. In metres, in their own frames."""
+    """The solids of parts and links by the texts of their definitions, created on demand. They are in metres, in their own frames."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._solids: dict[str, Solid | None] = {}
         self.hulls: set[str] = set()
-        """Texts of definitions with a surface that is not closed, which is replaced by its convex hull."""
+        """Texts of definitions whose surface is not closed and is replaced by its convex hull."""
 
     def solid(self, occurrence: Occurrence) -> Solid | None:
-        """Return the solid of a part or link, with meshes as in the output; None without anything solid."""
+        """Return the solid of a part or link, with meshes as in the output. Return None if nothing in it is solid."""
         text = occurrence.definition.text
         if text not in self._solids:
             self._solids[text] = solid_of(self._store, occurrence.solids)
@@ -87,7 +87,7 @@ class Solids:
 def solid_of(store: Store, surfaces: Sequence[Surface], *, simplify: float = 0.0) -> Solid | None:
     """Return the solid inside surfaces, in their frame, or None if none of them is solid.
 
-    `simplify` [m] is the tolerance for reducing the number of facets: intersections then take half the time.
+    `simplify` [m] is the tolerance for reducing the number of facets. Intersections of a simplified solid take half the time.
     """
     made = [(_whole(store, surface), surface.solid) for surface in surfaces]
     inside = [(whole, solid) for whole, solid in made if not whole.is_empty()]
@@ -110,7 +110,7 @@ def _mesh(store: Store, mesh: Mesh) -> Any:
 
 
 def _primitive(primitive: Primitive) -> Any:
-    """Return a primitive with facets, in its own frame. Planes are infinite, whatever their size, as in simulators."""
+    """Return a primitive with facets, in its own frame. As in simulators, planes are infinite, whatever their size."""
     size = primitive.size
     match primitive.shape:
         case "box":
@@ -131,7 +131,7 @@ def _primitive(primitive: Primitive) -> Any:
 
 
 def _core(whole: Any, solid: Mesh | Primitive) -> tuple[Any, float]:
-    """Return the core of a solid, and its radius: the solid itself, except for spheres and capsules."""
+    """Return the core of a solid and its radius. The core is the solid itself, except for spheres and capsules."""
     if not isinstance(solid, Primitive) or solid.shape not in ("sphere", "capsule"):
         return whole, 0.0
     radius, half = (*solid.size, 0.0)[:2]

@@ -1,12 +1,12 @@
 """Efforts of drives against gravity and springs while nothing moves, and their margins.
 
-The coordinates of a robot are the joints that do not mimic others. With Q the load of gravity and springs on them, C the derivative of the
-loops' closing conditions and N a basis of the motions that these allow, the efforts t of the drives S balance the load if
+The coordinates of a robot are the joints that do not mimic others. Q is the load of gravity and springs on them, C the derivative of the
+closing conditions of the loops, N a basis of the motions that these conditions allow. The efforts t of the drives S balance the load if
 
     N' (Q + S t) = 0
 
-A tree has no C: every coordinate is balanced by the drives on it, in closed form. Loops, holds and feet on the floor share the load by
-least squares (`load_sharing.py`, which alone needs numpy). Dry friction in joints is not taken into account.
+A tree has no C: the drives on a coordinate balance it in closed form. Loops, holds and feet on the floor share the load by least squares
+(`load_sharing.py`, which alone needs numpy). Dry friction in joints is not taken into account.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from thingc.model.statics.types import DriveTransmission, Efforts, answer
 
 
 def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Efforts:
-    """Return the efforts that hold a mode at `q` (every joint by path, rad or m; loops closed).
+    """Return the efforts that hold a mode at `q` (all joints by path, rad or m; loops closed).
 
-    `bodies` are the poses of its bodies in the world. A free base is supported by the mode's feet and holds; without these, and for other
-    bases, it is held.
+    `bodies` are the poses of its bodies in the world. A free base is supported by the mode's feet and holds. A free base without these, and
+    any other base, is fixed.
     """
     load, drives = problem(robot, q, bodies)
     if not robot.closures and not robot.carried and all(len(drive.moves) == 1 for drive in drives):
@@ -39,7 +39,7 @@ def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose])
 
 
 def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tuple[dict[str, float], list[DriveTransmission]]:
-    """Return the load to balance [N m or N], by coordinate, and the mode's drives, in joint order; arguments as for `static_efforts`."""
+    """Return the load to balance [N m or N] by coordinate, and the mode's drives in joint order. Arguments are as for `static_efforts`."""
     joints = joints_of(robot.assembly)
     on_joints = loads(robot, q, bodies)
     load: dict[str, float] = {}
@@ -64,7 +64,7 @@ def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tup
 
 
 def _about(joint: JointEdge, joints: Iterable[JointEdge], q: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
-    """Return the angular velocity of a ball about the axis of one of its drives, fixed in the child, per change of each coordinate."""
+    """Return the angular velocity of a ball about the axis of one of its drives (fixed in the child) per change of each coordinate."""
     ball = tuple(one for one in joints if one.name.joint == joint.name.joint)
     values = tuple(q[one.path] for one in ball)
     axis = (joint.actuator.axis if joint.actuator is not None else None) or (0.0, 0.0, 0.0)
@@ -73,12 +73,12 @@ def _about(joint: JointEdge, joints: Iterable[JointEdge], q: Mapping[str, float]
 
 
 def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission]) -> Efforts:
-    """Return the efforts of a robot without loops; `load` [N m or N] is by coordinate.
+    """Return the efforts of a robot without loops. `load` [N m or N] is by coordinate.
 
     For drives on one coordinate, with factors f and weights l, the least sum of (t / l)^2 with sum f t = -Q is at
     t = -Q f l^2 / sum (f l)^2.
     """
-    largest: dict[str, float] = {}  # scaling: the square of a limit may overflow
+    largest: dict[str, float] = {}  # for scaling, because the square of a limit may overflow
     for _, ((leader, factor),), _, weight in drives:
         largest[leader] = numeric.maximum(largest.get(leader, 0.0), abs(factor * weight))
 
@@ -91,7 +91,7 @@ def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission])
     efforts: dict[str, float] = {}
     for path, ((leader, factor),), _, weight in drives:
         share = squared(leader, factor, weight)
-        # A single drive has a share of exactly 1; one that does not move with its coordinate has none.
+        # A single drive has a share of exactly 1. A drive that does not move with its coordinate has no share.
         efforts[path] = 0.0 - load[leader] * (share / total[leader]) / factor if share > 0.0 else 0.0
     held = {leader for leader, value in total.items() if value > 0.0}
     unheld, where = 0.0, next(iter(load), "")

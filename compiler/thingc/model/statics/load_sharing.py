@@ -1,15 +1,15 @@
-"""Static efforts if the load can be shared in several ways: by loops, holds, and feet on the floor, by least squares.
+"""Static efforts by least squares, for loads that loops, holds and feet on the floor can share in several ways.
 
-With the coordinates x of a robot (for a floating one with the six of the base), Q the load of gravity and springs on them, N a basis of the
-motions that loops and holds allow, S the drives, and J the velocities of the feet, the efforts t and the forces f of the floor balance the
-load if
+x are the coordinates of a robot (for a floating one including the six of the base), Q the load of gravity and springs on them, N a basis of
+the motions that loops and holds allow, S the drives, and J the velocities of the feet. The efforts t and the forces f of the floor balance
+the load if
 
     N' (Q + S t + J' f) = 0,    every f within the cone |f_t| <= mu f_n of its foot, moved down its axis by the force of adhesion
 
-The result is the t with the smallest sum of squares of effort by limit. Without feet this is a pseudo-inverse. With feet, the f are
-nonnegative sums of the edges of pyramids within the cones, and the problem is nonnegative least squares with equality constraints, which
+The result is the t with the smallest sum of squares of effort divided by limit. Without feet this is a pseudo-inverse. With feet, the f are
+nonnegative sums of the edges of pyramids within the cones. The problem is then nonnegative least squares with equality constraints, which
 have a weight large enough to be satisfied (Haskell and Hanson, "An algorithm for linear least squares problems with equality and
-nonnegativity constraints", 1981); then the set of used edges is fixed, and the rest is solved exactly.
+nonnegativity constraints", 1981). Then the set of used edges is fixed, and the rest is solved exactly.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from thingc.model.statics.types import DriveTransmission, Efforts, Topple, answe
 Array = NDArray[np.float64]
 
 RANK = 1e-9
-"""Singular values below this fraction of the largest count as 0."""
+"""Singular values below this fraction of the largest one count as 0."""
 
 EDGES = 16
-"""Edges of the pyramid inside a friction cone; it has at most 1 - cos(pi / 16), 2 %, less friction than the cone."""
+"""Number of edges of the pyramid inside a friction cone, whose friction is at most 1 - cos(pi / 16) = 2 % less than the cone's."""
 
 HEAVY = 1e5
 """Weight of the balance equations relative to efforts."""
@@ -47,10 +47,10 @@ MET = 1e-7
 def balance_shared(
     robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], load: Mapping[str, float], drives: Sequence[DriveTransmission],
 ) -> Efforts:
-    """Return the efforts at `q`, with closed loops; `load` [N m or N] is by coordinate.
+    """Return the efforts at `q`, with closed loops. `load` [N m or N] is by coordinate.
 
-    For a robot without closures and feet, the result is that of `balance_tree`. The base is held, unless it is free and supported by
-    feet or holds.
+    For a robot without closures and feet, the result is the same as from `balance_tree`. The base is held, unless it is free and supported
+    by feet or holds.
     """
     loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), bodies[0])
     paths = [coordinate.path for coordinate in loops.coordinates]
@@ -102,7 +102,7 @@ def _feet(robot: Robot, q: Mapping[str, float], stands: Support, column: Mapping
 
 
 def _fall(robot: Robot, stands: Support) -> Topple | None:
-    """Return why the floor cannot support the robot, whatever its drives do; None if it can, or if holds support it as well."""
+    """Return why the floor cannot support the robot, whatever its drives do. Return None if it can, or if holds also support it."""
     if robot.closures and any(closure.hold for closure in robot.closures):
         return None
     known = np.concatenate([stands.weight, np.cross(np.subtract(stands.centre, stands.feet[0].point), stands.weight)])
@@ -143,7 +143,7 @@ def _share(held: Array, known: Array, pushed: Array) -> _Shares:
     left, sizes, right = np.linalg.svd(held) if held.size else (np.eye(len(known)), np.zeros(0), np.eye(held.shape[1]))
     rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
     inverse = right[:rank].T / sizes[:rank] @ left[:, :rank].T
-    rigid = left[:, rank:].T  # directions that no drive balances
+    rigid = left[:, rank:].T  # directions that no drive can balance
     y = _forces(rigid @ pushed, rigid @ known, inverse @ pushed, inverse @ known) if pushed.shape[1] else np.zeros(0)
     inner = inverse @ pushed @ _null_space(rigid @ pushed) if pushed.shape[1] else np.zeros((len(inverse), 0))
     open_ = held.shape[1] - rank + (int(np.linalg.matrix_rank(inner, tol=1e-9 * np.abs(inverse @ pushed).max())) if inner.size else 0)

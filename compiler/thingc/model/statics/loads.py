@@ -10,12 +10,13 @@ from thingc.model.robot.types import Robot
 
 
 def loads(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[str, float]:
-    """Return the load of gravity and of its own spring on every joint [N m or N], by joint path, positive along positive q.
+    """Return the load of gravity and of its own spring on every joint [N m or N] by joint path, positive along positive q.
 
-    `q` has all joints by path (rad or m); the poses of the bodies are in the world. The gravity load is that of everything behind the joint
-    in the tree, about its axis, with loops open: a closed loop does no work along motions that it allows, so these are the generalized
-    forces of a robot with loops as well. A joint that was cut has only the load of its spring. For the moments of weights about axes see
-    Featherstone, Rigid Body Dynamics Algorithms, section 5.3 (inverse dynamics at rest). Takes time linear in the number of bodies.
+    `q` has all joints by path (rad or m); the poses of the bodies are in the world. The gravity load is the moment about the joint's axis
+    of everything behind the joint in the tree, with loops open. A closed loop does no work along motions that it allows, so these are also
+    the generalized forces of a robot with loops. A joint that was cut has only the load of its spring. For the moments of weights about
+    axes see Featherstone, Rigid Body Dynamics Algorithms, section 5.3 (inverse dynamics at rest). The time is linear in the number of
+    bodies.
     """
     count = len(robot.bodies)
     masses = [0.0] * count

@@ -12,13 +12,13 @@ from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
 
 LEVEL = 0.02
-"""Largest height of a standing foot above the lowest one, relative to the largest distance of two feet."""
+"""Largest height of a standing foot above the lowest foot, relative to the largest distance between two feet."""
 
 
 class FootContact(NamedTuple):
     """A foot at `point` [m] in the world, where the floor pushes upwards.
 
-    `moves` is its velocity by the speed of each joint that carries it [m/rad or 1], by path; `pull` [N] is the force of its adhesion to the
+    `moves` is its velocity per speed of each joint that carries it [m/rad or 1], by path. `pull` [N] is the force of its adhesion to the
     floor.
     """
 
@@ -32,7 +32,7 @@ class FootContact(NamedTuple):
 class Support(NamedTuple):
     """Support of a robot with a free base.
 
-    It has feet, the `origin` of its root link and the `centre` of its mass in the world [m], and its `weight` [N].
+    It consists of feet, the `origin` of the root link and the `centre` of mass in the world [m], and the `weight` [N].
     """
 
     feet: tuple[FootContact, ...]
@@ -47,7 +47,7 @@ class Support(NamedTuple):
 
 
 def stance(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Support:
-    """Return the support of a mode at `q` (all joints by path, rad or m); `bodies` are the poses of its bodies in the world."""
+    """Return the support of a mode at `q` (all joints by path, rad or m). `bodies` are the poses of its bodies in the world."""
     masses = [robot.assembly.links[body.link].properties for body in robot.bodies]
     mass = sum_of(own.mass for own in masses)
     centres = [pose.apply(own.centre) for own, pose in zip(masses, bodies, strict=True)]
@@ -79,16 +79,16 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> l
 
 
 def lifted(feet: Sequence[FootContact]) -> dict[str, float]:
-    """Return the heights [m] of feet above the lowest one if they are too high to stand on the same floor, by path."""
+    """Return the heights [m] above the lowest foot, by path, of feet that are too high to stand on the same floor."""
     lowest = minimum((foot.point[2] for foot in feet), default=0.0)
     widest = maximum((dist(a.point, b.point) for a in feet for b in feet), default=0.0)
     return {foot.path: foot.point[2] - lowest for foot in feet if foot.point[2] - lowest > LEVEL * widest}
 
 
 def outside(stance: Support) -> float:
-    """Return the distance [m] along the floor of the projected centre of mass (along gravity) from the support polygon.
+    """Return the distance [m] along the floor from the support polygon to the centre of mass, projected along gravity.
 
-    0 inside, infinite if gravity does not pull towards the floor.
+    It is 0 inside, and infinite if gravity does not pull towards the floor.
     """
     if stance.weight[2] >= -1e-9 * hypot(*stance.weight):
         return inf

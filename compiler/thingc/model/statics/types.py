@@ -1,4 +1,4 @@
-"""Results of statics: drives, their efforts and margins, and why a robot falls."""
+"""Results of statics: drives, their efforts and margins, and the reason for a fall."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ NO_LOAD = 1e-12
 class DriveTransmission(NamedTuple):
     """Transmission of the drive of joint `path`: its speed per speed of each coordinate.
 
-    There is one coordinate, which the joint is or follows, or for a ball three. `limit` is its effort limit [N m or N]; `weight` scales its
-    effort in least squares, 1 without a limit above 0.
+    There is one coordinate, which the joint is or follows; a ball has three. `limit` is its effort limit [N m or N]. `weight` scales its
+    effort in least squares; it is 1 without a limit above 0.
     """
 
     path: str
@@ -27,7 +27,7 @@ class DriveTransmission(NamedTuple):
 class Topple(NamedTuple):
     """The reason why the floor cannot support a robot on its feet, whatever its drives do.
 
-    It `tips`, with its centre of mass `outside` [m] the support polygon, it `slides`, or gravity `pulls` it off.
+    The robot `tips`, with its centre of mass `outside` [m] the support polygon, it `slides`, or gravity `pulls` it off.
     """
 
     how: str
@@ -35,12 +35,12 @@ class Topple(NamedTuple):
 
 
 class Efforts(NamedTuple):
-    """Efforts of drives [N m or N], by joint path, positive along positive q; `margins` are those of drives with an effort limit.
+    """Efforts of drives [N m or N] by joint path, positive along positive q. `margins` contains the drives with an effort limit.
 
-    If there are several solutions (two held feet, two drives on a loop, two coupled joints), it is the one
-    with the least sum of squares of effort by limit; `choices` is the dimension of the space of solutions. `unheld` is the
-    largest load that no drive balances, relative to the largest load, at the coordinate `where` (empty if there is none, and for the
-    free base); `fall` is set if no drives could keep the robot on its feet.
+    If there are several solutions (two held feet, two drives on a loop, two coupled joints), this is the solution with the least sum of
+    squares of effort divided by limit. `choices` is the dimension of the space of solutions. `unheld` is the largest load that no drive
+    balances, relative to the largest load, at the coordinate `where` (empty if there is none, and for the free base). `fall` is set if
+    the robot would fall off its feet with any efforts.
     """
 
     by_joint: dict[str, float]
@@ -52,7 +52,7 @@ class Efforts(NamedTuple):
 
     @property
     def least_margin(self) -> float | None:
-        """Smallest margin; None if no drive has a limit."""
+        """The smallest margin, or None if no drive has a limit."""
         return numeric.minimum(self.margins.values(), default=None)
 
 
@@ -60,7 +60,7 @@ def answer(
     drives: Iterable[DriveTransmission], efforts: dict[str, float], greatest: float, unheld: float, where: str, choices: int,
     fall: Topple | None = None,
 ) -> Efforts:
-    """Return the efforts with their margins; `unheld` [N m or N] of the load, which is at most `greatest`, is not balanced at `where`."""
+    """Return the efforts with their margins. The load `unheld` [N m or N] (at most `greatest`) is not balanced at `where`."""
     margins = {path: margin(limit, efforts[path]) for path, _, limit, _ in drives if limit is not None}
     return Efforts(efforts, margins, unheld / greatest if unheld else 0.0, where, choices, fall)
 
