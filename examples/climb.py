@@ -77,12 +77,12 @@ def report(found: Mapping[str, tuple[Seen, Stages]]) -> str:
     rows = [
         ("", list(found)),
         ("steps of a foot", [f"{2 * one.steps}" for one in seen]),
-        *((f"least pull margin, {stage} [N]", [newtons(watch.least[stage]) for _, watch in found.values()]) for stage in STAGES),
-        ("least shear margin", [f"{100 * (1 - one.shear):.1f} %" for one in seen]),
-        ("least torque margin", [f"{100 * (1 - max(one.torque.values())):.1f} %" for one in seen]),
-        ("least torque-speed margin", [f"{100 * (1 - one.speed):.1f} %" for one in seen]),
-        ("slip of a standing foot [mm]", [f"{1e3 * one.slips['standing']:.3f}" for one in seen]),
-        ("touched besides soles", [", ".join(sorted(one.touches)) or "nothing" for one in seen]),
+        *((f"smallest pull margin, {stage} [N]", [newtons(watch.least[stage]) for _, watch in found.values()]) for stage in STAGES),
+        ("smallest shear margin", [f"{100 * (1 - one.shear):.1f} %" for one in seen]),
+        ("smallest torque margin", [f"{100 * (1 - max(one.torque.values())):.1f} %" for one in seen]),
+        ("smallest torque-speed margin", [f"{100 * (1 - one.speed):.1f} %" for one in seen]),
+        ("slip of the supporting foot [mm]", [f"{1e3 * one.slips['standing']:.3f}" for one in seen]),
+        ("contacts besides soles", [", ".join(sorted(one.touches)) or "nothing" for one in seen]),
     ]
     return "\n".join(f"{name:42}" + "".join(f"{cell:>12}" for cell in cells) for name, cells in rows)
 
@@ -142,7 +142,7 @@ def plot(found: Mapping[str, Sequence[tuple[float, dict[str, Seen]]]], path: Pat
     ticks = [10, 20, 30, 40, 60, 80, 120]
     axes.set_xticks(ticks, [str(tick) for tick in ticks])
     axes.minorticks_off()
-    axes.set(xlim=(8.5, 135.0), ylim=(-60.0, 230.0), xlabel="gait speed [mm/s]", ylabel="least pull margin [N] of 300 N")
+    axes.set(xlim=(8.5, 135.0), ylim=(-60.0, 230.0), xlabel="gait speed [mm/s]", ylabel="smallest pull margin [N] of 300 N")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
     figure.tight_layout()

@@ -108,15 +108,15 @@ def report(columns: Mapping[str, Tried]) -> str:
         ("leg [mm]", [f"{1e3 * one.design.leg:.1f}" for one in some]),
         ("body [mm]", [f"{1e3 * one.design.body:.1f}" for one in some]),
         ("stride [mm]", [f"{1e3 * one.design.stride:.1f}" for one in some]),
-        ("knees when drawn up [deg]", [f"{57.29578 * one.design.knee:.1f}" for one in some]),
+        ("knee angle, feet together [deg]", [f"{57.29578 * one.design.knee:.1f}" for one in some]),
         ("pace", [f"{one.design.pace:.2f}" for one in some]),
         ("mass [kg]", [f"{one.outcome.mass:.3f}" for one in some]),
         ("speed [mm/s]", [f"{1e3 * one.outcome.distance / one.outcome.seconds:.1f}" for one in some]),
-        ("work for a metre [J]", [f"{one.outcome.work / one.outcome.distance:.1f}" for one in some]),
-        ("  of them to lift the robot [J]", [f"{9.81 * one.outcome.mass:.1f}" for one in some]),
-        ("heat for a metre [J]", [f"{one.outcome.heat / one.outcome.distance:.1f}" for one in some]),
-        ("largest part of a torque-speed line", [f"{100 * one.outcome.largest:.0f} %" for one in some]),
-        ("way for a joule [mm]", [f"{1e3 * one.outcome.value:.2f}" for one in some]),
+        ("work per metre [J]", [f"{one.outcome.work / one.outcome.distance:.1f}" for one in some]),
+        ("  of this, to lift the robot [J]", [f"{9.81 * one.outcome.mass:.1f}" for one in some]),
+        ("heat per metre [J]", [f"{one.outcome.heat / one.outcome.distance:.1f}" for one in some]),
+        ("largest share of a torque-speed line", [f"{100 * one.outcome.largest:.0f} %" for one in some]),
+        ("distance per joule [mm]", [f"{1e3 * one.outcome.value:.2f}" for one in some]),
     ]
     return "\n".join(f"{name:38}" + "".join(f"{cell:>20}" for cell in cells) for name, cells in rows)
 
@@ -124,7 +124,7 @@ def report(columns: Mapping[str, Tried]) -> str:
 def report_failed(tried: Sequence[Tried]) -> str:
     """How many walks were none, and why."""
     reasons = Counter(one.outcome.failed for one in tried if one.outcome.failed)
-    lines = [f"{len(tried):5} walks, {len(tried) - reasons.total()} of them to the end"]
+    lines = [f"{len(tried):5} walks, {len(tried) - reasons.total()} of them completed"]
     return "\n".join([*lines, *(f"{count:5} {reason}" for reason, count in sorted(reasons.items(), key=lambda one: (-one[1], one[0])))])
 
 
@@ -146,7 +146,7 @@ def plot(together: Sequence[Tried], gait: Sequence[Tried], path: Path) -> None:
     axes[0].scatter([1e3 * best.design.leg], [1e3 * best.outcome.value], s=130, facecolors="none", edgecolors="black", label="the best")
     by_hand = best_of(gait)
     axes[0].scatter([64], [1e3 * by_hand.outcome.value], s=90, marker="*", color="tab:red", label="as published, best gait", zorder=3)
-    axes[0].set(xlabel="leg [mm]", ylabel="way for a joule [mm]")
+    axes[0].set(xlabel="leg [mm]", ylabel="distance per joule [mm]")
     axes[0].legend(fontsize=8, loc="lower left")
     for tried, colour, label in ((together, "tab:blue", "lengths and gait"), (gait, "tab:red", "gait alone, as published")):
         so_far, curve = 0.0, []

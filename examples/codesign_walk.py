@@ -217,7 +217,7 @@ def judged(walk: Prepared, states: Array) -> Outcome:
     timestep = float(model.opt.timestep)
     failed, distance = _watched(walk, states)
     if not failed and line.max() > 1.0:
-        failed = "a servo is asked for more than its torque-speed line"
+        failed = "a servo exceeds its torque-speed line"
     return Outcome(
         failed=failed, distance=distance, seconds=(len(states) - begin) * timestep, mass=float(model.body_mass.sum()),
         work=float(np.abs(torque[begin:] * speed[begin:]).sum() * timestep), heat=float((torque[begin:] ** 2 / kv).sum() * timestep),
@@ -243,7 +243,7 @@ def _watched(walk: Prepared, states: Array) -> tuple[str, float]:
                 if data.contact.dist[contact] < 0.0 and frozenset(data.contact.geom[contact].tolist()) not in soles:
                     return "something besides the soles touches", 0.0
             if np.linalg.norm(data.site(f"{swing.holds}/sole").xpos - stood) > SLIP and step < end - 1:
-                return "the foot that holds slips or comes off", 0.0
+                return "the supporting foot slips or detaches", 0.0
         if abs(data.site(f"{swing.moves}/sole").xpos[2]) > SLIP or _lean(data, swing.moves) > TILT:
             return "a foot does not land", 0.0
     assert first is not None

@@ -85,7 +85,7 @@ def test_a_walk_that_is_none_says_why(codesign: ModuleType, robots: thingc.Robot
 
     found = walking.evaluate(robots, [design(stride=0.3), design(knee=1.75, stride=0.05), design(pace=2.5), design(leg=0.3), design()], 1)
     assert [one.failed.partition(":")[0] for one in found] == [
-        "the legs do not reach", "a joint is at its limit", "the foot that holds slips or comes off", "the document refuses it", "",
+        "the legs do not reach", "a joint is at its limit", "the supporting foot slips or detaches", "the document refuses it", "",
     ]
     assert [one.value > 0.0 for one in found] == [False] * 4 + [True]
 

@@ -120,7 +120,7 @@ def test_a_foot_that_is_snatched_jolts_the_other(walking: ModuleType, walked: di
     seen = climb.rooted(gait.swings(climb.models, 2, walking.SHORT, walking.STRIDE, walking.LIFT, 0.0)[:3])
     assert seen.pulled == walked["ceiling", "rooted"].pulled == "press"
     assert seen.pull > walked["ceiling", "rooted"].pull + 80.0
-    shown = table(DOCS, "report of feet put down at the steel")["least pull margin [N]"]
+    shown = table(DOCS, "report of feet put down at the steel")["smallest pull margin [N]"]
     assert float(shown[0]) == pytest.approx(walking.PULL - seen.pull, abs=0.5)
 
 
