@@ -80,9 +80,9 @@ def written(verdicts: list[Verdict], seed: int, wall: float) -> str:
         "# Random designs", "", "```sh", command(len(verdicts), seed), "```", "",
         *MEASURED.format(count=len(verdicts), edits=len(EDITS)).strip().splitlines(), "",
         "## Outcomes", "", *outcome_table(verdicts), "", timing(verdicts, wall), "",
-        "## Rules that refused", "",
-        "A design may break several; of each the first message.", "", *code_table(verdicts), "",
-        "## What was drawn", "", *parameter_table(verdicts), "", *edit_table(verdicts), "",
+        "## Rules that were broken", "",
+        "A design can break several rules. The last column shows the first message for each rule.", "", *code_table(verdicts), "",
+        "## Generated designs", "", *parameter_table(verdicts), "", *edit_table(verdicts), "",
     ]
     return "\n".join(lines)
 
@@ -99,7 +99,7 @@ def outcome_table(verdicts: list[Verdict]) -> list[str]:
     rows: list[list[object]] = [
         ["built, all modes agree", sum(not v.faults for v in built)],
         ["built, with a fault", sum(bool(v.faults) for v in built)],
-        ["refused, the rule named", sum(not v.faults for v in refused)],
+        ["refused, with the right rule", sum(not v.faults for v in refused)],
         ["refused, with a fault", sum(bool(v.faults) for v in refused)],
         ["crashed", sum(v.outcome == "crashed" for v in verdicts)],
         ["**all**", len(verdicts)],
@@ -113,8 +113,8 @@ def timing(verdicts: list[Verdict], wall: float) -> str:
     modelled, reused = sum(len(v.modelled) for v in built), sum(len(v.reused) for v in built)
     mean = sum(v.seconds for v in built) / len(built) if built else 0.0
     return (
-        f"{sum(v.modes for v in built)} models of {len(built)} robots; {modelled} parts modelled and {reused} reused for them, beginning "
-        f"with an empty store. {wall:.0f} s on {os.cpu_count()} cores, {mean:.1f} s for a design that builds."
+        f"{sum(v.modes for v in built)} models of {len(built)} robots; {modelled} parts modelled and {reused} reused, starting "
+        f"with an empty store. The study took {wall:.0f} s on {os.cpu_count()} cores, and {mean:.1f} s for each design that builds."
     )
 
 
@@ -126,7 +126,7 @@ def code_table(verdicts: list[Verdict]) -> list[str]:
         for found in verdict.diagnostics:
             if found.severity is Severity.ERROR:
                 first.setdefault(found.code.code, (found.code.title, found.message.replace("\n", " ").replace("|", "\\|")))
-    return table(["code", "rule", "designs", "such as"], [[code, first[code][0], n, first[code][1]] for code, n in sorted(counts.items())])
+    return table(["code", "rule", "designs", "example"], [[code, first[code][0], n, first[code][1]] for code, n in sorted(counts.items())])
 
 
 def parameter_table(verdicts: list[Verdict]) -> list[str]:
@@ -154,23 +154,23 @@ def table(heads: list[str], rows: list[list[object]]) -> list[str]:
 
 
 MEASURED = """
-{count} designs of MInchW are drawn at random. Each must either build into one consistent robot, or be refused for the right reason.
-`leg_length`, `body_length` and `wall` are always drawn, and in half of the designs each leg has its own length. Values cover the range in
-the documents, ends included; one in twenty is outside, by up to a tenth of the range. In addition, any of {edits} edits is made to the
-documents: thicker or thinner braces of one leg, other materials, densities, walls and infill, stated masses and inertias, another limit
-of the knees, another place for the held rear foot, other collision shapes, simulation settings and magnets. Some of them break a rule on
-purpose.
+{count} designs of MInchW are generated at random. Each must either build into a consistent robot, or be refused for the right reason. Every
+design has random values of `leg_length`, `body_length` and `wall`. In half of the designs, each leg has its own length. Values cover the
+ranges in the documents, including both ends. One value in twenty is outside, by up to a tenth of the range. In addition, each of {edits}
+edits may be made to the documents. They change the
+thickness of the braces of a leg, materials, densities, walls and infill, and given masses and inertias. Other edits change limits of the
+knees, the position of the held rear foot, collision shapes, simulation settings and magnets. Some edits break a rule on purpose.
 
-Each design is compiled by `thingc.compile` in one process that never restarts. If it builds, MuJoCo loads all of its modes, and they are
-compared at random joint angles and random poses of the bases. Every pairwise pose of parts and sites must be equal within 1e-9 m; mass,
-centre and inertia of the whole robot within 1e-12; links and excluded pairs exactly. The mass matrix and gravity torques of each mode
-must equal those computed from the bodies of every mode with the same link held, within 1e-9 (`tests/conformance/roots.py`). No part may
-be modelled twice.
+Each design is compiled by `thingc.compile` in one long-running process. If it builds, MuJoCo loads all of its modes, and the study compares
+them at random joint angles and random poses of the bases. Every pairwise pose of parts and sites must be equal within 1e-9 m. Mass, centre
+of mass and inertia of the whole robot must be equal within 1e-12, and links and excluded pairs exactly. The mass matrix and gravity torques
+of each mode must be equal within 1e-9 to those computed from the bodies of every mode with the same held link
+(`tests/conformance/roots.py`). No part may be modelled twice.
 
-If it does not build, it must report why. A design that breaks a rule must be refused with the code of that rule, in a message that names
-what breaks it. A design within all bounds must not be refused for them. A part that refuses must do so in the words of its author. Every
-error must have a place. An exception, a part that crashes or is not a valid solid, a model that MuJoCo refuses, and `TC899` count as
-faults.
+If a design does not build, it must be refused with a reason. A design that breaks a rule must be refused with the code of this rule, and
+the message must name the value that breaks it. A design within all bounds must not be refused because of them. If a part rejects its
+parameters, the message must be the one from its code. Every error must have a location. An exception, a part that crashes or is not a valid
+solid, a model that MuJoCo rejects, and `TC899` count as faults.
 """
 
 

@@ -46,22 +46,24 @@ def written(robots: dict[str, list[Result]], steps: int) -> str:
     """Format the page: the method and the tables."""
     every = [result for results in robots.values() for result in results]
     lines = [
-        "# Names that last", "", "```sh", command(steps), "```", "", *_wrapped(MEASURED.format(steps=steps)), "",
+        "# Stability of names", "", "```sh", command(steps), "```", "", *_wrapped(MEASURED.format(steps=steps)), "",
         "## Names", "",
         f"{sum(r.members for r in every)} members, {sum(r.checks for r in every)} checks of {sum(r.names for r in every)} names, "
         f"{sum(len(r.wrong) for r in every)} wrong.", "",
         *names_table(robots), "", *[f"- wrong: {text}" for r in every for text in r.wrong],
-        "## Faces picked by plain selectors", "", SHARES, "", *picks_table(robots, FACES), "",
-        "## Edges picked by plain selectors", "",
-        "For each hole, the circle where it opens.", "", *picks_table(robots, EDGES), "",
-        "## By what is picked", "",
-        "All parts together; an outermost plane is one that no other face of its solid lies beyond.", "",
+        "## Faces selected by plain selectors", "", SHARES, "", *picks_table(robots, FACES), "",
+        "## Edges selected by plain selectors", "",
+        "For each hole, the edge is the circle at its opening.", "", *picks_table(robots, EDGES), "",
+        "## Results by kind of feature", "",
+        "The table combines all parts. A plane is an outermost plane if no other face of its solid is beyond it.", "",
         *groups_table(every), "",
-        "## Picks that last through the whole sweep", "",
-        "Of the picks chosen, those that named the same feature in every member of their part.", "", *lasting_table(every), "",
+        "## Selectors that work for all values", "",
+        "The table shows how many of the chosen selectors select the same feature in all members of their part.", "",
+        *lasting_table(every), "",
         *reading(every), "",
-        "## Features that a member does not have", "",
-        "A servo without its idler has no holes there, a tray for two cells no third bay: here failing is the right answer.", "",
+        "## Missing features", "",
+        "Some members do not have a feature: a servo without an idler has no idler holes, and a tray for two cells has no third bay. "
+        "In these cases, a lookup must fail.", "",
         *gone_table(every), "",
     ]
     return "\n".join(lines)
@@ -113,12 +115,12 @@ def lasting_table(results: list[Result]) -> list[str]:
     rows = [
         [f"`{s}`", chosen[s], lasting[s], f"{100 * lasting[s] / chosen[s]:.1f} %" if chosen[s] else "-"] for s in (*FACES, *EDGES)
     ]
-    return table(["selector", "chosen", "last", "share"], rows)
+    return table(["selector", "chosen", "works for all values", "share"], rows)
 
 
 def reading(results: list[Result]) -> list[str]:
     """Return, for each selector, the parts in which all of its picks last."""
-    lines = ["Parts in which every pick of a selector lasts:", ""]
+    lines = ["For each kind of selector, all selectors work for all values in these parts:", ""]
     for selector in (*FACES, *EDGES):
         having = [r for r in results if r.chosen[selector]]
         good = [r.part for r in having if r.lasting[selector] == r.chosen[selector]]
@@ -134,7 +136,7 @@ def gone_table(results: list[Result]) -> list[str]:
     for selector in ("name", *FACES, *EDGES):
         shown = "names of the part" if selector == "name" else f"`{selector}`"
         rows.append([shown, total[selector, "another"] + total[selector, "fails"], total[selector, "fails"], total[selector, "another"]])
-    return table(["asked by", "asked", "fails", "gives something else"], rows)
+    return table(["looked up by", "lookups", "fails", "returns another feature"], rows)
 
 
 def shares(picks: Counter[tuple[str, str, str]], selector: str, group: str = "") -> str:
@@ -160,27 +162,28 @@ def _wrapped(text: str) -> list[str]:
 
 
 MEASURED = """
-Part code names features (a mount, a screw hole), and the name must stay right for all parameters of the part. Do names last where
-selectors of faces and edges do not? This study takes every part of the arm and of MInchW, including bought ones. It changes one parameter
-at a time over its range, in {steps} steps with both ends (every value of a count, a choice or a flag), with the others at their defaults.
-Values that a part refuses with a message are counted as refused.
+Part code names features such as mounts and screw holes, and a name must identify the same feature for all parameters of the part. This
+study compares such names with selectors of faces and edges. It covers all parts of the arm and of MInchW, including bought parts. It varies
+one parameter at a time over its range, in {steps} steps including both ends, with the other parameters at their defaults. For a count, a
+choice or a flag, it uses every value. If a part rejects a value with a message, the value counts as refused.
 
-**Names.** A table lists every mount of every part, and the references to screw holes that a part takes from what it holds: the kind of
-feature, and its place as a formula of the parameters, written by hand from the drawings (`benchmarks/naming/intents_*.py`). A name is
-right if its frame has the place and direction of the table within 1e-6 mm, and the finished solid has the feature there. This is a planar
-face through the origin of the frame with this outward normal, which contains the point; for a hole a cylindrical face around the same
-axis, with material outside and the diameter of the standard; and so on (`features.py`). Features are found in the faces of the kernel,
-not in the part's code. The study has two limits: the table was written with the parts at hand, so a mistake in both is not found; and
-attributes other than mounts and screw holes (sketches, numbers, whole solids) are not checked.
+**Names.** A table lists every mount of every part, and the screw holes that a part takes over from the parts that it holds. The table
+contains the kind of each feature, and its position as a formula of the parameters. It was written by hand from the drawings
+(`benchmarks/naming/intents_*.py`). A name is right if its frame has the position and direction of the table within 1e-6 mm, and the
+finished solid has the feature there. For a mount, the feature is a planar face with the normal of the frame that contains its origin. For a
+hole, it is a cylindrical face around the same axis with the standard diameter and with material outside. `features.py` defines all kinds of
+features. Features are searched in the faces of the kernel, not in the code of the part. The study has two limits. The table was written
+with the parts at hand, so a mistake in both is not found. Other attributes than mounts and screw holes (sketches, numbers, whole solids)
+are not checked.
 
-**Plain selectors.** At the default parameters, each selector is set to select the feature that the name means (for a screw's seat: its
-hole). It is then applied to all other values. Each gets its best chance: of the axes X, Y and Z (for two steps, of all pairs) the study
-takes the one in which the feature differs most from its neighbours, and indices count from the nearer end. `T` is the kind of surface. A
-pick gives the `same` feature, silently `another` one, or `fails` with an `IndexError`. Plain selectors work if a change moves faces
-without making, splitting or swapping any, so a selector that lasts in one part may not last in the next. Several parameters at once are
-not measured.
+**Plain selectors.** At the default parameters, each selector is set to select the feature that the name identifies (for the seat of a
+screw: its hole). Then it is applied for all other values. The study uses the best axis for each selector. This is the one of the axes X, Y
+and Z (with two steps, of all pairs) along which the feature differs most from its neighbours. Indices count from the nearer end. `T` is the
+kind of surface. A pick selects the `same` feature, silently `another` one, or `fails` with an `IndexError`. Plain selectors work if a
+change moves faces without creating, splitting or swapping faces, so results for one part do not apply to other parts. Changing several
+parameters at once is not measured.
 """
-SHARES = "Shares in per cent: same / another / fails."
+SHARES = "The columns show the shares of the outcomes in percent: same / another / fails."
 
 
 if __name__ == "__main__":

@@ -217,7 +217,7 @@ def by_setting(found: Sequence[Case]) -> list[str]:
     """Format the errors of the mass by infill, shell and orientation."""
     groups: list[tuple[str, Callable[[Case], bool]]] = [
         *((f"infill {infill:.0%}", lambda one, i=infill: one.settings.infill == i) for infill in INFILLS),
-        *((f"{walls} walls, lids of {lids}", lambda one, w=walls: one.settings.walls == w) for walls, lids in SHELLS),
+        *((f"{walls} walls, {lids} solid layers", lambda one, w=walls: one.settings.walls == w) for walls, lids in SHELLS),
         *((up, lambda one, u=up: one.up == u) for up in UPS),
         ("parts of the robots", lambda one: one.part in ROBOTS), ("reference solids", lambda one: one.part in SOLIDS),
     ]
@@ -241,7 +241,7 @@ def tables(found: Sequence[Case], unsliced: Sequence[str]) -> str:
     lines = [f"- {name}: {words}" for name, words in sorted(refused)]
     return "\n".join([
         f"{len(found)} prints, sliced by {version()}"
-        + (f"; {len(unsliced)} more it refuses to slice, and they are in no figure:" if unsliced else "."),
+        + (f". PrusaSlicer rejects {len(unsliced)} other prints, which are not included in the results:" if unsliced else "."),
         *lines, "", *summary(found), "", *by_part(found), "", *by_setting(found),
     ])
 
