@@ -2,71 +2,74 @@
 
 from __future__ import annotations
 
-POSE = "A pose within the limits, in which nothing touches: only its author knows another one was meant."
-FRAME = "A mass without a shape, within the robot: nothing says where it is, or weighs, otherwise."
-RANGE = "A joint may turn so far."
-MODE = "A mode may be so: it only differs from what was asked for."
-PASSIVE = "A joint without a drive is a passive one, which robots have."
-MOUNT = "Any mount of a part is a place where something may sit, and it hangs together."
+POSE = "The pose is within the limits and has no contacts. Only the author can see that another pose was intended."
+FRAME = (
+    "The component is a mass without a shape inside the robot. The document does not contain other information about its position or mass."
+)
+RANGE = "A joint can have this range."
+MODE = "The mode is valid, although it differs from the intended one."
+PASSIVE = "Robots can have passive joints, which are joints without a drive."
+MOUNT = "A component can be attached to any mount of a part, and all components are still connected."
 
 REASONS: dict[str, str] = {
     # --- what is meant: the arm
     "arm poses/home/wrist: 30 deg": POSE,
     "arm components/bus_board/at/xyz: 0 0 -4 mm": FRAME,
     "arm joints/wrist/type: continuous": RANGE,
-    "-arm joints/shoulder/turn": "The zero of a joint is the author's choice; the poses stay within the limits.",
-    "-arm components/forearm_idler": "A robot without this cap is a robot.",
-    "arm components/plate_screw/repeat: {count: 4, as: i}": "Not every hole needs a screw.",
+    "-arm joints/shoulder/turn": "The author chooses the zero position of a joint, and the poses stay within the limits.",
+    "-arm components/forearm_idler": "A robot without this cap is also valid.",
+    "arm components/plate_screw/repeat: {count: 4, as: i}": "A hole does not need a screw.",
     "arm components/bus_board/at: {in: plate.origin, xyz: 4 0 0 mm}": FRAME,
-    "arm simulation/integrator: euler": "The gains are calm with this integrator, too.",
-    "arm defaults/component/collision: hull": "A simulation may touch hulls.",
+    "arm simulation/integrator: euler": "The gains are also stable with this integrator.",
+    "arm defaults/component/collision: hull": "A simulation can use hulls for contacts.",
     # --- MInchW
     "minchw poses/step_front/rear.knee: -56 deg": POSE,
     "minchw poses/step_rear/front.ankle: -45 deg":
-        "A pose within the limits, in which no mode starts. Where parts meet, a test of the document says it.",
+        "The pose is within the limits, and no mode starts in it. A test of the document checks it for collisions.",
     "minchw components/harness/at/xyz: -40 0 -20 mm": FRAME,
-    "minchw modes/crawl_ceiling/gravity: 0 0 -9.81 m/s^2": "Gravity as on the floor, in a mode that is only called `ceiling`.",
+    "minchw modes/crawl_ceiling/gravity: 0 0 -9.81 m/s^2":
+        "The gravity is valid. Only the name of the mode, `ceiling`, shows that it was not intended.",
     "leg joints/yaw/type: continuous": RANGE,
-    "-leg components/thigh_idler/attach/turn": "The part sits in its seat, turned otherwise.",
+    "-leg components/thigh_idler/attach/turn": "The part still fits into its seat in the other orientation.",
     "-minchw modes/rear_foot/at": MODE,
     "minchw modes/crawl/base: fixed": MODE,
     "minchw modes/front_foot/pose: step_rear": MODE,
     "minchw components/magnet_driver/at: {in: body.origin, xyz: 20 0 4 mm}": FRAME,
     # --- the walker
     "walker poses/low/hip_*: -10 deg": POSE,
-    "leg joints/knee/limit/lower: -10 deg": "A knee that bends the other way, with a pose that does so, too.",
+    "leg joints/knee/limit/lower: -10 deg": "The knee bends in the other direction, and so does the pose.",
     "walker components/board/at/xyz: 0 0 -24 mm": FRAME,
     "leg joints/knee/parent: thigh.tail": MOUNT,
-    "leg mounts/sole: shin.tail": "A mount of the document may stand for any mount of a part.",
+    "leg mounts/sole: shin.tail": "A document can export any mount of a part.",
     "walker modes/perched/root: leg_0.hip": MODE,
     "walker components/board/at/in: leg_0.hip": FRAME,
     "walker modes/walking/root: leg_0.sole": MODE,
     "walker joints/hip/type: continuous": RANGE,
-    "leg joints/knee/type: fixed": "A stiff leg is a leg.",
-    "-walker modes/walking/contacts/exclude": "Nothing touches where the mode starts: the line is not needed there.",
+    "leg joints/knee/type: fixed": "A stiff leg is also valid.",
+    "-walker modes/walking/contacts/exclude": "There are no contacts in the start pose, so the line is not needed.",
     "-leg joints/knee/drive": PASSIVE,
     "walker modes/walking/base: fixed": MODE,
     "walker modes/walking/pose: low": MODE,
     "walker modes/perched/base: free": MODE,
     # --- sizes, units, places: the arm
     "arm joints/elbow/limit: {lower: -13 deg, upper: 130 deg}": RANGE,
-    "materials materials/petg/density: 127 kg/m^3": "A foam weighs so much.",
+    "materials materials/petg/density: 127 kg/m^3": "A foam can have this density.",
     "arm components/bus_board/mass: {value: 12 mg, source: measured}": FRAME,
     "arm components/bus_board/at/xyz: 4 0 0 mm": FRAME,
     "end_effector components/cap_screw/attach: {mount: seat, to: cap.screw_$i, gap: -20 mm}":
-        "It lies in the box around the hand, as screws do, and shares less than a fifth of itself with the hand.",
+        "The screw is inside the bounding box of the hand, as expected of a screw, and overlaps the hand by less than a fifth.",
     # --- MInchW
-    "minchw modes/front_foot/contacts/adhesion/front.sole: 30 N": "More than the robot weighs.",
+    "minchw modes/front_foot/contacts/adhesion/front.sole: 30 N": "The force is larger than the weight of the robot.",
     "minchw components/controller/at/xyz: 0 0 4 cm": FRAME,
     "minchw components/harness/at/xyz: 20 0 -40 mm": FRAME,
     # --- the walker
-    "walker components/body/params: {length: 1500 mm, width: 40 mm}": "A beam may be so long.",
-    "walker modes/walking/contacts/adhesion/leg_0.sole: 0.3 N": "More than a tenth of what the robot weighs.",
-    "leg parameters/length: {value: 80 cm, min: 40 mm}": "A leg may be so long; the document gives no upper bound.",
+    "walker components/body/params: {length: 1500 mm, width: 40 mm}": "A beam can have this length.",
+    "walker modes/walking/contacts/adhesion/leg_0.sole: 0.3 N": "The force is more than a tenth of the weight of the robot.",
+    "leg parameters/length: {value: 80 cm, min: 40 mm}": "A leg can have this length, and the document does not set an upper bound.",
     "leg joints/knee/drive: {kind: position, kp: 10 N*m/rad, effort: 2000 N*m, velocity: 50 rpm}":
-        "No bound was found without false alarms: fingers and geared joints have efforts thousands of times what they carry.",
-    "leg joints/knee/drive: {kind: position, kp: 10 N*m/rad, effort: 2 N*m, velocity: 50 rad/s}": "Some motors turn so fast.",
+        "No limit was found that avoids false alarms: the effort of fingers and geared joints can be thousands of times their load.",
+    "leg joints/knee/drive: {kind: position, kp: 10 N*m/rad, effort: 2 N*m, velocity: 50 rad/s}": "Some motors reach this speed.",
     "walker components/board/at/xyz: 24 0 0 mm": FRAME,
-    "walker joints/hip/gap: -15 mm": "Parts that a joint connects may be in each other.",
-    "leg joints/knee/gap: -20 mm": "Parts that a joint connects may be in each other.",
+    "walker joints/hip/gap: -15 mm": "Parts that are connected by a joint can overlap.",
+    "leg joints/knee/gap: -20 mm": "Parts that are connected by a joint can overlap.",
 }

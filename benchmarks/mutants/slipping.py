@@ -261,23 +261,24 @@ def _silent(found: Sequence[Verdict]) -> list[int]:
 def written(found: Sequence[Verdict], earlier: Sequence[Verdict]) -> str:
     """Format the tables."""
     lines = ["```sh", "make slips", "```", ""]
-    lines += ["| | slips | refused | warned of | of these at the line | no word | of these found by the document's tests |"]
+    lines += ["| | mistakes | refused | warnings | at the right line | not reported | of these found by the document's tests |"]
     lines += ["|---|---:|---:|---:|---:|---:|---:|"]
     size = len(MEANING)
-    for name, part in (("what is meant", slice(0, size)), ("sizes, units, places", slice(size, None))):
+    for name, part in (("meaning", slice(0, size)), ("magnitudes, units, positions", slice(size, None))):
         lines += [_row(f"{name}, before", earlier[part]), _row(f"{name}, now", found[part])]
     slips = [*MEANING, *SIZES]
-    lines += ["", "| what was done | slips | before without a word | now |", "|---|---:|---:|---:|"]
+    lines += ["", "| mistake | count | not reported before | not reported now |", "|---|---:|---:|---:|"]
     for kind in dict.fromkeys(slip.kind for slip in slips):
         mine = [number for number, slip in enumerate(slips) if slip.kind == kind]
         lines.append(
             f"| {kind} | {len(mine)} | {len(_silent([earlier[k] for k in mine]))} | {len(_silent([found[k] for k in mine]))} |"
         )
     codes = Counter(one.said[:5] for one in found if one.outcome in ("refused", "warned"))
-    lines += ["", "## What was said", "", ", ".join(f"{code} ({times})" for code, times in codes.most_common()) + ".", ""]
-    lines += ["## Without a word, and why", "", "| robot | slip | why there is no word |", "|---|---|---|"]
+    lines += ["", "## Reported codes", "", "| code | mistakes |", "|---|---:|"]
+    lines += [*(f"| {code} | {times} |" for code, times in codes.most_common()), ""]
+    lines += ["## Mistakes that are not reported", "", "| robot | mistake | reason |", "|---|---|---|"]
     for number in _silent(found):
-        by_tests = f" Its own tests find it: {_cell(found[number].said[:100])}" if found[number].outcome == "tests" else ""
+        by_tests = f" The tests of the document find it: {_cell(found[number].said[:100])}" if found[number].outcome == "tests" else ""
         edits = "; ".join(slips[number].edits)
         lines.append(f"| {slips[number].robot} | {_cell(edits[:150])} | {REASONS.get(slips[number].edits[0], '')}{by_tests} |")
     return "\n".join([*lines, ""])

@@ -66,13 +66,13 @@ MEANING: list[Slip] = [
         "end_effector components/cap_screw/attach: {seat: cap.screw_0}",
     ),
     *_of(
-        ARM, "wrong kind of joint",
+        ARM, "wrong type of joint",
         ("arm joints/yaw/type: prismatic", "arm joints/yaw/limit: {lower: -150 mm, upper: 150 mm}"),
         ("arm joints/wrist/type: continuous", "-arm joints/wrist/limit"),
         ("arm joints/elbow/type: fixed", "-arm joints/elbow/limit", "-arm joints/elbow/drive"),
     ),
     *_of(
-        ARM, "a part given twice",
+        ARM, "duplicate part",
         "arm components/humerus_copy: {part: arm:RotorBrace, params: {length: =reach, thickness: =brace_thickness}, "
         "at: {in: humerus.origin, xyz: 0 0 3 mm}}",
         "arm components/spare_servo: {part: thingc_stock.dynamixel:XM430, attach: {bottom: humerus.servo_seat}}",
@@ -81,7 +81,7 @@ MEANING: list[Slip] = [
         "arm components/plate_2: {part: arm:BasePlate, at: {in: plate.origin}}",
     ),
     *_of(
-        ARM, "left out",
+        ARM, "omitted entry",
         "-arm components/humerus_idler/attach/turn",
         "-arm joints/shoulder/turn",
         "-arm joints/wrist/drive",
@@ -135,13 +135,13 @@ MEANING: list[Slip] = [
         "minchw modes/bridge_wall/extends: front_foot",
     ),
     *_of(
-        MINCHW, "wrong kind of joint",
+        MINCHW, "wrong type of joint",
         ("leg joints/yaw/type: continuous", "-leg joints/yaw/limit"),
         ("leg joints/knee/type: prismatic", "leg joints/knee/limit: {lower: -115 mm, upper: 115 mm}"),
         ("leg joints/yaw/type: fixed", "-leg joints/yaw/limit", "-leg joints/yaw/drive"),
     ),
     *_of(
-        MINCHW, "a part given twice",
+        MINCHW, "duplicate part",
         "minchw components/cover_2: {part: minchw.body:Cover, params: {length: =body_length, wall: =wall}, attach: {seat: body.rim}}",
         "leg components/foot_2: {part: minchw.leg:Foot, params: {thickness: =wall + 2 mm}, material: petg_white, "
         "at: {in: foot.origin, xyz: 0 3 0 mm}}",
@@ -150,7 +150,7 @@ MEANING: list[Slip] = [
         "minchw components/middle: {assembly: leg.yaml, attach: {seat: body.rear_seat}}",
     ),
     *_of(
-        MINCHW, "left out",
+        MINCHW, "omitted entry",
         "-leg joints/ankle/drive",
         "-minchw modes/crawl/pose",
         "-minchw components/body/mass",
@@ -193,18 +193,18 @@ MEANING: list[Slip] = [
         "leg mounts/hip: shin.top_0",
     ),
     *_of(
-        WALKER, "wrong kind of joint",
+        WALKER, "wrong type of joint",
         ("walker joints/hip/type: continuous", "-walker joints/hip/limit"),
         ("leg joints/knee/type: fixed", "-leg joints/knee/limit", "-leg joints/knee/drive", "-leg poses/folded/knee"),
     ),
     *_of(
-        WALKER, "a part given twice",
+        WALKER, "duplicate part",
         "leg components/shin_2: {part: toy:Beam, params: {length: \"=max(length, 60 mm)\"}, at: {in: shin.origin, xyz: 0 0 3 mm}}",
         "walker components/body_2: {part: toy:Beam, params: {length: 150 mm, width: 40 mm}, at: {in: body.origin}}",
         "walker components/leg_extra: {assembly: leg.yaml, attach: {hip: body.top_1}}",
     ),
     *_of(
-        WALKER, "left out",
+        WALKER, "omitted entry",
         "-walker joints/hip/drive",
         "-walker modes/walking/contacts/exclude",
         "-leg joints/knee/drive",
@@ -243,7 +243,7 @@ SIZES: list[Slip] = [
         "materials materials/petg/density: 1.27 kg/m^3",
     ),
     *_of(
-        ARM, "place",
+        ARM, "position",
         "arm components/bus_board/at/xyz: 4 0 0 mm",
         "arm modes/adrift/at/xyz: 300 0 0 mm",
         "arm modes/bench/at: {xyz: 0 0 -50 mm}",
@@ -274,7 +274,7 @@ SIZES: list[Slip] = [
         "materials materials/aluminium/density: 2.7 kg/m^3",
     ),
     *_of(
-        MINCHW, "place",
+        MINCHW, "position",
         "minchw modes/bridge/hold/rear.sole/xyz/2: -8 mm",
         "minchw modes/rear_foot/at: {xyz: 0 0 -200 mm, rpy: 0 0 180 deg}",
         "minchw modes/front_foot/at: {rpy: 0 90 0 deg}",
@@ -300,7 +300,7 @@ SIZES: list[Slip] = [
         "materials materials/pla/density: 1240 g/m^3",
     ),
     *_of(
-        WALKER, "place",
+        WALKER, "position",
         "walker components/board/at/xyz: 24 0 0 mm",
         "walker modes/walking/at: {rpy: 180 0 0 deg}",
         "walker joints/hip/gap: -15 mm",

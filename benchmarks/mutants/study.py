@@ -83,9 +83,9 @@ def written(results: list[Result], count: int, seed: int) -> str:
     command = "make mutants" if (count, seed) == (COUNT, 1) else f"python benchmarks/mutants/study.py --count {count} --seed {seed}"
     lines = [
         "```sh", command, "```", "",
-        f"{len(results)} mutants: {refused} refused ({refused / len(results):.1%}), {tally['built']} accepted, and all of these "
-        f"built for MuJoCo. Of the refused, {tally['right']} ({tally['right'] / max(refused, 1):.1%}) are blamed on the right line.", "",
-        "| what was done | mutants | refused | at the right line | accepted |", "|---|---:|---:|---:|---:|",
+        f"{len(results)} mutants: {refused} refused ({refused / len(results):.1%}), {tally['built']} accepted. All accepted mutants build "
+        f"for MuJoCo. {tally['right']} refused mutants ({tally['right'] / max(refused, 1):.1%}) are reported at the right line.", "",
+        "| mutation | mutants | refused | at the right line | accepted |", "|---|---:|---:|---:|---:|",
     ]
     for kind in KINDS:
         mine = Counter(verdict.outcome for _, _, mutant, verdict in results if mutant.kind == kind)
@@ -94,10 +94,11 @@ def written(results: list[Result], count: int, seed: int) -> str:
     for name in sorted({name for name, *_ in results}):
         lines.append(_row(f"`{name}`", Counter(verdict.outcome for one, _, _, verdict in results if one == name)))
     codes = Counter(code for *_, verdict in results for code in verdict.codes)
-    lines += ["", "## What was said", "", ", ".join(f"{code} ({times})" for code, times in codes.most_common()) + ".", ""]
-    lines += ["## Accepted, by kind", "", "| what was done | field | times | for example |", "|---|---|---:|---|"]
+    lines += ["", "## Reported codes", "", "| code | mutants |", "|---|---:|"]
+    lines += [*(f"| {code} | {times} |" for code, times in codes.most_common()), ""]
+    lines += ["## Accepted mutants by kind", "", "| mutation | field | count | example |", "|---|---|---:|---|"]
     lines += _groups(results, "built")
-    lines += ["", "## Blamed elsewhere, by kind", "", "| what was done | field | times | for example |", "|---|---|---:|---|"]
+    lines += ["", "## Mutants reported at another line, by kind", "", "| mutation | field | count | example |", "|---|---|---:|---|"]
     lines += _groups(results, "elsewhere")
     return "\n".join([*lines, ""])
 

@@ -22,7 +22,7 @@ def test_few_are_accepted_and_the_right_line_is_blamed(shared_store: str) -> Non
         capture_output=True, text=True,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    found = re.search(r"(\d+) mutants: (\d+) refused .* (\d+) accepted.*, (\d+) \(.* right line", done.stdout)
+    found = re.search(r"(\d+) mutants: (\d+) refused .* (\d+) accepted.* (\d+) refused mutants .* right line", done.stdout)
     assert found is not None, done.stdout
     every, refused, accepted, right = map(int, found.groups())
     assert every >= 80 and refused + accepted == every
@@ -32,7 +32,7 @@ def test_few_are_accepted_and_the_right_line_is_blamed(shared_store: str) -> Non
 def test_the_page_is_of_a_whole_run_that_was_good_enough() -> None:
     page = (ROOT / "docs" / "studies" / "mutants.md").read_text()
     assert page.startswith((ROOT / "benchmarks" / "mutants" / "page.md").read_text())
-    found = re.search(r"make mutants\n```\n\n(\d+) mutants: (\d+) refused .*Of the refused, (\d+) ", page)
+    found = re.search(r"make mutants\n```\n\n(\d+) mutants: (\d+) refused .* (\d+) refused mutants ", page)
     assert found is not None
     every, refused, right = map(int, found.groups())
     assert every >= 2000 and refused >= 0.8 * every and right >= 0.95 * refused
