@@ -30,7 +30,7 @@ class NotDifferentiable(FamilyError):
 
 
 class Values(np.ndarray[Any, np.dtype[np.float64]]):
-    """Results as an array, `(m,)` or `(k, m)`, SI units; NaN where there is no result.
+    """Results as an array, `(m,)` or `(k, m)`, SI units; missing results are NaN.
 
     `ok` is True for settings without errors that have all results: a boolean or `(k,)`. `problems` are the diagnostics of every setting.
     Arrays computed from this one have neither.
@@ -59,7 +59,7 @@ class Jacobian(np.ndarray[Any, np.dtype[np.float64]]):
 class FamilyFunction:
     """A function from `names` to `outputs`, in SI units (`units` of names), in one mode, with other settings fixed.
 
-    `start` has the values of the document, `(n,)`, and `bounds` the limits of the parameters, `(n, 2)`, infinite where there are none.
+    `start` has the values of the document, `(n,)`, and `bounds` the limits of the parameters, `(n, 2)`; a missing limit is infinite.
     """
 
     def __init__(
