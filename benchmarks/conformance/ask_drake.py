@@ -109,7 +109,7 @@ def refuse(file):
     """
     bodies = ElementTree.parse(file).iter("body") if file.suffix == ".xml" else ()
     if any(len(body.findall("joint")) > 1 and "quat" in body.attrib for body in bodies):
-        raise ValueError("it reads several joints of one body that is turned otherwise than MuJoCo")
+        raise ValueError("several joints of one body are read differently from MuJoCo if the body is rotated")
 
 
 def without(file, joints):

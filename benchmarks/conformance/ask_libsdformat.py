@@ -39,7 +39,7 @@ def answering(reader):
         written = ElementTree.parse(file).getroot().attrib["version"]
         for one in (model, around):
             if "cannot" in one and minor(written) > minor(known):
-                raise ValueError(f"SDFormat {written} is newer than the {known} that it reads")
+                raise ValueError(f"SDFormat {written} is newer than the supported version {known}")
             if "cannot" in one:
                 raise ValueError(one["cannot"])
         return model

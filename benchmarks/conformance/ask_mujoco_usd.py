@@ -21,7 +21,7 @@ _usd.register_plugins()
 def answer(asked):
     others = re.findall(r'def (PhysicsJoint|PhysicsSphericalJoint) "(\w+)"', Path(asked["file"]).read_text())
     if others:
-        raise ValueError(f"generic joints and balls are welds to it ({others[0][1]})")
+        raise ValueError(f"generic and ball joints are read as welds ({others[0][1]})")
     spec = mujoco.MjSpec.from_file(asked["file"])
     model = spec.compile()
     data = mujoco.MjData(model)

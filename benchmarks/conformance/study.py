@@ -78,91 +78,96 @@ class Reader:
 READERS = (
     Reader(
         "mujoco", ("URDF",),
-        note="Reads no mimics, so followers are set to their values. Welds a floating base to the world.",
+        note="Does not read mimics, so joints that mimic others are set to their values. Fixes a floating base to the world.",
     ),
     Reader(
         "pinocchio", ("URDF",), ("pin==4.1.0",),
-        "Loaded without mimics; followers are set to their values. Masses of all links are summed, because its own total leaves out "
-        "links fixed to the world.",
+        "Loaded without mimics; joints that mimic others are set to their values. The study sums the masses of all links, "
+        "because the total of pinocchio excludes links that are fixed to the world.",
     ),
     Reader(
         "yourdfpy", ("URDF",), ("yourdfpy==0.0.60", "trimesh==5.2.0", "lxml==6.1.3", "six==1.17.0", "numpy==2.4.6"),
-        "Kinematics only. Gets the leaders and computes the followers.", alone=True,
+        "Computes only kinematics. The study sets the leaders, and yourdfpy computes the joints that mimic them.", alone=True,
     ),
     Reader(
         "pybullet", ("URDF",), ("pybullet==3.2.7", "numpy==2.4.6"),
-        "Loaded with a fixed base; followers are set to their values. Its link poses are floats.", floats=True,
+        "Loaded with a fixed base; joints that mimic others are set to their values. Link poses are in single precision.", floats=True,
     ),
     Reader(
         "urdf_parser_py", ("URDF", "ROS"), ("urdf-parser-py==0.0.4", "lxml==6.1.3", "PyYAML==6.0.4"),
-        "Parser only. Every message is an error, except that it does not know `<mujoco>` (in URDF) and `<ros2_control>` (in packages).",
+        "Only parses. Every message counts as an error, except that `<mujoco>` (in URDF) and `<ros2_control>` (in packages) are "
+        "unknown tags.",
     ),
     Reader(
         "ikpy", ("URDF",), ("ikpy==4.2.1",),
-        "Kinematics only, of the chain from the root to each leaf; followers are set to their values. The chain that it selects by "
-        "itself must move.",
+        "Computes only kinematics, of the chain from the root to each leaf. Joints that mimic others are set to their values. "
+        "The chain that ikpy selects automatically must move.",
     ),
     Reader(
         "drake", ("MJCF", FOR_DRAKE, "URDF", "SDF"), ("drake==1.51.1",),
-        "Supports no loops, so joints that close loops or hold mounts are removed first. Followers are set to their values. Reports no"
-        " mimics, so leaders are pushed and followers observed for 0.4 s. Reports efforts of joints with one axis; except in SDF, each"
-        " has a drive of the same name. A floating base is put at the origin. In MJCF it reads neither sites nor mimics. Without "
-        "`--compat drake` it reads a command range as an effort, which is not compared. It then also puts several joints of one body "
-        "in the axes of the parent: another robot if the body is rotated.",
+        "Does not support loops, so joints that close loops or hold mounts are removed first. Joints that mimic others are set "
+        "to their values. Does not report mimics, so the study moves the leaders with a force and observes the other joints for "
+        "0.4 s. Reports efforts of joints with one axis; except in SDF, each has a drive of the same name. A floating base is "
+        "placed at the origin. Does not read sites and mimics in MJCF. Without `--compat drake`, it reads a command range as an "
+        "effort, which is not compared. It then also uses the axes of the parent for several joints of one body, which changes "
+        "the robot if the body is rotated.",
         refuses="several joints of one body",
     ),
     Reader(
-        "libsdformat", ("SDF",), note="Reads and checks models and worlds for Gazebo; warnings count as errors. Computes no kinematics.",
+        "libsdformat", ("SDF",), note=(
+            "Reads and checks models and worlds for Gazebo; warnings count as errors. Does not compute kinematics."
+        ),
         needs=("g++ --version", "pkg-config --exists sdformat12"), refuses="is newer than",
     ),
     Reader(
-        "check_urdf", ("URDF",), note="The parser of ROS. Must accept the file and find every link.",
+        "check_urdf", ("URDF",), note="The URDF parser of ROS. It must accept the file and find every link.",
         needs=("sh -c 'command -v check_urdf'",),
     ),
-    Reader("catkin_pkg", ("ROS",), ("catkin_pkg==1.1.1",), "Used by colcon to read manifests. Must accept them without warnings."),
+    Reader("catkin_pkg", ("ROS",), ("catkin_pkg==1.1.1",), "Used by colcon to read manifests. It must accept them without warnings."),
     Reader(
         "pinocchio_srdf", ("ROS",), ("pin==4.1.0",),
-        "pinocchio with URDF and SRDF. Compared: frames in every pose, with mimics and continuous joints set to their values, and, at "
-        "200 configurations, whether links collide whose collisions are disabled.",
+        "pinocchio with URDF and SRDF. The study compares frames in every pose, with mimics and continuous joints set to their "
+        "values. At 200 configurations, it also checks whether links with disabled collisions collide.",
     ),
     Reader(
         "pymjcf", (COMPAT,), ("dm_control==1.0.50", "mujoco==3.17.0"),
-        "Loads models and scenes that are emitted for it; MuJoCo compiles its output.",
+        "Loads models and scenes that are written with `--compat pymjcf`; MuJoCo compiles its output.",
     ),
     Reader(
         "mjx", (COMPAT,), ("mujoco-mjx==3.17.0", "mujoco==3.17.0"),
-        "Loads models and scenes that are emitted for it; computes in doubles here. Steps without contacts, because it compiles a "
-        "function for every pair of meshes, and with pyramidal cones, because it supports elliptic cones only with contacts.",
+        "Loads models and scenes that are written with `--compat mjx`, and computes in double precision here. Steps are "
+        "compared without contacts, because MJX compiles a function for every pair of meshes. They use pyramidal cones, because "
+        "MJX supports elliptic cones only with contacts.",
         refuses="mjTRN_BODY",
     ),
     Reader(
         "warp", ("MJCF",), ("mujoco-warp==3.17.0", "mujoco==3.17.0"),
-        "MuJoCo Warp with the default models. Computes in floats on a CPU. Steps without contacts.",
+        "MuJoCo Warp with the default models. Computes in single precision on a CPU. Steps are compared without contacts.",
         floats=True,
     ),
     Reader(
         "newton", ("URDF", "USD"), (
             "newton==1.8.0", "warp-lang==1.19.0", "usd-core==26.11", "newton-usd-schemas==0.6.0", "scipy==1.17.1", "trimesh==5.2.0",
         ),
-        "Computes in floats on a CPU; followers are set to their values. A floating base is put at the origin. Joints that close loops"
-        " and holds are not in its tree. Frames of USD are read from the file, on its links. Efforts and meshes are compared for USD "
-        "only.",
+        "Computes in single precision on a CPU; joints that mimic others are set to their values. A floating base is placed at "
+        "the origin. Joints that close loops and holds are not in its tree. Frames of USD are read from the file, on the links "
+        "of Newton. Efforts and meshes are compared for USD only.",
         floats=True,
     ),
     Reader(
         "mujoco-usd", ("USD",), ("mujoco-usd==4.0.0", "mujoco==4.0.0"),
-        "MuJoCo's own USD reader; the format stores floats. Supports revolute and prismatic joints, welds all others, and drops drives"
-        " and mimics. Frames are read from the file, on its links.",
-        refuses="are welds to it", floats=True,
+        "The USD reader of MuJoCo; the format stores values in single precision. Supports revolute and prismatic joints, "
+        "replaces all others by welds, and drops drives and mimics. Frames are read from the file, on its links.",
+        refuses="are read as welds", floats=True,
     ),
     Reader(
         "usdchecker", ("USD",), ("usd-core==26.11", "numpy==2.4.6"),
-        "All validators of usd-core, including UsdPhysics; they must report nothing. Must find one articulation and every link, frame "
-        "and joint.",
+        "Runs all validators of usd-core, including UsdPhysics, which must not report anything. It must find one articulation "
+        "and every link, frame and joint.",
         floats=True,
     ),
 )
-NOT_RUN = "what ROS itself makes of the package: `colcon build`, `ros2 launch`, the controllers on their mock hardware, RViz and MoveIt"
+NOT_RUN = "ROS itself with the package: `colcon build`, `ros2 launch`, the controllers on their mock hardware, RViz and MoveIt"
 """Programs that are not part of this study."""
 
 
@@ -342,14 +347,14 @@ def table(rows: Mapping[tuple[str, str], tuple[str, dict[str, Judged]]]) -> Iter
             yield f"| {name} | {format} | {version} |" + " |" * (len(WORDS) + 2)
         for group, one in groups.items():
             cells = [f"{one.worst[key]:.0e}" if key in one.worst else "-" for key in WORDS]
-            state = [f"{len(one.faults)} apart" if one.faults else "all alike" if one.refused < one.files else ""]
-            state += [f"reader cannot: {one.refused} ({one.refusal})"] if one.refused else []
+            state = [f"{len(one.faults)} differ" if one.faults else "no differences" if one.refused < one.files else ""]
+            state += [f"not supported: {one.refused} ({one.refusal})"] if one.refused else []
             yield f"| {name} {version} | {format} | {group} | {one.files} | " + " | ".join(cells) + f" | {', '.join(filter(None, state))} |"
     yield ""
     for reader in READERS:
         if any(name == reader.name for name, _ in rows):
             yield f"- {reader.name}: {reader.note}"
-    yield f"- Not run: {NOT_RUN}."
+    yield f"- Not tested: {NOT_RUN}."
 
 
 if __name__ == "__main__":

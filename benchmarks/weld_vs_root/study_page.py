@@ -151,7 +151,7 @@ def _inverse(found: Measured) -> str:
         values = (rooted.exact, soft.error, stiff.error, stiff.base, max(soft.projected, stiff.projected), rooted.error)
         rows.append([f"{gravity}: {posture}", *(number(value) for value in values)])
     heads = [
-        "", "largest torque [N m]", "error [N m]: weld, default", "weld, stiff", "force asked of the base [N]",
+        "", "largest torque [N m]", "error [N m]: weld, default", "weld, stiff", "force required at the base [N]",
         "error [N m]: welds, projected", "rooted",
     ]
     return table(heads, rows)

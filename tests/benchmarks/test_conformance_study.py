@@ -311,7 +311,7 @@ def test_what_a_reader_is_known_to_refuse_is_said_in_its_row() -> None:
     assert verdict.faults == []
     row = list(table({("libsdformat", "SDF"): ("12.3.0", {"arm": verdict})}))[2]
     assert row.startswith("| libsdformat 12.3.0 | SDF | arm | 3 |")
-    assert row.endswith("| all alike, reader cannot: 2 (SDFormat 1.11 is newer than 1.9) |")
+    assert row.endswith("| no differences, not supported: 2 (SDFormat 1.11 is newer than 1.9) |")
 
 
 def test_a_reader_that_cannot_be_had_is_left_out_in_words(tmp_path: Path) -> None:

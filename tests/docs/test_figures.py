@@ -103,7 +103,7 @@ def test_the_readme_quotes_the_largest_differences_of_the_conformance_study() ->
     assert len(quoted) > 5
     for reader, file_format, *cells in quoted:
         rows = found[reader, file_format]
-        refused = sum(int(number) for row in rows for number in re.findall(r"reader cannot: (\d+)", row[-1]))
+        refused = sum(int(number) for row in rows for number in re.findall(r"not supported: (\d+)", row[-1]))
         assert cells == [str(sum(int(row[0]) for row in rows)), str(refused), largest(rows, 1), largest(rows, 4)], reader
 
 
