@@ -138,7 +138,8 @@ volume divided by its surface) is more than twice the linear mesh tolerance.
 
 With `joints`, the test moves these joints through their ranges; the others stay in the pose. A single joint moves in equal steps. For
 several joints, the test checks the corners of their ranges, then evenly distributed positions. The positions are the same in every run.
-Positions between them are not checked. Pairs that are expected to touch are checked only once within about 6 degrees and 2 mm.
+Positions between them are not checked. For pairs that are expected to touch, positions that differ by less than about 6 degrees and 2
+mm are checked only once.
 
 <!-- keys: NoCollisionTest -->
 | Key | Type | Default | Description |

@@ -77,9 +77,9 @@ def read_settles(written: SettlesTest, reader: Reader) -> SettleCheck:
 PAGE = """\
 ## Settles
 
-Simulates the mode's MuJoCo scene, as written by `build`. The simulation starts in the keyframe of the pose, and the drives receive its
-commands. After the time `within`, the robot must be at rest and stay at rest for the time `for`. The test measures the motion of the
-corners of the bounding boxes of all parts.
+Simulates the mode's MuJoCo scene, as written by `build`. The simulation starts in the keyframe of the pose, and the drives receive the
+commands of this keyframe. After the time `within`, the robot must be at rest and stay at rest for the time `for`. The test measures the
+motion of the corners of the bounding boxes of all parts.
 
 <!-- keys: SettlesTest -->
 | Key | Type | Default | Description |

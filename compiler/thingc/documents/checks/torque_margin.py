@@ -98,7 +98,7 @@ the robot; a `free` base requires [feet](modes.md#feet) or [holds](loops.md#hold
 the pose.
 
 With loops, holds, feet or several drives, different efforts can hold the robot. The test then minimizes the sum of the squares of
-effort divided by limit, and reports this. A controller can apply these efforts. Other efforts can have a greater smallest margin.
+effort divided by limit, and reports this. A controller can apply these efforts. The best possible margin may be larger.
 
 Forces at the feet must be inside friction cones, which are approximated by inscribed pyramids with 16 edges. If no such forces support
 the robot, the test fails. It reports the distance of the centre of mass from the support polygon, or that the robot slides. A foot does
