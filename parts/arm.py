@@ -1,7 +1,7 @@
 """The printed parts of the pen-drawing arm: the links between its Dynamixel XM430 servos, and the hand that holds the pen.
 
-Every fixture places its servo by the mount where the servo will sit, and takes faces, holes and clearances from it, so that no dimension of
-a servo is repeated here. All holes of a part are cut in one boolean.
+Each part that holds a servo places the servo at its mount and derives faces, holes and clearances from it, so no dimension of a servo is
+repeated here. All holes of a part are cut in one boolean operation.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ PLAY = 0.1
 class BasePlate(Thing):
     """A square plate with two walls that hold the yaw servo by its sides, horn up.
 
-    The origin is on the yaw axis in the underside; z is up, x is the way the arm looks at yaw 0.
+    The origin is on the yaw axis in the underside; z is up, and x is the forward direction of the arm at yaw 0.
 
     Args:
         size: edge of the plate
-        thickness: of the plate
+        thickness: thickness of the plate
         wall: thickness of the walls
     """
 
@@ -67,14 +67,14 @@ class BasePlate(Thing):
 
 
 class YawPitchBracket(Thing):
-    """A cradle on the horn of the yaw servo in which the shoulder servo stands on its bottom, its axis across the yaw axis.
+    """A cradle on the horn of the yaw servo. The shoulder servo stands in it, with its axis perpendicular to the yaw axis.
 
-    The origin is on the yaw axis in the horn's face; z is up, x the way the arm looks. The shoulder's axis is along +y: a
-    positive angle lowers the arm. The screws to the horn are sunk into the platform, under the shoulder servo; those that
-    hold the shoulder servo come from the sides.
+    The origin is on the yaw axis in the horn's face; z is up, and x is the forward direction of the arm. The shoulder axis is along +y,
+    so a positive angle lowers the arm. The screws to the horn are countersunk in the platform, under the shoulder servo. The screws that
+    hold the shoulder servo are inserted from the sides.
 
     Args:
-        thickness: of the platform
+        thickness: thickness of the platform
         wall: thickness of the walls
     """
 
@@ -98,7 +98,7 @@ class YawPitchBracket(Thing):
             servo.screw_right_bottom_front, servo.screw_right_bottom_rear,
         )
         sides = [hole(PLAY + wall) for hole in held]
-        # The heads end below the servo for any thickness of the platform.
+        # the screw heads end below the servo for any thickness of the platform
         sunk = [hole(thickness - hole(1).head_height - 4 * PLAY) for hole in self.yaw_servo.screws_horn]
         self.servo_screw = [MountPoint(screw.seat.location * MATE, "m2.5-head") for screw in sides]
 
@@ -123,12 +123,12 @@ class YawPitchBracket(Thing):
 class RotorBrace(Thing):
     """One of the two sides of a link, an L from the horn (or the idler) of a servo to the bottom of the next servo.
 
-    The origin is on the axis of the servo that turns it, at half that servo's depth; y points to the next axis, z out of the
-    horn. A link takes two of the same brace: the other one sits on the idler, turned half a turn about y.
+    The origin is on the axis of the servo that turns it, at half the depth of the servo; y points to the next axis, and z out of the
+    horn. A link consists of two equal braces. The second one is on the idler, rotated by 180 deg about y.
 
     Args:
-        length: from axis to axis
-        thickness: of both legs
+        length: distance between the axes
+        thickness: thickness of both legs
     """
 
     def __init__(
@@ -169,14 +169,14 @@ class RotorBrace(Thing):
 
 
 class OmegaCap(Thing):
-    """The clamp that holds the pen against the hand: an arch over the pen between two flanges, like an omega.
+    """The clamp that holds the pen against the hand: an arch over the pen between two flanges, in the shape of an omega.
 
-    The origin is in the face that lies on the hand, under the arch; z points away from the hand, y along the pen to its tip.
+    The origin is in the face on the hand, under the arch; z points away from the hand, and y along the pen to its tip.
 
     Args:
-        pen_diameter: of the pen
-        thickness: of arch and flanges
-        width: along the pen
+        pen_diameter: diameter of the pen
+        thickness: thickness of the arch and the flanges
+        width: width along the pen
     """
 
     def __init__(
@@ -202,7 +202,7 @@ class OmegaCap(Thing):
         self.body = body.cut(self._arch(radius), *(self.fixing(k, thickness).clearance_hull for k in (0, 1))).solid()
 
     def fixing(self, number: int, depth: float) -> Screw:
-        """Return the screw number 0 (+x) or 1 through its flange, `depth` [mm] into the hand."""
+        """Return the screw through flange 0 (+x) or 1, which extends `depth` [mm] into the hand."""
         return Screw("M3", self.p.thickness + depth).move(self.screw[number].location)
 
     def result(self) -> Solid:
@@ -214,7 +214,7 @@ class OmegaCap(Thing):
         return [self._arch(self.outer), _block(2 * self.half_width, self.p.width, self.p.thickness)]
 
     def _arch(self, radius: float) -> Solid:
-        """Return a half cylinder of this radius around the pen's axis on straight sides down to the hand."""
+        """Return a half cylinder of this radius [mm] around the axis of the pen, extended by straight sides to the hand."""
         y, width, axis = -self.p.width / 2, self.p.width, self.axis
         left, right = (-radius, y, axis), (radius, y, axis)
         over = Edge.make_three_point_arc(left, (0, y, axis + radius), right)
@@ -223,16 +223,16 @@ class OmegaCap(Thing):
 
 
 class Hand(Thing):
-    """An L on the horn of the wrist servo: a leg beside the servo, and a plate across its end that carries the pen's cap.
+    """An L on the horn of the wrist servo: a leg beside the servo, and a plate across its end that carries the cap of the pen.
 
-    The origin is on the wrist's axis at half the servo's depth; y points away from the arm, z out of the horn, and the pen
-    lies along x with its tip towards -x.
+    The origin is on the wrist axis at half the depth of the servo; y points away from the arm, and z out of the horn. The pen is along x
+    with its tip towards -x.
 
     Args:
-        pen_diameter: of the pen
-        clearance: from the axis to the plate across
-        thickness: of the leg beside the servo
-        front: thickness of the plate across, into which the cap is screwed
+        pen_diameter: diameter of the pen
+        clearance: distance from the axis to the plate across the end
+        thickness: thickness of the leg beside the servo
+        front: thickness of the plate across the end, which carries the cap
     """
 
     def __init__(
@@ -277,13 +277,13 @@ class Hand(Thing):
 
 
 class PenDummy(Thing):
-    """A pen-shaped end effector: a cylinder, rounded at the end, with a conical tip.
+    """A pen-shaped end effector: a cylinder with a rounded end and a conical tip.
 
-    The origin is halfway along the cylinder, z points to the tip.
+    The origin is halfway along the cylinder; z points to the tip.
 
     Args:
-        length: of the cylinder
-        diameter: of the cylinder
+        length: length of the cylinder
+        diameter: diameter of the cylinder
     """
 
     def __init__(
@@ -305,7 +305,7 @@ class PenDummy(Thing):
 
 
 def _swing(servo: XM430) -> float:
-    """Return the distance [mm] of the corners next to the output from the axis; a part across that end must stay outside."""
+    """Return the distance [mm] from the axis to the corners next to the output. A part across that end must be outside this radius."""
     return hypot(servo.p.width / 2, servo.top.location.position.Y)
 
 
@@ -315,7 +315,7 @@ def _block(length: float, width: float, height: float) -> Solid:
 
 
 def _tongue(width: float, end: float, bottom: float, thickness: float) -> Solid:
-    """Return a flat leg from the z axis to y = `end`, rounded around the axis, lying on z = `bottom` [mm]."""
+    """Return a flat leg on the plane z = `bottom`, from the z axis to y = `end`, rounded around the axis [mm]."""
     x, y, z = width / 2, end, bottom
     sides = Wire.make_polygon([(x, 0, z), (x, y, z), (-x, y, z), (-x, 0, z)], close=False)
     around = Edge.make_three_point_arc((-x, 0, z), (0, -x, z), (x, 0, z))
@@ -323,6 +323,6 @@ def _tongue(width: float, end: float, bottom: float, thickness: float) -> Solid:
 
 
 def _gusset(width: float, y: float, z: float, leg: float) -> Solid:
-    """Return a prism of this width [mm] in the corner between a leg above z and a leg beyond y, `leg` along both."""
+    """Return a prism of this width in the corner between a leg above `z` and a leg beyond `y`, which extends by `leg` along both [mm]."""
     corner = [(-width / 2, y - leg, z), (-width / 2, y, z - leg), (-width / 2, y, z)]
     return Solid.extrude(Face(Wire.make_polygon(corner)), (width, 0, 0))

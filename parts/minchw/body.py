@@ -1,4 +1,4 @@
-"""The middle section of MInchW: a case between the two yaw servos, with the cells in it, and its cover."""
+"""The middle section of MInchW: a case between the two yaw servos that contains the cells, and its cover."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ CORNER = 6.0
 
 
 class Chassis(Thing):
-    """An open case: three cells lie on its floor, the other three hang in its cover, and a yaw servo stands out at each end.
+    """An open case: three cells are on its floor, three others in its cover, and a yaw servo is attached at each end.
 
-    The origin is in the belly, under the middle of the cells; z points up, x forwards. Behind the cells there is room for
-    the electronics, which makes the rear half the longer one.
+    The origin is in the underside, below the middle of the cells; z points up, and x forwards. The rear half is longer, because the
+    electronics are behind the cells.
 
     Args:
-        length: over both ends, from the bottom of one yaw servo to that of the other
-        wall: thickness of floor and sides; the ends, to which the servos are screwed, are 2 mm thicker
+        length: length of the case, which is the distance between the bottoms of both yaw servos
+        wall: thickness of the floor and the sides; the ends, which carry the servos, are 2 mm thicker
     """
 
     def __init__(
@@ -69,20 +69,20 @@ class Chassis(Thing):
         self.body = self.hull.cut(inside, *self._windows(end), *self._cables(axis), *holes).solid()
 
     def _windows(self, end: float) -> list[Solid]:
-        """Return the upright slots for ventilation in both sides, between ends of this thickness [mm]."""
+        """Return the vertical slots for ventilation in both sides, between the ends, which have this thickness [mm]."""
         pitch, height = 2.5 * CORNER, self.height - self.p.wall - 2.5 * CORNER
         count = int((self.p.length - 2 * end - CORNER) / pitch)
         slot = block(CORNER, 2 * self.width, height)
         return [Pos(self.middle + (k - (count - 1) / 2) * pitch, 0, self.p.wall + CORNER) * slot for k in range(count)]
 
     def _cables(self, z: float) -> list[Solid]:
-        """Return the openings for cables through both ends, left and right of the yaw servos at this height [mm]."""
+        """Return the openings for cables through both ends, left and right of the yaw servos, at this height [mm]."""
         y = XM430().p.width / 2 + CORNER
         opening = block(2 * self.p.length, CORNER, 2 * CORNER)
         return [Pos(self.middle, s * y, z - CORNER) * opening for s in (1, -1)]
 
     def cover_screws(self, thickness: float) -> list[Screw]:
-        """Return the four screws of a cover of this thickness [mm], 8 mm deep in the ends of the case."""
+        """Return the four screws of a cover of this thickness [mm], which extend 8 mm into the ends of the case."""
         x, y = (self.p.length - self.p.wall - 2) / 2, self.width / 2 - 2 * CORNER
         screw = Screw("M2.5", thickness + 8)
         corners = [(s * x, t * y) for s in (1, -1) for t in (1, -1)]
@@ -93,18 +93,18 @@ class Chassis(Thing):
         return self.body
 
     def collision(self) -> list[Solid]:
-        """The case as a full block, because its contents never leave it."""
+        """The case as a solid block. Its contents are never separate from it."""
         return [self.hull]
 
 
 class Cover(Thing):
-    """The lid of the case, from which three cells hang, with a hood for a camera at its front edge.
+    """The lid of the case, with three cells attached below it and a hood for a camera at its front edge.
 
-    The origin is in its underside over the middle of the case; z points up, x forwards.
+    The origin is in its underside above the middle of the case; z points up, and x forwards.
 
     Args:
-        length: of the case
-        wall: of the case, and thickness of the cover
+        length: length of the case
+        wall: thickness of the cover and of the walls of the case
     """
 
     def __init__(

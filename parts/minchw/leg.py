@@ -1,4 +1,4 @@
-"""A leg of MInchW: the fork that turns on the yaw servo, the braces of the thigh, and the foot on its magnet."""
+"""A leg of MInchW: the fork on the yaw servo, the braces of the thigh, and the foot on its magnet."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from thingc_stock.fasteners import Screw
 from thingc_stock.magnets import HoldingMagnet
 
 OTHER_SIDE = Location((0, 0, 0), (0, 180, 0))
-"""The pose of the second brace of a thigh: half a turn about y."""
+"""The pose of the second brace of a thigh: a rotation by 180 deg about y."""
 
 
 class HipBracket(Thing):
     """A fork around the yaw servo, on its horn and its idler, that carries the knee servo on its back.
 
-    The origin is on the yaw axis at half the servo's depth; z points out of the horn, x outwards along the leg, y to its
-    left. The knee's axis is along y, its servo lies with its bottom on the back of the fork. The screws into that bottom are
-    sunk, so that the corners of the yaw servo pass over them.
+    The origin is on the yaw axis at half the depth of the servo; z points out of the horn, x outwards along the leg, and y to its left. The
+    knee axis is along y, and the bottom of its servo is on the back of the fork. The screws into the bottom are countersunk, so the corners
+    of the yaw servo can move over them.
 
     Args:
-        thickness: of arms and back
+        thickness: thickness of the arms and the back
     """
 
     def __init__(self, thickness: Annotated[Length, Range(4.5, 8)] = 5):
@@ -65,15 +65,14 @@ class HipBracket(Thing):
 
 
 class ThighBrace(Thing):
-    """One of the two sides of a thigh: a plate from horn to horn, knee to ankle, with half of the web between both sides.
+    """One of the two sides of a thigh: a plate from the horn of the knee to the horn of the ankle, with half of the web between the sides.
 
-    The origin is on the knee's axis at half the servo's depth; y points to the ankle, z out of the horns. A thigh takes two
-    of the same brace: the other one sits on the idlers, turned half a turn about y; each is screwed to the other by one of
-    the two screws across the web.
+    The origin is on the knee axis at half the depth of the servo; y points to the ankle, and z out of the horns. A thigh consists of two
+    equal braces. The second one is on the idlers, rotated by 180 deg about y. Each brace has one of the two screws through the web.
 
     Args:
-        length: from axis to axis
-        thickness: of the plate
+        length: distance between the axes
+        thickness: thickness of the plate
     """
 
     def __init__(
@@ -85,12 +84,12 @@ class ThighBrace(Thing):
         xm540, screw = XM540(), Screw("M2.5", 12)
         self.knee_seat = MountPoint(xm540.rotor.location * MATE, interface="x540-horn")
         self.knee_servo: XM540 = self.knee_seat.align(xm540.rotor)
-        # At angle 0 the thigh is level and the ankle servo stands on its bottom; its top is at the knee servo's left.
+        # at angle 0, the thigh is horizontal and the ankle servo stands on its bottom, with its top on the left of the knee servo
         standing = Location(Plane((0, length, 0), x_dir=(0, -1, 0), z_dir=(0, 0, 1)))
         self.ankle_seat = MountPoint(standing * xm540.rotor.location * MATE, interface="x540-horn")
         self.ankle_servo: XM540 = self.ankle_seat.align(xm540.rotor)
 
-        # The web is as near to the knee as the knee servo permits, which leaves the most room for the long end of the ankle servo.
+        # the web is as close to the knee servo as possible, to leave space for the long end of the ankle servo
         deep, high = screw.head_diameter + 4, 4 * screw.head_diameter
         middle = swing(xm540) + GAP + deep / 2
         room = length - middle - deep / 2 - swing(xm540) - GAP
@@ -124,14 +123,14 @@ class ThighBrace(Thing):
 
 
 class Foot(Thing):
-    """A disc on the magnet, with a rim around it, on which the ankle servo stands.
+    """A disc on the magnet that carries the ankle servo, with a rim around the magnet.
 
-    The origin is on the ankle's axis at half the servo's depth; z points up, x outwards along the leg, y to its left. The
-    screws into the servo are sunk from below, where the magnet covers them; those into the magnet are before and behind the
-    servo.
+    The origin is on the ankle axis at half the depth of the servo; z points up, x outwards along the leg, and y to its left. The screws
+    into the servo are countersunk from below, and the magnet covers them. The screws into the magnet are in front of the servo and behind
+    it.
 
     Args:
-        thickness: of the disc
+        thickness: thickness of the disc
         rim: thickness of the rim
     """
 

@@ -17,7 +17,7 @@ def block(length: float, width: float, height: float) -> Solid:
 
 
 def slab(length: float, width: float, height: float, radius: float) -> Solid:
-    """Return a box on the plane z = 0, centred in x and y, with rounded upright edges [mm]."""
+    """Return a box on the plane z = 0, centred in x and y, with rounded vertical edges [mm]."""
     x, y, r = length / 2, width / 2, radius
     c = r * (1 - 0.5**0.5)
     corners = [
@@ -31,7 +31,7 @@ def slab(length: float, width: float, height: float, radius: float) -> Solid:
 
 
 def stadium(length: float, width: float, height: float) -> Solid:
-    """Return a plate on the plane z = 0 around the segment from the origin to (0, length), round at both ends [mm]."""
+    """Return a plate on the plane z = 0 around the segment from the origin to (0, length), with semicircular ends [mm]."""
     r = width / 2
     right, left = Edge.make_line((r, 0), (r, length)), Edge.make_line((-r, length), (-r, 0))
     far = Edge.make_three_point_arc((r, length), (0, length + r), (-r, length))
@@ -40,7 +40,7 @@ def stadium(length: float, width: float, height: float) -> Solid:
 
 
 def tongue(length: float, width: float, height: float) -> Solid:
-    """Return a plate on the plane z = 0 from the z axis to x = length, rounded around the z axis [mm]."""
+    """Return a plate on the plane z = 0 from the z axis to x = length, with a semicircular end around the z axis [mm]."""
     r = width / 2
     outline = Wire.make_polygon([(0, r), (length, r), (length, -r), (0, -r)], close=False)
     return Solid.extrude(Face(Wire([*outline.edges(), Edge.make_three_point_arc((0, -r), (-r, 0), (0, r))])), (0, 0, height))
@@ -52,17 +52,17 @@ def turned(outline: Sequence[tuple[float, float]]) -> Solid:
 
 
 def cut_away(screws: Sequence[Screw]) -> list[Solid]:
-    """Return the solids to cut away for screws: clearance holes and heads."""
+    """Return the solids to subtract for screws: clearance holes and heads."""
     return [screw.clearance_hull for screw in screws]
 
 
 def sunk(hole: Hole, thickness: float, below: float) -> Screw:
-    """Return the screw into `hole` through a plate of this thickness, with the top of its head `below` [mm] under the plate's face."""
+    """Return the screw into `hole` through a plate of this thickness, with its head countersunk `below` the plate's face [mm]."""
     return hole(thickness - hole(1).head_height - below)
 
 
 def swing(servo: XSeries) -> float:
-    """Return the distance [mm] of the corners next to the output from the axis; a part that turns across that end must stay outside."""
+    """Return the distance [mm] from the axis to the corners next to the output. A part that turns across that end must be outside."""
     return hypot(servo.p.width / 2, servo.top.location.position.Y)
 
 

@@ -1,1 +1,1 @@
-"""Stock parts: bought components modelled from their published drawings, with every hole and face a named reference."""
+"""Stock parts: commercial components modelled from published drawings. Every hole and face has a name."""

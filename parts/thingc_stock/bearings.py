@@ -1,4 +1,4 @@
-"""Deep groove ball bearings by their designation."""
+"""Deep groove ball bearings, identified by their designation."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ class Sizes:
 
 
 BEARINGS = {
-    # Sizes and masses as in the tables of bd_warehouse (single_row_capped_deep_groove_ball_bearing_parameters.csv, designations with -2Z;
-    # 688 is 628/8-2Z there; 61800 and 6000 from the table of open ones, single_row_deep_groove_...). MR105 and 6001 are not in them.
+    # Sizes and masses are from the tables of bd_warehouse (single_row_capped_deep_groove_ball_bearing_parameters.csv, designations with
+    # -2Z). 688 is 628/8-2Z there. 61800 and 6000 are from the table of open bearings, single_row_deep_groove_... The tables do not contain
+    # MR105 and 6001.
     "MR105": Sizes(5.0, 10.0, 4.0, 0.0013, "estimated"),
     "623": Sizes(3.0, 10.0, 4.0, 0.0015),
     "624": Sizes(4.0, 13.0, 5.0, 0.0031),
@@ -40,11 +41,11 @@ Designation = Literal["MR105", "623", "624", "625", "626", "688", "608", "61800"
 
 
 class Bearing(Thing):
-    """A deep groove ball bearing with shields, both rings as one rigid part: a joint turns about it, not in it.
+    """A deep groove ball bearing with shields. Both rings are one rigid part, so the bearing does not act as a joint.
 
-    The origin is in the middle, z along the axis.
+    The origin is in the middle; z is along the axis.
 
-    Mounts: `front` (z) and `back`, the faces of both rings at their centres.
+    Mounts: `front` (z) and `back` are at the centres of the faces.
 
     Args:
         designation: ISO designation: 608, 623 ...
@@ -60,16 +61,16 @@ class Bearing(Thing):
         self.back = MountPoint(Location((0, 0, -self.width / 2)) * MATE, f"bearing-{designation}")
 
     def mass(self) -> tuple[float, str]:
-        """The value of the table above."""
+        """The mass [kg] in the table above, and its source."""
         sizes = BEARINGS[self.p.designation]
         return (sizes.mass, sizes.source)
 
     def seat(self, depth: float) -> Solid:
-        """Return the bore to leave free in a housing: a cylinder of the outer diameter, from the bearing's middle plane `depth` [mm] up."""
+        """Return the bore of a housing: a cylinder of the outer diameter that extends `depth` [mm] up from the middle of the bearing."""
         return turned([(0, -self.width / 2), (self.diameter / 2, -self.width / 2), (self.diameter / 2, depth), (0, depth)])
 
     def result(self) -> Solid:
-        """The two rings with the shields set back between them."""
+        """The two rings, with the shields recessed between them."""
         inner, outer, z = self.bore / 2, self.diameter / 2, self.width / 2
         ring = 0.28 * (outer - inner)
         back = 0.1 * self.width

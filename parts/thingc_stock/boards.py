@@ -1,4 +1,4 @@
-"""Boards (Raspberry Pi, Arduino and ESP32) with their holes and their tall components."""
+"""Circuit boards (Raspberry Pi, Arduino and ESP32) with their holes and their tall components."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from thingc import MountPoint, Thing
 from thingc_stock.shapes import block, disc
 
 THICKNESS = 1.6
-"""Thickness of the usual board [mm]."""
+"""Thickness of a standard board [mm]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
     """The dimensions of a board [mm].
 
-    `hole_middle` is the centre of the holes relative to the board's, `holes` their distances in x and y, `hole` their diameter. `blocks`
-    are the tall components: centre (x, y) and size (x, y, z) of each, with a negative z size for those below the board.
+    `hole_middle` is the centre of the holes relative to the centre of the board, `holes` their distances in x and y, and `hole` their
+    diameter. `blocks` are the tall components: centre (x, y) and size (x, y, z), with a negative z size for components below the board.
     """
 
     size: tuple[float, float]
@@ -34,10 +34,10 @@ class Layout:
 class Board(Thing):
     """A printed circuit board.
 
-    The origin is in the middle of its underside, z up, x along its long side.
+    The origin is in the middle of its underside; z is up, and x is along its long side.
 
-    Mounts: `bottom`, the underside; `top`; `hole_0` and on, the holes' upper mouths, counted from (+x, +y) towards (-x, +y); `post_0` and
-    on, the same holes on the underside, looking down onto posts.
+    Mounts: `bottom` is the underside, and `top` the upper side. `hole_0`, `hole_1` ... are the upper ends of the holes, counted from
+    (+x, +y) towards (-x, +y). `post_0`, `post_1` ... are the same holes on the underside, with z down, for posts.
     """
 
     layout: ClassVar[Layout]
@@ -54,7 +54,7 @@ class Board(Thing):
         self.post = [MountPoint(Location(Plane((*place, 0), x_dir=(-1, 0, 0), z_dir=(0, 0, -1)))) for place in self.places]
 
     def result(self) -> Solid:
-        """The board with its holes, and a block for everything tall."""
+        """The board with its holes, and a block for each tall component."""
         one = self.layout
         board = block((*one.size, THICKNESS), (0, 0, THICKNESS / 2), corner=one.corner)
         tall = [block((dx, dy, abs(dz)), (x, y, THICKNESS + dz / 2 if dz > 0 else dz / 2)) for x, y, dx, dy, dz in one.blocks]
@@ -70,9 +70,9 @@ class Board(Thing):
 class RaspberryPi4(Board):
     """Raspberry Pi 4 Model B.
 
-    As in github.com/RalfLangeDresden/RaspberryPiCases, raspberry/PiPcbConstants.scad: 85 x 56 mm, holes of 2.75 mm 58 x 49 mm apart,
-    3.5 mm from the edges. 46 g as weighed by G. Halfacree ("Benchmarking the Raspberry Pi 4"), cited at
-    4ort.xyz/entity/raspberry-pi-4-model-b. Places and heights of the sockets are estimated.
+    Dimensions from github.com/RalfLangeDresden/RaspberryPiCases, raspberry/PiPcbConstants.scad: 85 x 56 mm, holes of 2.75 mm at distances
+    of 58 x 49 mm, 3.5 mm from the edges. Mass as measured by G. Halfacree ("Benchmarking the Raspberry Pi 4"), cited at
+    4ort.xyz/entity/raspberry-pi-4-model-b: 46 g. The positions and heights of the sockets are estimates.
     """
 
     layout = Layout(
@@ -91,10 +91,10 @@ class RaspberryPi4(Board):
 
 
 class RaspberryPiZero2(Board):
-    """Raspberry Pi Zero 2 W with a header of pins.
+    """Raspberry Pi Zero 2 W with a pin header.
 
-    As the Raspberry Pi Zero in github.com/RalfLangeDresden/RaspberryPiCases, raspberry/PiPcbConstants.scad: 65 x 30 mm, holes of 2.75 mm
-    58 x 23 mm apart. The mass, 11 g, and the components on the board are estimated.
+    Dimensions of the Raspberry Pi Zero from github.com/RalfLangeDresden/RaspberryPiCases, raspberry/PiPcbConstants.scad: 65 x 30 mm, holes
+    of 2.75 mm at distances of 58 x 23 mm. The mass (11 g) and the components on the board are estimates.
     """
 
     layout = Layout(
@@ -114,8 +114,8 @@ class RaspberryPiZero2(Board):
 class ArduinoNano(Board):
     """Arduino Nano with pins below.
 
-    docs.arduino.cc/hardware/nano (read as github.com/arduino/docs-content, content/hardware/03.nano/boards/nano/tech-specs.yml): 45 x
-    18 mm, 7 g. The holes and the components on the board are estimated.
+    Dimensions from docs.arduino.cc/hardware/nano (read in github.com/arduino/docs-content,
+    content/hardware/03.nano/boards/nano/tech-specs.yml): 45 x 18 mm, 7 g. The holes and the components on the board are estimates.
     """
 
     layout = Layout(
@@ -131,15 +131,16 @@ class ArduinoNano(Board):
         super().__init__(color=color)
 
     def mass(self) -> tuple[float, str]:
-        """7 g, maker's page."""
+        """7 g, from the manufacturer's page."""
         return (0.007, "vendor")
 
 
 class Esp32DevKitC(Board):
     """Espressif ESP32-DevKitC V4 with pins below.
 
-    27.9 mm wide, its rows of pins 25.4 mm apart, as in github.com/wokwi/wokwi-boards, boards/esp32-devkit-c-v4/board.json. The length,
-    54.4 mm, and the mass, 10 g, are estimated. The board has no holes; `hole_0` and on are its corner pins.
+    The width (27.9 mm) and the distance between the rows of pins (25.4 mm) are from github.com/wokwi/wokwi-boards,
+    boards/esp32-devkit-c-v4/board.json. The length (54.4 mm) and the mass (10 g) are estimates. The board has no holes; `hole_0`,
+    `hole_1` ... are its corner pins.
     """
 
     layout = Layout(

@@ -19,8 +19,11 @@ from thingc_stock.shapes import bevelled, block, disc, spots
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawing:
-    """The dimensions of a model [mm]. x is across, y along the case to the short end, z along the shaft, from the shaft's axis at half
-    depth of the case. `horn` and `idler` are diameter and thickness; `circle` the diameter through the centres of the horn's holes."""
+    """The dimensions of a model [mm], relative to the axis of the shaft at half the depth of the case.
+
+    x is across the case, y along it to the short end, and z along the shaft. `horn` and `idler` are diameter and thickness, and `circle` is
+    the diameter through the centres of the horn's holes.
+    """
 
     width: float
     height: float
@@ -36,15 +39,16 @@ class Drawing:
 
 
 class BusServo(Thing):
-    """A servo in a plain case with a horn in front and, where it has one, an idler behind, as one rigid part.
+    """A servo with a simple case, a horn in front and, for some models, an idler behind, as one rigid part.
 
-    x is to the left, y to the top (the short end, next to the shaft), z along the shaft out of the horn; the origin is on the axis at
-    half depth of the case.
+    The origin is on the axis at half the depth of the case; x is to the left, y to the top (the short end, next to the shaft), and z along
+    the shaft out of the horn.
 
-    Mounts: `rotor`, the face of the horn; `idler`; the faces of the case at their centres: `front`, `back_face`, `left`, `right`,
-    `top`, `bottom`. `screws_horn` are the threaded holes of the horn, number 0 at +x, counted towards +y.
+    Mounts: `rotor` is the face of the horn. `front`, `back_face`, `left`, `right`, `top` and `bottom` are the centres of the faces of the
+    case, and `idler` is the face of the idler. `screws_horn` are the threaded holes of the horn; number 0 is at +x, and they are counted
+    towards +y.
 
-    The solid is full; the mass is the model's, and the inertia is the solid's scaled to it.
+    The solid has no cavities. Its inertia is scaled to the mass of the model.
     """
 
     drawing: ClassVar[Drawing]
@@ -71,15 +75,15 @@ class BusServo(Thing):
 
     @abstractmethod
     def mass(self) -> tuple[float, str]:
-        """The model's mass [kg] and its source."""
+        """The mass [kg] of the model and its source."""
 
     def case_hull(self, play: float = 0.0) -> Solid:
-        """Return the case without horn and idler, `play` [mm] larger all around, to be left free in a bracket."""
+        """Return the case without horn and idler, `play` [mm] larger on all sides, to be cut out of a bracket."""
         d = self.drawing
         return block((d.width + 2 * play, d.height + 2 * play, d.depth + 2 * play), (0, self.middle, 0), corner=d.corner)
 
     def result(self) -> Solid:
-        """Case, horn with its holes, and idler."""
+        """The case, the horn with its holes, and the idler."""
         d = self.drawing
         pieces = [bevelled(d.horn[0], d.horn[1] + 0.5, 0.4, d.depth / 2 - 0.5)]
         if d.idler[1]:
@@ -101,12 +105,12 @@ class BusServo(Thing):
 class XL330(BusServo):
     """ROBOTIS Dynamixel XL330-M288-T.
 
-    e-Manual (emanual.robotis.com/docs/en/dxl/x/xl330-m288): 20 x 34 x 26 mm, 18 g, gear 288.4 : 1, at 5 V stall torque 0.52 N m and
-    no-load speed 103 rpm. Not from ROBOTIS's drawing but from a model in
-    github.com/wyolum/orbigator, fabricate/dynamixel_motor.scad: the case is 23 mm deep, the axis 9.5 mm from the top, the horn 16 mm
-    with four holes of 2 mm on a circle of 12 mm.
+    Data from the e-Manual (emanual.robotis.com/docs/en/dxl/x/xl330-m288): 20 x 34 x 26 mm, 18 g, gear 288.4 : 1, at 5 V stall torque
+    0.52 N m and no-load speed 103 rpm. Other dimensions are not from ROBOTIS's drawing, but from a model in github.com/wyolum/orbigator,
+    fabricate/dynamixel_motor.scad: the case is 23 mm deep, the axis is 9.5 mm from the top, and the horn has a diameter of 16 mm with four
+    holes of 2 mm on a circle of 12 mm.
 
-    The rotor's inertia is that of XM430 scaled as between similar motors, with the fifth power of the width of the case.
+    The rotor inertia is scaled from the XM430 with the fifth power of the width of the case, as for similar motors.
     """
 
     drawing = Drawing(
@@ -127,15 +131,16 @@ class XL330(BusServo):
 
 
 class STS3215(BusServo):
-    """Feetech STS3215-C018, the bus servo of 30 kgf cm for 12 V (used in the arms SO-100 and SO-101, there also for 7.4 V).
+    """Feetech STS3215-C018, a bus servo with 30 kgf cm for 12 V. The arms SO-100 and SO-101 use it, also in a version for 7.4 V.
 
-    Feetech's data, as quoted in github.com/TheRobotStudio/SO-ARM100 (issue 134) and in a test (robonine.com, "Testing of
-    Feetech STS3215 servomotor"): gear 345 : 1, at 12 V 30 kgf cm and 45 rpm. The sizes are those of the model with which the arms were
-    designed, there in STEP/SO100/STS3215_03a.step: 45.4 x 24.8 mm, 31.8 mm deep without the rim about the horn, the axis 10.2 mm from
-    the end, horns 20 mm with four holes of 2.5 mm, for M3, on a circle of 14 mm, their faces 18.7 mm before and 17.7 mm behind.
+    Feetech's data are quoted in github.com/TheRobotStudio/SO-ARM100 (issue 134) and in a test (robonine.com, "Testing of Feetech STS3215
+    servomotor"): gear 345 : 1, at 12 V 30 kgf cm and 45 rpm. The dimensions are from the model used to design the arms, in the same
+    repository (STEP/SO100/STS3215_03a.step): 45.4 x 24.8 mm, 31.8 mm deep without the rim around the horn, and the axis 10.2 mm from the
+    end. The horns have a diameter of 20 mm with four holes of 2.5 mm, for M3, on a circle of 14 mm. Their faces are 18.7 mm in front and
+    17.7 mm behind.
 
-    Estimated: the mass, 55 g; the gain, as full torque at an error of 5 deg; the rotor's inertia, that of XM430 scaled as between
-    similar motors, with the fifth power of the width of the case.
+    Estimates are the mass (55 g), the gain (full torque at an error of 5 deg), and the rotor inertia, which is scaled from the XM430 with
+    the fifth power of the width of the case, as for similar motors.
     """
 
     drawing = Drawing(

@@ -1,4 +1,4 @@
-"""Cells of size 18650 and the open tray that holds several of them side by side."""
+"""Cells of size 18650, and an open tray for several cells side by side."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from thingc_stock.fasteners import Screw
 class Cell18650(Thing):
     """A lithium-ion cell of size 18650, Samsung SDI ICR18650-26C: 2600 mAh, 3.7 V.
 
-    The origin is in the middle of the axis, z points to the plus pole.
+    The origin is in the middle of the axis; z points to the positive pole.
 
-    Specification of product ICR18650-26C, version 1.0: at most 18.40 mm in diameter, 65.00 mm long and 47.0 g. The solid is
-    full; the mass is the vendor's, and the inertia is the solid's scaled to it.
+    Specification of product ICR18650-26C, version 1.0: at most 18.40 mm in diameter, 65.00 mm long and 47.0 g. The solid has no cavities.
+    Its inertia is scaled to the mass in the specification.
 
-    Mounts: the poles `plus` and `minus`, and `side`, on the flank at half length.
+    Mounts: `plus` and `minus` are the poles, and `side` is on the cylindrical surface at half the length.
 
     Args:
-        diameter: of the can
-        length: over both poles
+        diameter: diameter of the can
+        length: length including both poles
     """
 
     bom = {"make": "buy", "number": "ICR18650-26C", "supplier": "Samsung SDI"}
@@ -37,7 +37,7 @@ class Cell18650(Thing):
         self.side = MountPoint(Location(Plane((0, -diameter / 2, 0), x_dir=(0, 0, 1), z_dir=(0, -1, 0))), "18650")
 
     def mass(self) -> tuple[float, str]:
-        """47.0 g, the specification's maximum."""
+        """47.0 g, the maximum in the specification."""
         return (0.047, "vendor")
 
     def hull(self) -> Solid:
@@ -45,7 +45,7 @@ class Cell18650(Thing):
         return Solid.make_cylinder(self.p.diameter / 2, self.p.length, Plane((0, 0, -self.p.length / 2)))
 
     def result(self) -> Solid:
-        """The can with the groove below its plus pole, and the rim around the pole."""
+        """The can with the groove below its positive pole, and the rim around the pole."""
         radius, end = self.p.diameter / 2, self.p.length / 2
         outline = [
             (0, -end), (radius, -end),
@@ -60,17 +60,17 @@ class Cell18650(Thing):
 
 
 class CellTray(Thing):
-    """An open tray for cells that lie side by side, screwed down through the ridges between them.
+    """An open tray for cells side by side, with screws through the ridges between them.
 
-    The origin is in the middle of the underside, z points up into the cells, which lie along x.
+    The origin is in the middle of the underside; z points up, and the cells are along x.
 
-    Mounts: `base`, the underside; `bay_0` and on, where the flanks of the cells lie (plus pole towards +x, in every second
-    bay towards -x: cells in series); `screw_0` and `screw_1`, for the heads.
+    Mounts: `base` is the underside. `bay_0`, `bay_1` ... are for the cylindrical surfaces of the cells. The positive pole points to +x, and
+    in every second bay to -x, because the cells are in series. `screw_0` and `screw_1` are for the screw heads.
 
     Args:
-        cells: how many
+        cells: number of cells
         wall: thickness under and around the cells
-        contact: room for the spring at each end of a cell
+        contact: space for the spring at each end of a cell
     """
 
     bom = {"make": "buy"}
@@ -92,7 +92,7 @@ class CellTray(Thing):
         across = [(k - (cells - 1) / 2) * pitch for k in range(cells)]
 
         self.base = MountPoint(MATE)
-        # A cell's flank is where its own `side` looks down; every second one is turned end for end.
+        # the `side` of each cell points down, and every second cell is reversed
         self.bay = [
             MountPoint(Location(Plane((0, y, wall), x_dir=(0, -1 if k % 2 else 1, 0), z_dir=(0, 0, 1))), "18650")
             for k, y in enumerate(across)
@@ -103,7 +103,7 @@ class CellTray(Thing):
 
         block = Solid.make_box(self.length, self.width, self.height, Plane((-self.length / 2, -self.width / 2, 0)))
         roomy = cell.adjust(diameter__add=2 * play)
-        # Down to the wall, not into it: the clearance is above and beside the cell.
+        # down to the wall, but not into it, because the clearance is above and beside the cell
         beds = [(Pos(0, y, wall + roomy.p.diameter / 2) * Location((0, 0, 0), (0, 90, 0))) * roomy.hull() for y in across]
         springs = [
             Solid.make_box(contact, 0.6 * pitch, self.height, Plane((x - contact / 2, y - 0.3 * pitch, wall)))
@@ -113,7 +113,7 @@ class CellTray(Thing):
         self.body = block.cut(*beds, *springs, *holes).solid()
 
     def fixing(self, number: int, depth: float) -> Screw:
-        """Return the screw number 0 or 1 through the wall below the cells, `depth` [mm] into the part below the tray."""
+        """Return screw 0 or 1 through the wall below the cells, which extends `depth` [mm] into the part below the tray."""
         return Screw("M2.5", self.p.wall + depth).move(self.screw[number].location)
 
     def result(self) -> Solid:
@@ -121,16 +121,17 @@ class CellTray(Thing):
         return self.body
 
     def envelope(self) -> Solid:
-        """Tray and cells."""
+        """The tray and the cells."""
         return Solid.make_box(self.length, self.width, self.top, Plane((-self.length / 2, -self.width / 2, 0)))
 
 
 class Pack2S(Thing):
     """A pack of two lithium cells in series, ProModeler B2S2500: 2500 mAh, 7.4 V.
 
-    www.promodeler.com/B2S2500: 66 x 36 x 18 mm, 107 g. The origin is in the middle of the underside; x along the cells, z up.
+    Data from www.promodeler.com/B2S2500: 66 x 36 x 18 mm, 107 g. The origin is in the middle of the underside; x is along the cells, and z
+    up.
 
-    Mounts: `bottom` and `top`; `lead`, where the leads come out (+x).
+    Mounts: `bottom` and `top` are the faces, and `lead` is the end with the leads (+x).
     """
 
     bom = {"make": "buy", "number": "B2S2500", "supplier": "ProModeler"}
@@ -143,7 +144,7 @@ class Pack2S(Thing):
         self.lead = MountPoint(Location((self.size[0] / 2, 0, self.size[2] / 2), (0, 90, 0)))
 
     def mass(self) -> tuple[float, str]:
-        """107 g, maker's page."""
+        """107 g, from the manufacturer's page."""
         return (0.107, "vendor")
 
     def result(self) -> Solid:
@@ -155,5 +156,5 @@ class Pack2S(Thing):
         return Solid.make_box(length, 2 * across, height, Plane((-length / 2, -across, 0))).fuse(*cells).solid()
 
     def collision(self) -> list[Solid]:
-        """The box around it."""
+        """The bounding box."""
         return [Solid.make_box(*self.size, Plane((-self.size[0] / 2, -self.size[1] / 2, 0)))]

@@ -1,8 +1,8 @@
 """Screws with the dimensions of bd_warehouse, and with solids for the holes that they need.
 
-All dimensions are from the tables of bd_warehouse, which are those of the standards. The solids are made here, without threads: a revolved
-profile and one boolean take a tenth of the time of bd_warehouse's own screw, and its tables are read without importing its thirty kinds of
-fastener.
+All dimensions are from the tables of bd_warehouse, which contain the values of the standards. This module creates the solids without
+threads: a revolved profile and one boolean operation take a tenth of the time of bd_warehouse's own screw. It reads only the tables,
+without importing the 30 kinds of fasteners.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from build123d import Axis, Face, Location, Plane, Pos, RegularPolygon, Solid, W
 from thingc import Length, MountPoint, Range, Thing
 
 Size = Literal["M1.6", "M2", "M2.5", "M3", "M4", "M5", "M6", "M8"]
-"""Metric sizes of coarse pitch."""
+"""Metric thread sizes with coarse pitch."""
 
 TABLES = resources.files(bd_warehouse) / "data"
 
@@ -31,15 +31,14 @@ HEAD_PLAY = 0.2
 class Screw(Thing):
     """A hexagon socket head cap screw, ISO 4762, steel, property class 8.8.
 
-    The origin is on the axis in the bearing plane (the underside of the head), z towards the driver: the head is at
-    z > 0, the shank at z < 0. Head and socket are those of ISO 4762 (outer diameter of a knurled head), clearance holes
-    of ISO 273 (`Close` fine, `Normal` medium, `Loose` coarse), tap drills those for soft materials, all as tabulated in
-    bd_warehouse.
+    The origin is on the axis in the bearing plane (the underside of the head); z points towards the driver, so the head is at z > 0 and the
+    shank at z < 0. Head and socket are as in ISO 4762 (outer diameter of a knurled head), and clearance holes as in ISO 273 (`Close` fine,
+    `Normal` medium, `Loose` coarse). Tap drills are for soft materials. All values are from the tables in bd_warehouse.
 
     Args:
-        size: nominal thread, coarse pitch
-        length: from the bearing plane to the tip
-        fit: of the clearance hole
+        size: size of the thread, with coarse pitch
+        length: length from the bearing plane to the tip
+        fit: fit of the clearance hole
     """
 
     bom = {"make": "buy"}
@@ -68,37 +67,37 @@ class Screw(Thing):
 
     @property
     def body_hull(self) -> Solid:
-        """The volume of the screw: threads as their outer cylinder, the socket closed."""
+        """The volume of the screw, with the outer cylinder of the thread and without the socket."""
         return self._hull(self.diameter, self.head_diameter, self.head_height)
 
     @property
     def clearance_hull(self) -> Solid:
-        """The solid to cut away for the screw.
+        """The solid to subtract for the screw.
 
-        It is the clearance hole, and above the bearing plane the head with `HEAD_PLAY` around it, high enough to insert the whole screw
+        It is the clearance hole and, above the bearing plane, the head with `HEAD_PLAY` around it. It is high enough to insert the screw
         along its axis.
         """
         return deepcopy(self._clearance)  # the kernel adds curves to a shape that is used as a tool, and each call takes longer
 
     @property
     def tapped_hull(self) -> Solid:
-        """The hole to drill for the thread: the tap drill over the whole length."""
+        """The hole to drill for the thread: a cylinder with the diameter of the tap drill over the whole length."""
         return Solid.make_cylinder(self.tap_diameter / 2, self.p.length, Plane((0, 0, -self.p.length)))
 
     @property
     def thread_hull(self) -> Solid:
-        """A threaded hole as it is drawn: the thread's outer cylinder over the whole length."""
+        """A threaded hole as in drawings: the outer cylinder of the thread over the whole length."""
         return Solid.make_cylinder(self.diameter / 2, self.p.length, Plane((0, 0, -self.p.length)))
 
     def result(self) -> Solid:
-        """Head with its socket, and the thread as the cylinder of its pitch diameter (ISO 724), which has its volume."""
+        """The head with its socket, and a cylinder with the pitch diameter (ISO 724), which has the volume of the thread."""
         pitch_diameter = self.diameter - 3 * sqrt(3) / 8 * self.pitch
         top = Pos(0, 0, self.head_height)
         socket = extrude(top * RegularPolygon(self.socket_width / 2, 6, major_radius=False), -self.socket_depth)
         return self._hull(pitch_diameter, self.head_diameter, self.head_height).cut(socket).solid()
 
     def collision(self) -> list[Solid]:
-        """The head and the shank, each convex."""
+        """The head and the shank as two convex solids."""
         return [
             Solid.make_cylinder(self.head_diameter / 2, self.head_height),
             Solid.make_cylinder(self.diameter / 2, self.p.length, Plane((0, 0, -self.p.length))),
@@ -109,7 +108,7 @@ class Screw(Thing):
         return self._hull(self.clearance_diameter, self.head_diameter + 2 * HEAD_PLAY, self.head_height + self.p.length)
 
     def _hull(self, shank: float, head: float, above: float) -> Solid:
-        """Return two coaxial cylinders that meet in the bearing plane, from both diameters and the height of the upper one."""
+        """Return two coaxial cylinders on both sides of the bearing plane: both diameters, and the height of the upper one."""
         below = -self.p.length
         outline = [(0, below), (shank / 2, below), (shank / 2, 0), (head / 2, 0), (head / 2, above), (0, above)]
         return Solid.revolve(Face(Wire.make_polygon([(x, 0, z) for x, z in outline])), 360, Axis.Z)
@@ -118,13 +117,13 @@ class Screw(Thing):
 Hole = Callable[[float], Screw]
 """A threaded hole.
 
-Called with the thickness [mm] of the fastened part, it returns the screw at its place: its bearing plane is that far above the face, its
-tip at the bottom of the hole.
+Its argument is the thickness [mm] of the fastened part. It returns the screw in its place: the bearing plane is above the face by this
+thickness, and the tip is at the bottom of the hole.
 """
 
 
 def threaded_hole(mouth: Location, size: Size, depth: float) -> Hole:
-    """Return the hole with its mouth at `mouth` (z out of the material) and a depth of `depth` [mm]."""
+    """Return the hole that starts at `mouth` (z out of the material) and has a depth of `depth` [mm]."""
 
     def screw(thickness: float) -> Screw:
         return Screw(size, thickness + depth).move(mouth * Pos(0, 0, thickness))
@@ -134,7 +133,7 @@ def threaded_hole(mouth: Location, size: Size, depth: float) -> Hole:
 
 @cache
 def _table(name: str) -> dict[str, dict[str, str]]:
-    """Return a table of bd_warehouse: its rows by the first column, each by heading."""
+    """Return the rows of a table of bd_warehouse by the first column. Each row maps headings to values."""
     with (TABLES / name).open(encoding="utf-8") as stream:
         rows = csv.reader(stream)
         _, *headings = (heading.strip() for heading in next(rows))

@@ -1,4 +1,4 @@
-"""Holding magnets: permanent magnets that a coil can release."""
+"""Holding magnets: permanent magnets with a coil that switches them off."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from thingc import MATE, Length, MountPoint, Range, Thing
 from thingc_stock.fasteners import Hole, threaded_hole
 
 SATURATION = 1.6
-"""Flux density [T] that mild steel carries in a pole without much loss."""
+"""Typical maximum flux density [T] of a pole of mild steel."""
 
 MU_0 = 4e-7 * pi
 """Permeability of vacuum [N/A^2]."""
 
 
 class HoldingMagnet(Thing):
-    """A round coil-regulated permanent magnet: it holds without current, and current through its coil releases it.
+    """A round permanent magnet with a coil: it holds without current, and a current through its coil releases it.
 
-    A steel pot around a core, with the coil cast into the ring between them; the face with both poles is down. The origin
-    is in the middle of that face, z points up to the back. No vendor's drawing: the proportions are those that permanent
-    electro-holding magnets of this pull are sold in. The densities of magnet and winding are close to that of
-    steel, so the mass is that of a steel body with this outline.
+    It is a steel pot around a core, with the coil in the ring between them. The face with both poles is down. The origin is in the middle
+    of this face; z points up to the back. It is not based on a manufacturer's drawing; the proportions are typical of permanent
+    electro-holding magnets with this pull. The densities of magnet and winding are similar to the density of steel, so the mass is computed
+    as for a steel body of this shape.
 
-    Mounts: `sole`, the face; `back`, opposite; `screws_back` are the threaded holes there, on x.
+    Mounts: `sole` is the face with the poles, and `back` is opposite. `screws_back` are the threaded holes in the back, on the x axis.
 
     Args:
-        diameter: of the pot
-        height: of the pot
+        diameter: diameter of the pot
+        height: height of the pot
         pole: width of the outer pole, a ring at the rim
     """
 
@@ -47,7 +47,7 @@ class HoldingMagnet(Thing):
         assert self.groove[1] - self.groove[0] >= 3, (
             f"poles of {pole:g} mm leave no room for a coil in a pot of {diameter:g} mm: make them thinner"
         )
-        # x is to the right of the part that stands on it, y backwards: on the world frame it looks along the world's x.
+        # x is to the right of the attached part and y backwards, so on the world frame the part faces along the world's x
         self.sole = MountPoint(MATE, interface="steel")
         self.back = MountPoint(Location((0, 0, height)), interface=f"magnet-{diameter:g}")
         self.screws_back: list[Hole] = [
@@ -55,20 +55,20 @@ class HoldingMagnet(Thing):
         ]
 
     def pull(self, flux_density: float = SATURATION) -> float:
-        """Return the largest pull [N] with this flux density [T] in both poles on thick steel without a gap.
+        """Return the maximum pull [N] on thick steel without a gap, with this flux density [T] in both poles.
 
-        It is B^2 A / (2 mu_0) for each pole. The nominal pull must be less.
+        It is B^2 A / (2 mu_0) for each pole. The nominal pull must be smaller.
         """
         inner, outer = self.groove
         area = min(inner**2, (self.p.diameter / 2) ** 2 - outer**2) * pi * 1e-6
         return 2 * flux_density**2 * area / (2 * MU_0)
 
     def hull(self) -> Solid:
-        """The pot without groove and holes."""
+        """The pot without the groove and the holes."""
         return Solid.make_cylinder(self.p.diameter / 2, self.p.height)
 
     def result(self) -> Solid:
-        """The pot, the coil's ring set back from the face by half a millimetre, and the threaded holes."""
+        """The pot with its threaded holes, and the ring of the coil, which is recessed by 0.5 mm."""
         radius, height, (inner, outer) = self.p.diameter / 2, self.p.height, self.groove
         outline = [
             (0, 0), (inner, 0), (inner, 0.5), (outer, 0.5), (outer, 0), (radius, 0),

@@ -15,8 +15,9 @@ from thingc_stock.shapes import bevelled, block, disc, spots
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stepper:
-    """The published data of a motor: length of the body [mm], mass [kg], holding torque [N m], inertia of the rotor [kg m^2]; the inertia
-    with its source.
+    """The published data of a motor.
+
+    These are the length of the body [mm], the mass [kg], the holding torque [N m], and the rotor inertia [kg m^2] with its source.
     """
 
     length: float
@@ -26,30 +27,34 @@ class Stepper:
 
 
 STEPPERS = {
-    # Lengths, torques and inertias of 17HS13 and 17HS19: STEPPERONLINE's data in github.com/eddietheengineer/stepper-calculator,
-    # motordatabase.csv. Masses: of the motor with the torque, length, resistance and inductance of 17HS13 in
-    # github.com/mattybabaallos/ACIS (wiki, "Motors Information"); of 17HS19 in the maker's data copied to
-    # github.com/markcarroll/makerspace (2022-12-29-stepperonline-data-sheet.md). 17HS15: a copy of the maker's page "Nema 17
-    # Bipolar 45Ncm(63.74oz.in) 1.5A 42x42x39mm"; its inertia is that of 17HS16-2004S1 in the table, 1 mm longer.
+    # Sources: lengths, torques and inertias of 17HS13 and 17HS19 are STEPPERONLINE's data in
+    # github.com/eddietheengineer/stepper-calculator, motordatabase.csv. The mass of 17HS13 is from github.com/mattybabaallos/ACIS (wiki,
+    # "Motors Information"), for a motor with the same torque, length, resistance and inductance. The mass of 17HS19 is from the
+    # manufacturer's data in github.com/markcarroll/makerspace (2022-12-29-stepperonline-data-sheet.md). The data of 17HS15 are from a copy
+    # of the manufacturer's page "Nema 17 Bipolar 45Ncm(63.74oz.in) 1.5A 42x42x39mm", and its inertia is copied from 17HS16-2004S1 in the
+    # table, which is 1 mm longer.
     "17HS13": Stepper(length=34.0, mass=0.230, torque=0.26, inertia=(38e-7, "vendor")),
     "17HS15": Stepper(length=39.0, mass=0.280, torque=0.45, inertia=(54e-7, "estimated")),
     "17HS19": Stepper(length=48.0, mass=0.390, torque=0.59, inertia=(82e-7, "vendor")),
 }
 FLANGE, HOLES, PILOT, SHAFT = 42.3, 31.0, 22.0, 5.0
-"""Size 17, as in github.com/nophead/NopSCADlib, vitamins/stepper_motors.scad: edge of the flange, distance of the holes, diameters of pilot
-and shaft [mm]."""
+"""Dimensions of size 17 [mm]: edge of the flange, distance of the holes, and diameters of pilot and shaft.
+
+Source: github.com/nophead/NopSCADlib, vitamins/stepper_motors.scad.
+"""
 
 
 class _Nema17(Thing):
     """A stepper motor of size 17.
 
-    The origin is on the shaft's axis in the face of the flange, z points along the shaft. `screws(thickness)` are those that hold it.
+    The origin is on the axis of the shaft in the face of the flange; z points along the shaft. `screws(thickness)` returns the screws that
+    hold the motor.
 
-    Mounts: `flange`, its face, looking out along the shaft; `rotor`, on the shaft where its flat begins; `tip`; `bottom`;
-    `hole_0` and on, the mouths of the M3 holes.
+    Mounts: `flange` is its face, with z along the shaft. `rotor` is on the shaft at the beginning of its flat, and `tip` at the end of the
+    shaft. `bottom` is the opposite face. `hole_0`, `hole_1` ... are the M3 holes in the flange.
 
     Args:
-        shaft: length of the shaft over the flange
+        shaft: length of the shaft in front of the flange
     """
 
     model: Literal["17HS13", "17HS15", "17HS19"]
@@ -65,11 +70,11 @@ class _Nema17(Thing):
         self.threads: list[Hole] = [threaded_hole(mount.location, "M3", 4.5) for mount in self.hole]
 
     def mass(self) -> tuple[float, str]:
-        """The value of the table above."""
+        """The mass [kg] in the table above, and its source."""
         return (STEPPERS[self.model].mass, "vendor")
 
     def result(self) -> Solid:
-        """Two caps around the laminations, pilot and shaft with its flat."""
+        """Two caps around the laminations, the pilot, and the shaft with its flat."""
         caps = [block((FLANGE, FLANGE, h), (0, 0, z), corner=3.5) for h, z in ((9.0, -4.5), (9.0, 4.5 - self.length))]
         core = block((FLANGE - 1.2, FLANGE - 1.2, self.length - 2), (0, 0, -self.length / 2), corner=5.5)
         shaft = bevelled(SHAFT, self.p.shaft + 1, 0.4, -1).cut(block((SHAFT, 1, self.p.shaft), (0, SHAFT / 2, 4 + self.p.shaft / 2)))
@@ -82,9 +87,9 @@ class _Nema17(Thing):
 
 
 def _drive(model: str, speed: float) -> Actuator:
-    """Return a position drive with the holding torque; `speed` [rad/s] is estimated, for 24 V without a load.
+    """Return a position drive with the holding torque. `speed` [rad/s] is an estimate of the no-load speed at 24 V.
 
-    Micro-stepping acts like a spring whose torque is largest a quarter of an electrical turn (1.8 deg) off.
+    Micro-stepping acts as a spring. Its torque is maximal at a displacement of a quarter of an electrical turn (1.8 deg).
     """
     motor = STEPPERS[model]
     return Actuator(
@@ -119,17 +124,18 @@ class Nema17Long(_Nema17):
 
 
 class ShaftHub(Thing):
-    """A clamping hub: a collar on a shaft, with a flange and four threaded holes for what turns with it.
+    """A clamping hub: a collar on a shaft, with a flange and four threaded holes for the driven part.
 
-    The origin is in the middle of the flange's back, on the shaft's axis; z points out of the shaft's end. No vendor's drawing: the
-    proportions are estimates of the usual hubs of aluminium for a shaft of 5 mm.
+    The origin is in the middle of the flange's back, on the axis of the shaft; z points out of the end of the shaft. It is not based on a
+    manufacturer's drawing; the proportions are estimates of common aluminium hubs for a shaft of 5 mm.
 
-    Mounts: `shaft`, in the back of the collar, which goes onto a motor's `rotor`; `face`, the flange's outer face; `hole_0` and on.
+    Mounts: `shaft` is in the back of the collar, to be attached to the `rotor` of a motor. `face` is the outer face of the flange, and
+    `hole_0`, `hole_1` ... are its holes.
 
     Args:
-        bore: of the shaft
-        diameter: of the flange
-        thickness: of the flange
+        bore: diameter of the shaft
+        diameter: diameter of the flange
+        thickness: thickness of the flange
         collar: length of the collar behind the flange
         circle: diameter through the centres of the holes
         screw: thread of the holes
@@ -154,7 +160,7 @@ class ShaftHub(Thing):
         self.screws: list[Hole] = [threaded_hole(mount.location, screw, thickness) for mount in self.hole]
 
     def result(self) -> Solid:
-        """Flange and collar with their bore, and the threaded holes."""
+        """The flange and the collar with their bore and the threaded holes."""
         p = self.p
         body = bevelled(p.diameter, p.thickness, 0.3).fuse(bevelled(p.circle - 3, p.collar + 1, 0.3, -p.collar))
         return body.cut(disc(p.bore, p.collar + p.thickness + 2, -p.collar - 1), *(hole(0.0).thread_hull for hole in self.screws)).solid()

@@ -1,8 +1,8 @@
-"""Hobby servos with a splined shaft, of four makers, and the discs for their shafts.
+"""Hobby servos with a splined shaft, from four manufacturers, and discs for their shafts.
 
-There is one class; a model is a `Drawing`, an actuator and a mass. Each model names its sources. A mass or torque without a published value
-has the source `estimated`. For all models, the gains, the rotor inertia, the gear ratio and the case's heights beside the ears are
-estimates.
+All models have the same base class. A model consists of a `Drawing`, an actuator and a mass, and cites its sources. A mass or torque
+without a published value has the source `estimated`. For all models, the gains, the rotor inertia, the gear ratio, and the heights of the
+case relative to the ears are estimates.
 """
 
 from __future__ import annotations
@@ -19,17 +19,19 @@ from thingc_stock.fasteners import Hole, Size, threaded_hole
 from thingc_stock.shapes import bevelled, block, disc, spots
 
 KGF_CM = 0.0980665
-"""One kgf cm [N m], the unit in which makers state torques."""
+"""One kgf cm [N m], the unit of torques in data sheets."""
 
 ROTOR = 0.045 / 353.5**2
-"""Inertia of the rotor [kg m^2] of a servo with a width of 28.5 mm, as identified on Dynamixel XM430 (see `thingc_stock.dynamixel`)."""
+"""Rotor inertia [kg m^2] of a servo with a width of 28.5 mm, as identified for the Dynamixel XM430 (see `thingc_stock.dynamixel`)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawing:
-    """The dimensions of a model [mm]. z is along the shaft, y along the case towards the short end, from the shaft's axis and the underside
-    of the ears, on which the servo stands in a frame. `below` and `above` are how far the case reaches from there, `lid` what the round
-    lid around the shaft adds, `spline` the shaft's diameter and its height over the lid."""
+    """The dimensions of a model [mm], relative to the axis of the shaft and the underside of the ears, which is on the frame.
+
+    z is along the shaft, and y along the case towards the short end. `below` and `above` are the extents of the case in z. `lid` is the
+    additional height of the round lid around the shaft. `spline` is the diameter of the shaft and its height above the lid.
+    """
 
     width: float
     length: float
@@ -46,10 +48,11 @@ class Drawing:
 
 
 def hobby_drive(torque: float, seconds: float, width: float, source: str = "vendor") -> Actuator:
-    """Return a position drive from the stall torque [kgf cm] and the time for 60 deg without a load [s], both from `source`.
+    """Return a position drive from the stall torque [kgf cm] and the time for 60 deg without load [s], both from `source`.
 
-    Estimated: the gain, as full torque at an error of 6 deg; the damping, as of a DC motor whose torque falls from stall to 0 at the
-    no-load speed; the rotor's inertia, scaled with the fifth power of the case's `width` [mm]; the gear ratio, 250 : 1.
+    The other values are estimates: the gain gives full torque at an error of 6 deg; the damping is that of a DC motor whose torque falls
+    from stall to 0 at the no-load speed; the rotor inertia is scaled with the fifth power of the case's `width` [mm]; the gear ratio is 250
+    : 1.
     """
     stall, speed = torque * KGF_CM, radians(60.0) / seconds
     return Actuator(
@@ -66,13 +69,14 @@ def hobby_drive(torque: float, seconds: float, width: float, source: str = "vend
 class HobbyServo(Thing):
     """A servo with two ears and a splined shaft.
 
-    z is along the shaft; the origin is on its axis at the underside of the ears. y points to the short end of the case. It comes
-    into a frame from above: the frame has the cut-out (`pocket`) and the holes for `screws`.
+    The origin is on the axis of the shaft at the underside of the ears; z is along the shaft, and y points to the short end of the case.
+    The servo is inserted into a frame from above. The frame has a cut-out (`pocket`) and the holes for `screws`.
 
-    Mounts: `flange`, the underside of the ears in the middle of the case, looking down onto the frame; `rotor`, where a horn's back
-    lies; `bottom`, `left` (+x), `right`, `front` (+y) and `back`, the faces of the case; `ear_0` and on, the heads of the screws.
+    Mounts: `flange` is the underside of the ears in the middle of the case, with z down to the frame. `rotor` is the place for the back of
+    a horn. `bottom`, `left` (+x), `right`, `front` (+y) and `back` are the faces of the case. `ear_0`, `ear_1` ... are the places of the
+    screw heads.
 
-    The solid is full; the mass is the model's, and the inertia is the solid's scaled to it.
+    The solid has no cavities. Its inertia is scaled to the mass of the model.
     """
 
     drawing: ClassVar[Drawing]
@@ -99,25 +103,25 @@ class HobbyServo(Thing):
 
     @abstractmethod
     def mass(self) -> tuple[float, str]:
-        """The model's mass [kg] and its source."""
+        """The mass [kg] of the model and its source."""
 
     def case_hull(self, play: float = 0.0) -> Solid:
-        """Return the case without ears, lid and shaft, `play` [mm] larger all around."""
+        """Return the case without ears, lid and shaft, `play` [mm] larger on all sides."""
         d = self.drawing
         size = (d.width + 2 * play, d.length + 2 * play, d.below + d.above + 2 * play)
         return block(size, (0, self.middle, (d.above - d.below) / 2), corner=0.04 * d.width)
 
     def pocket(self, depth: float, play: float = 0.2) -> Solid:
-        """Return the space to leave free for the case in a frame of this thickness [mm] under the ears."""
+        """Return the solid to subtract for the case from a frame under the ears, which has the thickness `depth` [mm]."""
         d = self.drawing
         return block((d.width + 2 * play, d.length + 2 * play, depth), (0, self.middle, -depth / 2))
 
     def screws(self, diameter: float, depth: float) -> list[Solid]:
-        """Return holes of this diameter [mm] into the frame below the ears, to be drilled for the screws."""
+        """Return the holes for the screws in the frame below the ears, with this diameter and depth [mm]."""
         return [disc(diameter, depth, -depth, x, y) for x, y in self.places]
 
     def result(self) -> Solid:
-        """Case, ears with their holes, lid and shaft."""
+        """The case, the ears with their holes, the lid and the shaft."""
         d = self.drawing
         ears = block((d.width, d.ears, d.ear), (0, self.middle, d.ear / 2), corner=0.08 * d.width)
         lid = bevelled(0.94 * d.width, d.lid + 0.5, 0.04 * d.width, d.above - 0.5)
@@ -127,7 +131,7 @@ class HobbyServo(Thing):
         return self.case_hull().fuse(ears, lid, gear, shaft).cut(*holes).solid()
 
     def collision(self) -> list[Solid]:
-        """Case, ears and lid."""
+        """The case, the ears and the lid."""
         d = self.drawing
         ears = block((d.width, d.ears, d.ear), (0, self.middle, d.ear / 2))
         return [block((d.width, d.length, d.below + d.above), (0, self.middle, (d.above - d.below) / 2)), ears,
@@ -143,8 +147,8 @@ _MICRO = Drawing(
 class SG90(HobbyServo):
     """Tower Pro SG90, the blue micro servo with nylon gears.
 
-    Its data sheet, as quoted by the National University of Singapore (nus.atlassian.net/wiki, page 27625578): about 22.2 x 11.8 x 31 mm,
-    9 g, at 4.8 V 1.8 kgf cm and 0.1 s for 60 deg. Ears, holes and axis are within 0.4 mm of those measured on copies in
+    Data sheet, as quoted by the National University of Singapore (nus.atlassian.net/wiki, page 27625578): about 22.2 x 11.8 x 31 mm, 9 g,
+    at 4.8 V 1.8 kgf cm and 0.1 s for 60 deg. Ears, holes and axis agree within 0.4 mm with measurements of copies in
     github.com/kartchnb/openscad-servo-library (servos/sg90_clone.scad).
     """
 
@@ -156,7 +160,7 @@ class SG90(HobbyServo):
         super().__init__(color=color)
 
     def mass(self) -> tuple[float, str]:
-        """9 g, data sheet."""
+        """9 g, from the data sheet."""
         return (0.009, "vendor")
 
 
@@ -164,8 +168,8 @@ class MG90S(HobbyServo):
     """Tower Pro MG90S, the micro servo with metal gears.
 
     Data sheet (github.com/TrDA-hab/Projects, Servo+ESP8266/MG90S-Datasheet.pdf): about 22.5 x 12 x 35.5 mm, 13.4 g, at 6 V 2.2 kgf cm
-    and 0.08 s for 60 deg. Of the 35.5 mm, 32 mm are taken to be case and shaft: copies measured in
-    github.com/kartchnb/openscad-servo-library (servos/mg90s_clone.scad) have 32.5 mm, and ears, holes and axis within 0.4 mm of these.
+    and 0.08 s for 60 deg. The case and the shaft are assumed to take 32 mm of the 35.5 mm. Copies measured in
+    github.com/kartchnb/openscad-servo-library (servos/mg90s_clone.scad) have 32.5 mm, and their ears, holes and axis agree within 0.4 mm.
     """
 
     drawing = Drawing(
@@ -176,17 +180,17 @@ class MG90S(HobbyServo):
     bom = {"make": "buy", "number": "MG90S", "supplier": "Tower Pro"}
 
     def mass(self) -> tuple[float, str]:
-        """13.4 g, data sheet."""
+        """13.4 g, from the data sheet."""
         return (0.0134, "vendor")
 
 
 class S3003(HobbyServo):
     """Futaba S3003, the standard analogue servo.
 
-    ServoCity's page of it, as quoted in github.com/rngadam/XinCheJian-GGHC (wiki, "Mechanical design"): 41 x 20 x 36 mm (rounded from
-    inches), 37.2 g, at 6 V 4.1 kgf cm and 0.19 s for 60 deg. Length and width to 0.1 mm are those of its sister S3001, as quoted from
-    Futaba in github.com/pichim/PM2_PES_Board_Example (markdown/servo.md). Ears and holes are estimated, within 1 mm of those of a copy
-    measured in github.com/kartchnb/openscad-servo-library (servos/s3003_clone.scad).
+    Data from ServoCity's page, as quoted in github.com/rngadam/XinCheJian-GGHC (wiki, "Mechanical design"): 41 x 20 x 36 mm (rounded from
+    inches), 37.2 g, at 6 V 4.1 kgf cm and 0.19 s for 60 deg. Length and width with an accuracy of 0.1 mm are from the similar S3001, as
+    quoted from Futaba in github.com/pichim/PM2_PES_Board_Example (markdown/servo.md). Ears and holes are estimates, which agree within 1 mm
+    with a copy measured in github.com/kartchnb/openscad-servo-library (servos/s3003_clone.scad).
     """
 
     drawing = Drawing(
@@ -197,15 +201,15 @@ class S3003(HobbyServo):
     bom = {"make": "buy", "number": "S3003", "supplier": "Futaba"}
 
     def mass(self) -> tuple[float, str]:
-        """37.2 g, seller's page."""
+        """37.2 g, from the seller's page."""
         return (0.0372, "vendor")
 
 
 class HS422(HobbyServo):
     """Hitec HS-422, the standard deluxe servo.
 
-    Estimated, because no data sheet was found: 40.6 x 19.8 x 36.6 mm, 45.5 g, at 6 V 4.1 kgf cm and 0.16 s for 60 deg. Ears and holes
-    are those of its sister HS-311 in Hitec's "Announced specification of HS-311 standard servo".
+    No data sheet was found, so these values are estimates: 40.6 x 19.8 x 36.6 mm, 45.5 g, at 6 V 4.1 kgf cm and 0.16 s for 60 deg. Ears
+    and holes are as for the similar HS-311 in Hitec's "Announced specification of HS-311 standard servo".
     """
 
     drawing = Drawing(
@@ -221,9 +225,9 @@ class HS422(HobbyServo):
 
 
 class DS3218(HobbyServo):
-    """DSServo DS3218, the digital servo of 20 kgf cm with metal gears.
+    """DSServo DS3218, a digital servo with 20 kgf cm and metal gears.
 
-    Estimated, because no data sheet was found: 40 x 20 x 40.5 mm, 60 g, at 6.8 V 21.5 kgf cm and 0.14 s for 60 deg.
+    No data sheet was found, so these values are estimates: 40 x 20 x 40.5 mm, 60 g, at 6.8 V 21.5 kgf cm and 0.14 s for 60 deg.
     """
 
     drawing = Drawing(
@@ -241,17 +245,18 @@ class DS3218(HobbyServo):
 class Horn(Thing):
     """A round horn on a splined shaft: a bevelled disc with a hub and a circle of threaded holes.
 
-    The origin is in the middle of its back, z points along the shaft. No maker's drawing: the defaults are estimates
-    of the usual discs of aluminium for 25 teeth, `Horn(diameter=14, thickness=2, circle=10, screw="M2", hub=7)` is one for a micro servo.
+    The origin is in the middle of its back; z points along the shaft. It is not based on a manufacturer's drawing; the defaults are
+    estimates of common aluminium discs for 25 teeth. `Horn(diameter=14, thickness=2, circle=10, screw="M2", hub=7)` is a horn for a micro
+    servo.
 
-    Mounts: `spline`, its back, which lies on a servo's `rotor`; `face`; `hole_0` and on, the holes' mouths.
+    Mounts: `spline` is its back, to be attached to the `rotor` of a servo. `face` is its front, and `hole_0`, `hole_1` ... are its holes.
 
     Args:
-        diameter: of the disc
-        thickness: of the disc
+        diameter: diameter of the disc
+        thickness: thickness of the disc
         circle: diameter through the centres of the holes
         screw: thread of the holes
-        hub: diameter of the hub on the face, half as high as the disc is thick
+        hub: diameter of the hub on the face; its height is half the thickness of the disc
     """
 
     bom = {"make": "buy"}
@@ -275,7 +280,7 @@ class Horn(Thing):
         self.screws: list[Hole] = [threaded_hole(mount.location, screw, thickness) for mount in self.hole]
 
     def result(self) -> Solid:
-        """Disc and hub, with the threaded holes and a bore for the shaft."""
+        """The disc and the hub, with the threaded holes and a bore for the shaft."""
         p = self.p
         body = bevelled(p.diameter, p.thickness, 0.15 * p.thickness).fuse(disc(p.hub, 0.5 * p.thickness, p.thickness))
         return body.cut(disc(0.7 * p.hub, 2 * p.thickness), *(hole(0.0).thread_hull for hole in self.screws)).solid()

@@ -1,4 +1,4 @@
-"""Shapes that several stock parts use; lengths are in mm."""
+"""Shapes that several stock parts use. Lengths are in mm."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Point = tuple[float, float]
 
 
 def block(size: tuple[float, float, float], centre: tuple[float, float, float] = (0, 0, 0), corner: float = 0.0) -> Solid:
-    """Return a box around a centre, with its upright edges chamfered by `corner` at 45 deg."""
+    """Return a box around a centre, with its vertical edges chamfered by `corner` at 45 deg."""
     x, y, z = (extent / 2 for extent in size)
     outline = [
         (x, corner - y), (x, y - corner), (x - corner, y), (corner - x, y),
@@ -21,7 +21,7 @@ def block(size: tuple[float, float, float], centre: tuple[float, float, float] =
 
 
 def prism(outline: Sequence[Point], bottom: float, height: float) -> Solid:
-    """Return the extrusion of an outline in x and y from z = `bottom` up."""
+    """Return the extrusion of an outline in x and y, which starts at z = `bottom`."""
     return Solid.extrude(Face(Wire.make_polygon([(x, y, bottom) for x, y in outline])), (0, 0, height))
 
 
@@ -31,23 +31,26 @@ def turned(outline: Sequence[Point]) -> Solid:
 
 
 def disc(diameter: float, height: float, bottom: float = 0.0, x: float = 0.0, y: float = 0.0) -> Solid:
-    """Return an upright cylinder from z = `bottom` up."""
+    """Return a vertical cylinder that starts at z = `bottom`."""
     return Solid.make_cylinder(diameter / 2, height, Plane((x, y, bottom)))
 
 
 def bevelled(diameter: float, height: float, bevel: float, bottom: float = 0.0, bore: float = 0.0) -> Solid:
-    """Return a disc or ring from z = `bottom` up, with its outer edges chamfered by `bevel` at 45 deg."""
+    """Return a disc or ring that starts at z = `bottom`, with its outer edges chamfered by `bevel` at 45 deg."""
     r, top = diameter / 2, bottom + height
     return turned([(bore / 2, bottom), (r - bevel, bottom), (r, bottom + bevel), (r, top - bevel), (r - bevel, top), (bore / 2, top)])
 
 
 def spots(diameter: float, count: int, start: float = 0.0) -> list[Location]:
-    """Return `count` places around a circle, the first at `start` [deg] from x, then towards +y."""
+    """Return `count` positions on a circle, the first at the angle `start` [deg] from x and the following ones towards +y."""
     return [Location((0, 0, 0), (0, 0, start + 360.0 * k / count)) * Pos(diameter / 2, 0, 0) for k in range(count)]
 
 
 def bar(length: float, start: float, end: float, thickness: float, bottom: float = 0.0) -> Solid:
-    """Return a flat link along y from z = `bottom` up: the hull of discs of radius `start` at the origin and `end` at y = `length`."""
+    """Return a flat link along y that starts at z = `bottom`.
+
+    It is the hull of two discs: radius `start` at the origin, and radius `end` at y = `length`.
+    """
     lean = acos((start - end) / length)
     corners = [(start * sin(lean), start * cos(lean)), (end * sin(lean), length + end * cos(lean))]
     (x0, y0), (x1, y1) = corners
@@ -61,6 +64,6 @@ def bar(length: float, start: float, end: float, thickness: float, bottom: float
 
 
 def softened(solid: Solid, size: float, axis: Axis = Axis.Z) -> Solid:
-    """Return a solid with the edges around its two end faces along an axis chamfered by `size` at 45 deg."""
+    """Return a solid after chamfering the edges of its two end faces along an axis by `size` at 45 deg."""
     faces = solid.faces().filter_by(axis).sort_by(axis)
     return solid.chamfer(size, None, [*faces[0].outer_wire().edges(), *faces[-1].outer_wire().edges()])

@@ -1,4 +1,4 @@
-"""Wheels, which consist of a rim and a tyre, and ball casters, which consist of a socket and a ball."""
+"""Wheels (rim and tyre) and ball casters (socket and ball)."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from thingc_stock.shapes import bevelled, block, disc, prism, spots, turned
 
 
 class Rim(Thing):
-    """A rim with spokes, printed or turned, that goes with a `Tyre` of the same diameter and width.
+    """A rim with spokes, printed or turned, for a `Tyre` of the same diameter and width.
 
-    The origin is in the middle, z along the axle, outwards.
+    The origin is in the middle; z is along the axle, outwards.
 
-    Mounts: `hub`, the inner face of its hub, which goes onto a shaft, horn or hub; `tyre`, in the middle, where a tyre's `seat` lies;
-    `face`, the outer face.
+    Mounts: `hub` is the inner face of its hub, to be attached to a shaft, a horn or a `ShaftHub`. `tyre` is in the middle, for the `seat`
+    of a tyre, and `face` is the outer face.
 
     Args:
-        diameter: of the seat of the tyre
-        width: of the rim
-        bore: of the hub
-        spokes: how many
+        diameter: diameter of the seat of the tyre
+        width: width of the rim
+        bore: bore of the hub
+        spokes: number of spokes
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class Rim(Thing):
         self.face = MountPoint(Location((0, 0, width / 2)))
 
     def result(self) -> Solid:
-        """Ring, hub and spokes between them."""
+        """The ring, the hub, and the spokes between them."""
         p = self.p
         r, z = p.diameter / 2, p.width / 2
         wall = max(1.6, 0.07 * p.diameter)
@@ -59,17 +59,17 @@ class Rim(Thing):
 
 
 class Tyre(Thing):
-    """A tyre of rubber with a tread, on a `Rim`.
+    """A rubber tyre with a tread, for a `Rim`.
 
-    The origin is in the middle, z along the axle. It collides as a cylinder: a wheel of facets would rattle.
+    The origin is in the middle; z is along the axle. The collision shape is a cylinder, because a faceted wheel would vibrate.
 
-    Mounts: `seat`, in the middle, which lies on a rim's `tyre`.
+    Mounts: `seat` is in the middle, to be attached to the `tyre` of a rim.
 
     Args:
-        diameter: of the rim's seat
-        width: of the tyre
-        thickness: of the rubber
-        treads: notches around it
+        diameter: diameter of the rim's seat
+        width: width of the tyre
+        thickness: thickness of the rubber
+        treads: number of notches around the tyre
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Tyre(Thing):
         self.seat = MountPoint(MATE, f"tyre-{diameter:g}")
 
     def result(self) -> Solid:
-        """A ring with a bevelled outside, and the notches of its tread."""
+        """A ring with a bevelled outer surface and the notches of the tread."""
         p = self.p
         body = bevelled(self.outer, p.width, 0.3 * p.thickness, -p.width / 2, bore=p.diameter)
         depth = 0.25 * p.thickness
@@ -100,16 +100,17 @@ class Tyre(Thing):
 
 
 class CasterSocket(Thing):
-    """The housing of a ball caster: a cup with a flange for two screws, whose ball turns in it.
+    """The housing of a ball caster: a cup for the ball, with a flange for two screws.
 
-    The origin is in the middle of the flange's top, which lies against the robot; z points down to the floor. No maker's
-    drawing: the proportions are estimates of the usual casters of plastic.
+    The origin is in the middle of the flange's top, which is attached to the robot; z points down to the floor. It is not based on a
+    manufacturer's drawing; the proportions are estimates of common plastic casters.
 
-    Mounts: `top`, against the robot; `ball`, the centre of the ball, looking down; `screw_0` and `screw_1`, on y.
+    Mounts: `top` is the face that is attached to the robot. `ball` is the centre of the ball, with z down. `screw_0` and `screw_1` are on
+    the y axis.
 
     Args:
         ball: diameter of the ball
-        height: from the flange's top to the floor
+        height: distance from the flange's top to the floor
     """
 
     bom = {"make": "buy"}
@@ -123,7 +124,7 @@ class CasterSocket(Thing):
         self.screw = [MountPoint(Location((0, y, 2.5)), "m3-head") for y in (0.85 * ball, -0.85 * ball)]
 
     def result(self) -> Solid:
-        """Flange and cup, with room for the ball and two holes."""
+        """The flange and the cup, with space for the ball and with two holes."""
         p = self.p
         flange = block((0.7 * p.ball, 2.2 * p.ball, 2.5), (0, 0, 1.25), corner=0.1 * p.ball)
         cup = bevelled(1.3 * p.ball, self.centre_z + 0.1 * p.ball, 0.8)
@@ -139,10 +140,10 @@ class CasterSocket(Thing):
 class CasterBall(Thing):
     """The ball of a ball caster.
 
-    Mounts: `middle`, which lies on a socket's `ball`.
+    Mounts: `middle` is the centre, to be attached to the `ball` of a socket.
 
     Args:
-        diameter: of the ball
+        diameter: diameter of the ball
     """
 
     bom = {"make": "buy"}

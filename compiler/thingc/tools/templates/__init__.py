@@ -1,7 +1,7 @@
-"""Templates of `thingc new`, one folder each, with common files in `common/`; `stubs/` has those of `thingc add`.
+"""Templates of `thingc new`, one folder each, with common files in `common/`. `stubs/` contains the templates of `thingc add`.
 
-In a template, the robot is named `my_robot`, in names of files and in texts, so that the folder is a valid workspace. The prefix `dot_` of
-a name becomes a dot in the workspace.
+In a template, the robot is named `my_robot` in file names and texts, so that the folder is a valid workspace. The prefix `dot_` of a file
+name is replaced by a dot in the workspace.
 """
 
 from __future__ import annotations

@@ -6,14 +6,14 @@ from thingc import Length, MountPoint, Thing
 
 
 class MyPart(Thing):
-    """What it is for.
+    """A block. Describe the purpose of the part here.
 
     The origin is in the middle of the underside; z is up.
 
     Args:
-        length: along x
-        width: along y
-        height: along z
+        length: length along x
+        width: width along y
+        height: height along z
     """
 
     def __init__(self, length: Length = 40, width: Length = 30, height: Length = 10):

@@ -1,4 +1,4 @@
-"""The printed parts of the arm. Each puts the servo that it holds where it will sit, and takes its faces and holes from it."""
+"""The printed parts of the arm. Each part places the servo that it holds, and derives its own faces and holes from the servo."""
 
 from typing import Annotated
 
@@ -9,19 +9,19 @@ from thingc_stock.dynamixel import XM430
 from thingc_stock.fasteners import Screw
 
 STANDING = (Align.CENTER, Align.CENTER, Align.MIN)
-"""A solid on the plane z = 0."""
+"""Alignment of a solid on top of the plane z = 0."""
 PLAY = 0.1
-"""Room on each side of what goes into a printed part [mm]."""
+"""Clearance on each side of a component in a printed part [mm]."""
 
 
 class Base(Thing):
-    """A round foot with the yaw servo in it, horn up.
+    """A round foot that contains the yaw servo, horn up.
 
-    The origin is on the yaw axis in the underside; z is up, and the arm looks along x.
+    The origin is on the yaw axis in the underside; z is up, and x is the forward direction of the arm.
 
     Args:
-        diameter: of the foot
-        wall: beside the servo
+        diameter: diameter of the foot
+        wall: thickness of the walls beside the servo
     """
 
     def __init__(self, diameter: Annotated[Length, Range(100, 200)] = 116, wall: Annotated[Length, Range(3, 8)] = 4):
@@ -62,13 +62,13 @@ class Base(Thing):
 
 
 class Turret(Thing):
-    """A turntable on the horn of the yaw servo, with a cradle in which the shoulder servo stands.
+    """A turntable on the horn of the yaw servo, with a cradle for the shoulder servo.
 
-    The origin is on the yaw axis in the horn's face; z is up. The shoulder's axis is along y: positive angles lower the arm.
+    The origin is on the yaw axis in the horn's face; z is up. The shoulder axis is along y, and positive angles lower the arm.
 
     Args:
-        diameter: of the turntable
-        wall: of the cradle
+        diameter: diameter of the turntable
+        wall: thickness of the walls of the cradle
     """
 
     def __init__(self, diameter: Annotated[Length, Range(70, 120)] = 76, wall: Annotated[Length, Range(3, 8)] = 5):
@@ -80,7 +80,7 @@ class Turret(Thing):
         above = Location(Plane((0, 0, thickness - servo.bottom.location.position.Y), x_dir=(-1, 0, 0), z_dir=(0, 1, 0)))
         self.servo_seat = MountPoint(above * servo.bottom.location * MATE, interface="x430-bottom")
         self.servo = self.servo_seat.align(servo.bottom)
-        # The heads of the screws to the horn end below the shoulder servo, which stands on them.
+        # the heads of the screws to the horn end below the shoulder servo
         self.horn_screws = [hole(thickness - hole(1).head_height - 4 * PLAY) for hole in self.yaw_servo.screws_horn[::2]]
         held = (self.servo.screws_left[2:], self.servo.screws_right[2:])
         self.screws = [hole(PLAY + wall) for side in held for hole in side]
@@ -105,13 +105,13 @@ class Turret(Thing):
 
 
 class Link(Thing):
-    """A fork on horn and idler of one servo that carries the next one, by its bottom.
+    """A fork on the horn and idler of one servo that carries the next servo at its bottom.
 
-    The origin is on the axis of the servo that turns it; y points to the next axis, z out of the horn.
+    The origin is on the axis of the servo that turns it; y points to the next axis, and z out of the horn.
 
     Args:
-        length: from axis to axis
-        thickness: of the fork
+        length: distance between the axes
+        thickness: thickness of the fork
     """
 
     def __init__(self, length: Annotated[Length, Range(70, 250)] = 120, thickness: Annotated[Length, Range(3, 8)] = 4):
@@ -131,18 +131,18 @@ class Link(Thing):
         return self.body
 
     def collision(self):
-        """Both cheeks, and the web between them."""
+        """Both sides of the fork, and the web between them."""
         return self.pieces
 
 
 class Beak(Thing):
-    """The last link: a fork that ends in a point.
+    """The last link: a fork with a pointed end.
 
     The origin is on the axis of the servo that turns it; y points to the tip.
 
     Args:
-        length: from the axis to the tip
-        thickness: of the fork
+        length: distance from the axis to the tip
+        thickness: thickness of the fork
     """
 
     def __init__(self, length: Annotated[Length, Range(80, 250)] = 120, thickness: Annotated[Length, Range(3, 8)] = 4):
@@ -160,16 +160,16 @@ class Beak(Thing):
         self.pieces = [*fork_pieces(self.turning, end, thickness), cone]
 
     def result(self):
-        """The fork with its point."""
+        """The fork with its pointed end."""
         return self.body
 
     def collision(self):
-        """Both cheeks, the web between them, and the point."""
+        """Both sides of the fork, the web between them, and the pointed end."""
         return self.pieces
 
 
 def fork(servo: XM430, end: float, thickness: float):
-    """A fork from horn and idler of `servo` to y = `end`, with the holes on the horn [mm]."""
+    """Return a fork from the horn and idler of `servo` to y = `end`, with the holes for the horn [mm]."""
     inner, width = servo.horn_z, 26
     outer = inner + thickness
     plan = extrude(Pos(0, end / 2, 0) * Rot(0, 0, 90) * SlotCenterToCenter(end, width), outer, both=True)
@@ -185,7 +185,7 @@ def fork(servo: XM430, end: float, thickness: float):
 
 
 def fork_pieces(servo: XM430, end: float, thickness: float):
-    """The fork as three boxes."""
+    """Return three boxes that approximate the fork [mm]."""
     inner = servo.horn_z
     cheek = Box(26, end + 13, thickness)
     z = inner + thickness / 2

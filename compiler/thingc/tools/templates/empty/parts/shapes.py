@@ -1,4 +1,4 @@
-"""The parts of the robot: one class for each."""
+"""The parts of the robot, one class each."""
 
 from typing import Annotated
 
@@ -9,12 +9,12 @@ from thingc_stock.fasteners import Screw
 
 
 class Post(Thing):
-    """An upright on a foot, with a pin at its head that something turns on.
+    """A post on a foot, with a pin at its top that carries another part.
 
-    The origin is in the underside; z is up, x points along the pin.
+    The origin is in the underside; z is up, and x points along the pin.
 
     Args:
-        height: of the pin above the ground
+        height: height of the pin above the ground
     """
 
     def __init__(self, height: Annotated[Length, Range(40, 300)] = 90):
@@ -37,10 +37,10 @@ class Post(Thing):
 class Boom(Thing):
     """A beam that turns on a pin.
 
-    The origin is on the pin's axis in the face on the post; z points away from it, x to the tip.
+    The origin is on the axis of the pin, in the face on the post; z points away from the post, and x to the tip.
 
     Args:
-        length: from the pin to the tip
+        length: distance from the pin to the tip
     """
 
     def __init__(self, length: Annotated[Length, Range(40, 300)] = 120):

@@ -1,5 +1,8 @@
-"""The printed parts of the gripper. The servo turns a gear with a lever, and that gear another one. Each lever swings a finger, which
-a rod beside the lever keeps parallel to the other."""
+"""The printed parts of the gripper.
+
+The servo turns a gear with a lever, which drives an equal second gear. Each lever moves a finger, and a rod next to the lever keeps the
+finger parallel to the other finger.
+"""
 
 from math import cos, pi, sin
 from typing import Annotated
@@ -27,27 +30,27 @@ from thingc_stock.dynamixel import XM430
 from thingc_stock.fasteners import Screw
 
 STANDING = (Align.CENTER, Align.CENTER, Align.MIN)
-"""A solid on the plane z = 0."""
+"""Alignment of a solid on top of the plane z = 0."""
 HANGING = (Align.CENTER, Align.CENTER, Align.MAX)
-"""A solid below the plane z = 0."""
+"""Alignment of a solid below the plane z = 0."""
 PLAY = 0.1
-"""Room on each side of what goes into a printed part [mm]."""
+"""Clearance on each side of a component in a printed part [mm]."""
 MODULE = 2
 """Module of the gears: diameter of the pitch circle divided by the number of teeth [mm]."""
 ROD = (15, 30)
-"""The rod's pins from those of the lever: towards the other finger, and ahead [mm]."""
+"""Position of the rod's pins relative to the lever's pins: towards the other finger, and forwards [mm]."""
 PIN = Screw("M4")
-"""The pins on which fingers and rods turn."""
+"""The screws that are pins of fingers and rods."""
 
 
 class Palm(Thing):
-    """A plate on the front of the servo, with the axle of the second gear and a flange behind.
+    """A plate on the front of the servo, with the axle of the second gear, and a flange behind.
 
-    The origin is halfway between both gears, in the face on the servo; z points to the fingers' side, y ahead.
+    The origin is halfway between both gears, in the face on the servo; z points to the side of the fingers, and y forwards.
 
     Args:
-        teeth: of each gear
-        thickness: of plate and flange
+        teeth: number of teeth of each gear
+        thickness: thickness of the plate and the flange
     """
 
     def __init__(self, teeth: Annotated[Count, Range(15, 31)] = 23, thickness: Annotated[Length, Range(4, 8)] = 4):
@@ -92,13 +95,13 @@ class Palm(Thing):
 
 
 class Lever(Thing):
-    """A gear with a lever, on a servo's horn or on an axle of that size.
+    """A gear with a lever, on the horn of a servo or on an axle of the same size.
 
-    The origin is on the axis in the face on the horn; z points away from it, y to the pin.
+    The origin is on the axis in the face on the horn; z points away from the horn, and y to the pin.
 
     Args:
-        teeth: an odd number: two of the same lever mesh when both point the same way
-        length: from the axis to the pin
+        teeth: number of teeth, which must be odd, so that two equal gears mesh when their levers are parallel
+        length: distance from the axis to the pin
     """
 
     low, top = 3, 9
@@ -127,7 +130,7 @@ class Lever(Thing):
         self.body = hub + [Pos(0, 0, self.low) * gear, self.arm] - [*holes, *(screw.clearance_hull for screw in screws)]
 
     def result(self):
-        """Gear and lever with their holes."""
+        """The gear and the lever with their holes."""
         return self.body
 
     def collision(self):
@@ -136,12 +139,12 @@ class Lever(Thing):
 
 
 class Rod(Thing):
-    """A rod that turns beside a lever, from the palm to the finger.
+    """A rod from the palm to the finger, parallel to a lever.
 
-    The origin is in the middle of one pin in the underside; z points to the fingers' side, y to the other pin.
+    The origin is in the middle of one pin in the underside; z points to the side of the fingers, and y to the other pin.
 
     Args:
-        length: from pin to pin
+        length: distance between the pins
     """
 
     def __init__(self, length: Annotated[Length, Range(38, 80)] = 46):
@@ -163,13 +166,13 @@ class Rod(Thing):
 
 
 class Finger(Thing):
-    """The left finger, straight inside; the right one is its mirror image.
+    """The left finger, with a flat inner face. The right finger is its mirror image.
 
-    The origin is on the lever's pin in the underside; y points ahead, x to the other finger.
+    The origin is on the lever's pin in the underside; y points forwards, and x to the other finger.
 
     Args:
-        length: from the lever's pin to the tip
-        inside: from the lever's pin to the inner face
+        length: distance from the lever's pin to the tip
+        inside: distance from the lever's pin to the inner face
     """
 
     def __init__(self, length: Annotated[Length, Range(60, 160)] = 92, inside: Annotated[Length, Range(20, 40)] = 22.5):
@@ -198,5 +201,5 @@ class Finger(Thing):
 
 
 def hull(circles):
-    """The face around circles (x, y and radius) [mm]."""
+    """Return the convex hull of circles (x, y and radius) as a face [mm]."""
     return make_hull([edge for x, y, radius in circles for edge in (Pos(x, y, 0) * Circle(radius)).edges()])

@@ -1,4 +1,4 @@
-"""The printed parts of the walker. Each puts the servo that it holds where it will sit, and takes its faces and holes from it."""
+"""The printed parts of the walker. Each part places the servo that it holds, and derives its own faces and holes from the servo."""
 
 from typing import Annotated
 
@@ -24,27 +24,27 @@ from thingc import MATE, Length, MountPoint, Range, Thing
 from thingc_stock.dynamixel import XM430
 
 STANDING = (Align.CENTER, Align.CENTER, Align.MIN)
-"""A solid on the plane z = 0."""
+"""Alignment of a solid on top of the plane z = 0."""
 HANGING = (Align.CENTER, Align.CENTER, Align.MAX)
-"""A solid below the plane z = 0."""
+"""Alignment of a solid below the plane z = 0."""
 PLAY = 0.1
-"""Room on each side of what goes into a printed part [mm]."""
+"""Clearance on each side of a component in a printed part [mm]."""
 CORNER = 14
-"""Radius of the body's upright edges [mm]."""
+"""Radius of the vertical edges of the body [mm]."""
 
 
 def ahead(x: float, y: float, z: float) -> Location:
-    """The frame there that looks forwards, its x to the left [mm]."""
+    """Return the frame at this position [mm] with z forwards and x to the left."""
     return Location(Plane((x, y, z), x_dir=(0, 1, 0), z_dir=(1, 0, 0)))
 
 
 class Body(Thing):
-    """A head with two eyes, open at the top, in which both hip servos stand with their horns down.
+    """A head with two eyes that is open at the top. It contains both hip servos, with their horns down.
 
-    The origin is halfway between the hips in the underside; x points forwards, z up.
+    The origin is halfway between the hips in the underside; x points forwards, and z up.
 
     Args:
-        hips: from axis to axis
+        hips: distance between the axes of the hips
         floor: thickness of the floor
     """
 
@@ -77,17 +77,17 @@ class Body(Thing):
         return self.body
 
     def collision(self):
-        """The head as if it were full."""
+        """The head without cavities."""
         return [self.block]
 
 
 class Eye(Thing):
     """A dome that is pressed into the body.
 
-    The origin is in the middle, in the face of the body; z points out of it.
+    The origin is in the middle, in the face of the body; z points outwards.
 
     Args:
-        diameter: of the dome
+        diameter: diameter of the dome
     """
 
     def __init__(self, diameter: Annotated[Length, Range(8, 20)] = 17):
@@ -103,10 +103,10 @@ class Eye(Thing):
 class Lid(Thing):
     """A lid for the body, with an antenna.
 
-    The origin is in the underside; x points forwards, z up.
+    The origin is in the underside; x points forwards, and z up.
 
     Args:
-        width: of the body
+        width: width of the body
     """
 
     def __init__(self, width: Annotated[Length, Range(100, 200)] = 126.5):
@@ -132,13 +132,13 @@ class Lid(Thing):
 
 
 class Leg(Thing):
-    """A cage on the horn of the hip servo, in which the ankle servo hangs.
+    """A cage on the horn of the hip servo that carries the ankle servo.
 
-    The origin is on the hip's axis in the horn's face; z is up, x the way the toes point at 0.
+    The origin is on the hip axis in the horn's face; z is up, and x is the direction of the toes at 0.
 
     Args:
-        length: from the horn down to the axis of the ankle
-        wall: of the cage
+        length: distance from the horn down to the axis of the ankle
+        wall: thickness of the walls of the cage
     """
 
     def __init__(self, length: Annotated[Length, Range(47, 120)] = 58, wall: Annotated[Length, Range(3, 6)] = 4):
@@ -150,7 +150,7 @@ class Leg(Thing):
         hung = Location(Plane((0, 0, -length), x_dir=(0, -1, 0), z_dir=(1, 0, 0)))
         self.servo_seat = MountPoint(hung * servo.left.location * MATE, interface="x430-left")
         self.servo = self.servo_seat.align(servo.left)
-        # The heads of the screws to the horn end in the plate: a short leg has the servo right below it.
+        # the heads of the screws to the horn end in the plate, because in a short leg the servo is directly below it
         sunk = [hole(hub + plate - hole(1).head_height - 4 * PLAY) for hole in self.hip_servo.screws_horn[::2]]
         self.screws = [hole(PLAY + wall) for hole in (*self.servo.screws_left, *self.servo.screws_right)]
 
@@ -172,19 +172,19 @@ class Leg(Thing):
         return self.body
 
     def collision(self):
-        """The disc, the plate and both cheeks."""
+        """The disc, the plate and both sides."""
         return self.pieces
 
 
 class Foot(Thing):
-    """A sole on horn and idler of the ankle servo.
+    """A sole on the horn and idler of the ankle servo.
 
-    The origin is on the ankle's axis at half the servo's depth; x points to the toes, z up.
+    The origin is on the ankle axis at half the depth of the servo; x points to the toes, and z up.
 
     Args:
-        length: of the sole
-        width: of the sole
-        height: from the ground to the axis
+        length: length of the sole
+        width: width of the sole
+        height: height of the axis above the ground
     """
 
     def __init__(
