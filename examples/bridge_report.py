@@ -64,18 +64,18 @@ def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, drive
     """Return the section of `docs/variants_search.md`."""
     feasible = [one for one in found if one.feasible]
     document = Path(__file__).resolve().parents[1] / "assemblies" / "minchw" / "bridge_search.yaml"
-    chosen = "the document draws them" if driver == "random" else "Optuna chose them"
+    chosen = "sampled by the document" if driver == "random" else "chosen by Optuna"
     lines = [
         "## The longest bridge", "",
-        "How far apart can the soles of MInchW be, if legs and body can be longer? The robot reaches over a gap: its front foot",
-        "holds, legs and body are stretched level, and the sole of the rear foot carries a probe of 400 g. The *bridge* is the",
-        f"distance of the two soles. Every drive needs {MARGIN} times the torque that it holds there (*torque margin*).",
+        "This search finds the largest distance between the soles of MInchW, by varying the lengths of the legs and the body. The robot",
+        "holds on with its front foot and stretches horizontally over a gap. The sole of the rear foot carries a probe of 400 g. The",
+        "*bridge* is the distance between the two soles. The *torque margin* is the maximum torque of a drive divided by the required",
+        f"torque, and must be at least {MARGIN} for every drive.",
         "`make bridge-search` runs the search in a few minutes and writes this section.", "",
-        "![Bridges that were tried, and the best so far](pictures/bridge_search.png)", "",
-        "The document of variants is `assemblies/minchw/bridge_search.yaml`, for the assembly `probe.yaml` beside it:", "",
+        "![The bridges of all robots, and the longest bridge so far](pictures/bridge_search.png)", "",
+        "The document of variants is `assemblies/minchw/bridge_search.yaml`, for the assembly `probe.yaml` in the same folder:", "",
         "```text", *document.read_text().strip().split("\n"), "```", "",
-        f"{len(found)} robots were tried ({chosen}). {len(feasible)} of them satisfy the rule; the others are only recorded.",
-        "The five longest:", "",
+        f"The search evaluated {len(found)} robots ({chosen}). {len(feasible)} robots satisfy the rule. The five longest bridges are:", "",
         "| | leg | body | bridge | torque margin | mass |", "|---|---|---|---|---|---|",
     ]
     for one in sorted(feasible, key=lambda one: -one.bridge)[:5]:
@@ -85,21 +85,22 @@ def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, drive
         )
     lines.append("")
     if best is None or seen is None:
-        lines += ["None of them satisfies the rule.", ""]
+        lines += ["No robot satisfies the rule.", ""]
         return "\n".join(lines)
     weakest = min(seen.margins, key=seen.margins.__getitem__)
     so_far = best_so_far(found)
     first = next(k for k, value in enumerate(so_far) if value == best.bridge) + 1
-    verdict = "\n  The magnet fails before a servo does: a bridge of this length needs a wider magnet." if seen.pull > PULL else ""
+    verdict = "\n  The magnet is the limit, not the servos: a bridge of this length requires a wider magnet." if seen.pull > PULL else ""
     lines += [
-        f"- The longest was number {first} of {len(found)}. MuJoCo finds the same for its model: {1e3 * seen.bridge:.1f} mm, and by",
-        f"  inverse dynamics a margin of {seen.margins[weakest]:.3f}, at the drive of `{weakest}`.",
-        f"- The margin does not include the magnet. Its rim, at {1e3 * RADIUS:.0f} mm, needs a pull of {seen.pull:.1f} N (the moment minus",
-        f"  the weight), and the magnet holds {PULL:.0f} N: {'too little' if seen.pull > PULL else 'enough'}.{verdict}", "",
-        "Build the longest one:", "", "```text", best.command, "```", "",
-        "With `python examples/longest_bridge.py --driver optuna`, [Optuna](https://optuna.org) chooses the next eight robots each",
-        "time (`pip install 'thingc[search]'`). The loop is the same; its documents of variants are lists. `--count N` stops after",
-        "N robots. Both drivers are seeded: the same command finds the same robot.", "",
+        f"- The longest bridge is robot {first} of {len(found)}. In MuJoCo, the model has a bridge of {1e3 * seen.bridge:.1f} mm, and",
+        f"  inverse dynamics gives a margin of {seen.margins[weakest]:.3f}, at the drive of `{weakest}`.",
+        f"- The margin does not include the magnet. To prevent tipping about its rim, at {1e3 * RADIUS:.0f} mm, the magnet must pull with",
+        f"  {seen.pull:.1f} N (the moment minus the weight). It can hold {PULL:.0f} N, which is"
+        f" {'too little' if seen.pull > PULL else 'enough'}.{verdict}", "",
+        "To build the longest bridge, run:", "", "```text", best.command, "```", "",
+        "With `python examples/longest_bridge.py --driver optuna`, [Optuna](https://optuna.org) chooses eight robots per round",
+        "(`pip install 'thingc[search]'`), and each round is a document of variants with a list. `--count N` stops after N robots.",
+        "Both drivers use fixed seeds, so the same command finds the same robot.", "",
     ]
     return "\n".join(lines)
 
